@@ -1,0 +1,1 @@
+"""Simulation of optoelectronic tactile sensors: force, deformed pad, light, reading."""
