@@ -1,0 +1,1 @@
+"""Batches of scenes over varied parameters, and the store of their results."""

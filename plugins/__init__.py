@@ -1,0 +1,1 @@
+"""Mitsuba plugins, one file each; the file's name is the plugin's name."""

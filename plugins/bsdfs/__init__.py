@@ -1,0 +1,1 @@
+"""Mitsuba bsdfs, one file each."""

@@ -1,0 +1,1 @@
+"""Mitsuba emitters, one file each."""

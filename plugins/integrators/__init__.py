@@ -1,0 +1,1 @@
+"""Mitsuba integrators, one file each."""

@@ -1,0 +1,1 @@
+"""Mitsuba samplers, one file each."""

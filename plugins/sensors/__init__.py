@@ -1,0 +1,1 @@
+"""Mitsuba sensors, one file each."""

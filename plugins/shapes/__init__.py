@@ -1,0 +1,1 @@
+"""Mitsuba shapes, one file each."""
