@@ -1,1 +1,63 @@
-"""Simulation of optoelectronic tactile sensors: force, deformed pad, light, reading."""
+"""Simulation of optoelectronic tactile sensors: force, deformed pad, light, reading.
+
+Importing this package chooses an LLVM that works, imports mitsuba and makes its plugins known to
+``mi.load_file``, ``mi.load_string`` and ``mi.load_dict`` in every variant. Nothing else heavy is imported.
+
+Units everywhere: mm, N, MPa, W, s; angles in degrees.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from mitsuba_taxel.backend import check_llvm, choose_llvm, register_for_every_variant
+from mitsuba_taxel.errors import ComputationError, InputError
+
+choose_llvm()
+check_llvm()
+register_for_every_variant()
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import NeoHookean
+    from mitsuba_taxel.optics import PhotoReflector, Readings, Scene, Wall, measure, sensor_scene, write_xml
+    from mitsuba_taxel.pads import Pad
+    from mitsuba_taxel.studies import sweep
+
+_LAZY = {
+    "NeoHookean": "mitsuba_taxel.mechanics",
+    "Pad": "mitsuba_taxel.pads",
+    "PhotoReflector": "mitsuba_taxel.optics",
+    "Readings": "mitsuba_taxel.optics",
+    "Scene": "mitsuba_taxel.optics",
+    "Wall": "mitsuba_taxel.optics",
+    "measure": "mitsuba_taxel.optics",
+    "sensor_scene": "mitsuba_taxel.optics",
+    "sweep": "mitsuba_taxel.studies",
+    "write_xml": "mitsuba_taxel.optics",
+}
+
+__all__ = [
+    "ComputationError",
+    "InputError",
+    "NeoHookean",
+    "Pad",
+    "PhotoReflector",
+    "Readings",
+    "Scene",
+    "Wall",
+    "measure",
+    "sensor_scene",
+    "sweep",
+    "write_xml",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("mitsuba_taxel")
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,55 @@
+"""The ground under everything else: which LLVM, which variant, which plugins Mitsuba knows."""
+
+from __future__ import annotations
+
+from mitsuba_taxel.backend.llvm import check_llvm, choose_llvm
+from mitsuba_taxel.backend.registry import (
+    DEFAULT_VARIANT,
+    SUPPORTED_VARIANTS,
+    activate_variant,
+    plugin_files,
+    register_for_every_variant,
+)
+
+__all__ = [
+    "DEFAULT_VARIANT",
+    "SUPPORTED_VARIANTS",
+    "activate_variant",
+    "check_llvm",
+    "choose_llvm",
+    "plugin_files",
+    "register_for_every_variant",
+    "report",
+]
+
+
+def report() -> dict[str, object]:
+    """What this installation stands on: versions, the LLVM in use, variants and plugins.
+
+    Returns a dictionary with the keys ``versions`` (name -> version), ``llvm`` (``path``, ``version``),
+    ``variants`` (those our plugins work in), and ``plugins`` (sorted names).
+    """
+    import importlib.metadata
+    import os
+    import platform
+
+    import drjit as dr
+    import mitsuba as mi
+
+    names = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy", "netgen-mesher", "rslab", "xarray")
+    versions = {"python": platform.python_version()}
+    for name in names:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    version = dr.detail.llvm_version()
+    return {
+        "versions": versions,
+        "llvm": {
+            "path": os.environ.get("DRJIT_LIBLLVM_PATH", "found by Dr.Jit"),
+            "version": ".".join(map(str, version)) if version else "none",
+        },
+        "variants": [variant for variant in mi.variants() if variant in SUPPORTED_VARIANTS],
+        "plugins": sorted(plugin_files()),
+    }

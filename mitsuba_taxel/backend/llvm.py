@@ -1,0 +1,85 @@
+"""Choose an LLVM that Dr.Jit can really use, before Dr.Jit chooses one that it cannot.
+
+Dr.Jit 1.5 looks for any LLVM on the system; version 14 is refused with an exception, but 15 and 16 abort the
+whole process at the first render (``Cannot select: fminimum``). The library is fixed when mitsuba is imported.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+OLDEST_LLVM = 19
+"""Oldest major version with which rendering has been seen to work (19, 22 and 23 were tried)."""
+
+_SYSTEM_FOLDERS = (
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/opt/homebrew/opt/llvm/lib",
+    "/usr/local/opt/llvm/lib",
+)
+_REMEDY = (
+    "import mitsuba_taxel before mitsuba and drjit, or set DRJIT_LIBLLVM_PATH to a libLLVM "
+    f"of version {OLDEST_LLVM} or newer"
+)
+
+
+def choose_llvm() -> None:
+    """Point ``DRJIT_LIBLLVM_PATH`` at a fit LLVM, unless the user has set it or Dr.Jit is already loaded."""
+    if "drjit" in sys.modules or os.environ.get("DRJIT_LIBLLVM_PATH"):
+        return
+    library = _packaged_library() or _newest(_system_libraries())
+    if library is not None:
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+
+
+def check_llvm() -> None:
+    """Refuse an LLVM with which a render would abort the process.
+
+    Raises
+    ------
+    ImportError
+        if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`.
+    """
+    import drjit as dr
+
+    version = dr.detail.llvm_version()
+    if version and version[0] < OLDEST_LLVM:
+        found = ".".join(map(str, version))
+        raise ImportError(f"Dr.Jit has loaded LLVM {found}, which aborts at the first render: {_REMEDY}.")
+
+
+def _packaged_library() -> Path | None:
+    """The library of the ``karellen-llvm-core`` wheel, if it is installed."""
+    import importlib.metadata
+
+    try:
+        files = importlib.metadata.files("karellen-llvm-core") or []
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    return _newest(Path(str(file.locate())).resolve() for file in files if file.name.startswith("libLLVM"))
+
+
+def _system_libraries() -> Iterable[Path]:
+    for folder in (*_SYSTEM_FOLDERS, *map(str, Path("/usr/lib").glob("llvm-*/lib"))):
+        yield from Path(folder).glob("libLLVM*")
+
+
+def _newest(libraries: Iterable[Path]) -> Path | None:
+    """The library of the highest version that is fit, by its file name."""
+    fit = [(version, path) for path in libraries if (version := _version(path)) >= OLDEST_LLVM and path.exists()]
+    return max(fit)[1] if fit else None
+
+
+def _version(path: Path) -> int:
+    """Major version in the name of a library (``libLLVM.so.23.1``, ``libLLVM-19.so.1``), 0 if there is none."""
+    match = re.fullmatch(r"libLLVM(?:-(\d+))?(?:\.\d+)*\.(?:so|dylib)(?:\.(\d+))?(?:\.\d+)*", path.name)
+    if match is None:
+        return 0
+    return int(match[1] or match[2] or 0)

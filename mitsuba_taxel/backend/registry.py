@@ -1,0 +1,97 @@
+"""Make Mitsuba know our plugins, whatever variant is set and however often it changes.
+
+A plugin is a file ``plugins/<kind>/<name>.py`` holding a class whose name is the file's in CamelCase. Its class
+derives from a type of the current variant, so the file is loaded afresh at each change of variant.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+DEFAULT_VARIANT = "llvm_ad_mono"
+SUPPORTED_VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "cuda_ad_mono", "cuda_ad_rgb")
+_PACKAGE = "mitsuba_taxel.plugins"
+_REGISTER = {
+    "emitters": "register_emitter",
+    "sensors": "register_sensor",
+    "bsdfs": "register_bsdf",
+    "integrators": "register_integrator",
+    "samplers": "register_sampler",
+    "shapes": "register_shape",
+}
+
+
+@cache
+def plugin_files() -> dict[str, Path]:
+    """Plugin name -> the file that holds it (its folder is its kind), without importing any of them."""
+    spec = importlib.util.find_spec(_PACKAGE)
+    if spec is None or not spec.submodule_search_locations:
+        raise ImportError(f"{_PACKAGE} is not installed: install the project with pip.")
+    return {
+        file.stem: file
+        for folder in map(Path, spec.submodule_search_locations)
+        for kind in _REGISTER
+        for file in sorted((folder / kind).glob("[a-z]*.py"))
+    }
+
+
+def register_for_every_variant() -> None:
+    """Register the plugins for the current variant, if any, and for each that will be set later."""
+    import mitsuba as mi
+
+    mi.detail.add_variant_callback(_on_variant_change)
+    if mi.variant() is not None:
+        _register_plugins(mi.variant())
+
+
+def activate_variant() -> str:
+    """The variant in force; sets :data:`DEFAULT_VARIANT` where the user has set none."""
+    import mitsuba as mi
+
+    if mi.variant() is None:
+        mi.set_variant(DEFAULT_VARIANT)
+    return mi.variant()
+
+
+def _on_variant_change(old: str | None, new: str) -> None:
+    if old != new:
+        _register_plugins(new)
+
+
+def _register_plugins(variant: str) -> None:
+    import mitsuba as mi
+
+    for name, file in plugin_files().items():
+        kind = file.parent.name
+        if variant in SUPPORTED_VARIANTS:
+            plugin = _load_class(kind, name)
+        else:
+            plugin = _refusal(name, variant)
+        getattr(mi, _REGISTER[kind])(name, plugin)
+
+
+def _load_class(kind: str, name: str) -> type:
+    module_name = f"{_PACKAGE}.{kind}.{name}"
+    if module_name in sys.modules:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            module = importlib.reload(sys.modules[module_name])
+    else:
+        module = importlib.import_module(module_name)
+    return getattr(module, "".join(word.capitalize() for word in name.split("_")))
+
+
+def _refusal(name: str, variant: str) -> Callable[..., object]:
+    def refuse(props: object) -> object:
+        raise ValueError(
+            f"{name} does not work in the variant {variant}: allowed are {', '.join(SUPPORTED_VARIANTS)} "
+            "(one narrow band in the near infrared; scalar variants are slow, spectral ones end at 830 nm)."
+        )
+
+    return refuse

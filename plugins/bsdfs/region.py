@@ -1,0 +1,102 @@
+"""One wall model for each region of the pad."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.pads import REGIONS
+
+
+class Region(mi.BSDF):
+    r"""
+    .. _bsdf-region:
+
+    Wall by region (:monosp:`region`)
+    ---------------------------------
+
+    .. pluginparameters::
+
+     * - roof, side, bottom, top, outer
+       - |bsdf|
+       - What covers each region of the pad. (Default: absorbing)
+
+    Picks one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh that it covers, which
+    holds the codes roof = 1, side = 2, bottom = 3, top = 4, outer = 5. A `deformable_pad` and the PLY files written
+    from it carry that attribute. Other codes absorb.
+
+    .. tabs::
+        .. code-tab:: xml
+
+            <bsdf type="region">
+                <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+                <bsdf name="side" type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+            </bsdf>
+
+        .. code-tab:: python
+
+            'type': 'region', 'roof': {'type': 'wall', 'scattering': 'isotropic'}
+    """
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self.walls = {}
+        for name, value in props.objects():
+            if name not in REGIONS:
+                raise InputError(f"region: {name!r} is not a region of the pad: allowed are {', '.join(REGIONS)}.")
+            if not isinstance(value, mi.BSDF):
+                raise InputError(f"region: {name} must be a BSDF.")
+            self.walls[name] = value
+        if not self.walls:
+            raise InputError(f"region: it holds no BSDF: name at least one of {', '.join(REGIONS)}.")
+        components = [flag for wall in self.walls.values() for flag in _components(wall)]
+        self.m_components = components
+        self.m_flags = 0
+        for flag in components:
+            self.m_flags |= flag
+
+    def _each(self, si, active):
+        """Each wall, with the lanes of ``active`` whose hit lies in its region."""
+        code = si.shape.eval_attribute_1("face_region", si, active)
+        for name, wall in self.walls.items():
+            yield wall, mi.Bool(active) & (dr.abs(code - REGIONS[name]) < 0.5)
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        bs, weight = dr.zeros(mi.BSDFSample3f), mi.Spectrum(0)
+        for wall, here in self._each(si, active):
+            wall_bs, wall_weight = wall.sample(ctx, si, sample1, sample2, here)
+            bs = dr.select(here, wall_bs, bs)
+            weight = dr.select(here, wall_weight, weight)
+        return bs, weight
+
+    def eval(self, ctx, si, wo, active=True):
+        value = mi.Spectrum(0)
+        for wall, here in self._each(si, active):
+            value = dr.select(here, wall.eval(ctx, si, wo, here), value)
+        return value
+
+    def pdf(self, ctx, si, wo, active=True):
+        density = mi.Float(0)
+        for wall, here in self._each(si, active):
+            density = dr.select(here, wall.pdf(ctx, si, wo, here), density)
+        return density
+
+    def eval_pdf(self, ctx, si, wo, active=True):
+        value, density = mi.Spectrum(0), mi.Float(0)
+        for wall, here in self._each(si, active):
+            wall_value, wall_density = wall.eval_pdf(ctx, si, wo, here)
+            value = dr.select(here, wall_value, value)
+            density = dr.select(here, wall_density, density)
+        return value, density
+
+    def traverse(self, callback) -> None:
+        for name, wall in self.walls.items():
+            callback.put(name, wall, +mi.ParamFlags.Differentiable)
+
+    def to_string(self) -> str:
+        return f"Region[{', '.join(self.walls)}]"
+
+
+def _components(wall: mi.BSDF) -> list[int]:
+    return [int(wall.flags(i)) for i in range(wall.component_count())]

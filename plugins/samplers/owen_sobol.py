@@ -1,0 +1,141 @@
+"""Owen-scrambled Sobol' points over the dimensions of a light path."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_taxel.optics.parameters import whole_number
+from mitsuba_taxel.optics.sobol import DIMENSIONS, sobol_points
+
+MOST_POINTS = 1 << 20
+
+
+class OwenSobol(mi.Sampler):
+    r"""
+    .. _sampler-owen_sobol:
+
+    Owen-scrambled Sobol' sampler (:monosp:`owen_sobol`)
+    ----------------------------------------------------
+
+    .. pluginparameters::
+
+     * - sample_count
+       - |int|
+       - Points per sequence (per pixel, or per taxel and randomisation), up to 1048576; rounded up to a power
+         of two. (Default: 1024)
+
+     * - seed
+       - |int|
+       - Added to the seed that the integrator gives. (Default: 0)
+
+    Each sequence is the same Sobol' point set under a scrambling of its own, so that sequences are independent and
+    each is an unbiased estimate; their scatter is the standard error. The scrambling is the nested uniform one of
+    Owen, by the hash of Laine and Karras (B. Burley, Practical Hash-based Owen Scrambling, JCGT 9 (4), 2020).
+    Beyond 24 dimensions the point set is used again in a freshly shuffled order.
+
+    .. tabs::
+        .. code-tab:: xml
+
+            <sampler type="owen_sobol"> <integer name="sample_count" value="4096"/> </sampler>
+
+        .. code-tab:: python
+
+            'type': 'owen_sobol', 'sample_count': 4096
+    """
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        count = whole_number(props, "sample_count", 1024, minimum=1, maximum=MOST_POINTS)
+        self.base_seed = whole_number(props, "seed", 0, minimum=0, maximum=2**32 - 1)
+        self.set_sample_count(count)
+
+    def set_sample_count(self, spp: int) -> None:
+        self.count = 1 << max(int(spp) - 1, 0).bit_length()
+        super().set_sample_count(self.count)
+
+    def seed(self, seed: mi.UInt32 | int, wavefront_size: int = 0xFFFFFFFF) -> None:
+        super().seed(seed, wavefront_size)
+        self.points = _table(self.count, mi.variant())
+        self.stride = dr.opaque(mi.UInt32, self.count)
+        self.empty_bits = dr.opaque(mi.UInt32, 33 - self.count.bit_length())
+        lane = dr.arange(mi.UInt32, self.wavefront_size())
+        sequence = lane >> dr.opaque(mi.UInt32, self.count.bit_length() - 1)
+        self.index = lane & (self.stride - 1)
+        key = mi.UInt32(seed) + dr.opaque(mi.UInt32, self.base_seed)
+        self.sequence_seed = mi.sample_tea_32(key, sequence)[0]
+        self.dimension = mi.UInt32(0)
+
+    def next_1d(self, active=True):
+        group = self.dimension // DIMENSIONS
+        column = self.dimension - group * DIMENSIONS
+        index = dr.select(group == 0, self.index, self._shuffled(group))
+        bits = dr.gather(mi.UInt32, self.points, column * self.stride + index)
+        bits = dr.brev(_laine_karras(bits, _hash(self.sequence_seed ^ _hash(self.dimension + 0x9E3779B9))))
+        self.dimension += 1
+        return mi.Float(bits >> 8) * mi.Float(2.0**-24)
+
+    def next_2d(self, active=True):
+        return mi.Point2f(self.next_1d(active), self.next_1d(active))
+
+    def advance(self) -> None:
+        """Go on to an independent scrambling of the same points."""
+        self.sequence_seed = _hash(self.sequence_seed + 0x632BE5AB)
+        self.dimension = mi.UInt32(0)
+
+    def fork(self) -> OwenSobol:
+        props = mi.Properties("owen_sobol")
+        props["sample_count"] = self.count
+        props["seed"] = self.base_seed
+        return OwenSobol(props)
+
+    def clone(self) -> OwenSobol:
+        twin = self.fork()
+        for name in ("points", "stride", "empty_bits", "index", "sequence_seed", "dimension"):
+            if hasattr(self, name):
+                setattr(twin, name, getattr(self, name))
+        return twin
+
+    def schedule_state(self) -> None:
+        super().schedule_state()
+        if hasattr(self, "index"):
+            dr.schedule(self.index, self.sequence_seed, self.dimension)
+
+    def to_string(self) -> str:
+        return f"OwenSobol[sample_count = {self.count}, seed = {self.base_seed}]"
+
+    def _shuffled(self, group: mi.UInt32) -> mi.UInt32:
+        """The point index under a nested uniform permutation of the whole set, a new one for each group."""
+        reverse = dr.brev(self.index) >> self.empty_bits
+        reverse = _laine_karras(reverse, _hash(self.sequence_seed + group)) & (self.stride - 1)
+        return dr.brev(reverse) >> self.empty_bits
+
+
+def _laine_karras(bits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """Scramble bit-reversed digits so that each bit depends on the lower ones only (constants: N. Vegdahl)."""
+    bits ^= bits * 0x3D20ADEA
+    bits += seed
+    bits *= (seed >> 16) | 1
+    bits ^= bits * 0x05526C56
+    bits ^= bits * 0x53A22864
+    return bits
+
+
+def _hash(x: mi.UInt32) -> mi.UInt32:
+    """A well-mixing 32-bit hash (constants: C. Wellons, lowbias32)."""
+    x = mi.UInt32(x)
+    x ^= x >> 16
+    x *= 0x7FEB352D
+    x ^= x >> 15
+    x *= 0x846CA68B
+    return x ^ (x >> 16)
+
+
+@lru_cache(maxsize=4)
+def _table(count: int, variant: str) -> mi.UInt32:
+    """All coordinates of the points, bit-reversed, dimension by dimension."""
+    points = dr.brev(mi.UInt32(sobol_points(count).ravel()))
+    dr.eval(points)
+    return points
