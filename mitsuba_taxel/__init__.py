@@ -20,19 +20,19 @@ register_for_every_variant()
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import NeoHookean
-    from mitsuba_taxel.optics import PhotoReflector, Readings, Scene, Wall, measure, sensor_scene, write_xml
+    from mitsuba_taxel.optics import PadSensor, PhotoReflector, Readings, Scene, Wall, measure, write_xml
     from mitsuba_taxel.pads import Pad
     from mitsuba_taxel.studies import sweep
 
 _LAZY = {
     "NeoHookean": "mitsuba_taxel.mechanics",
     "Pad": "mitsuba_taxel.pads",
+    "PadSensor": "mitsuba_taxel.optics",
     "PhotoReflector": "mitsuba_taxel.optics",
     "Readings": "mitsuba_taxel.optics",
     "Scene": "mitsuba_taxel.optics",
     "Wall": "mitsuba_taxel.optics",
     "measure": "mitsuba_taxel.optics",
-    "sensor_scene": "mitsuba_taxel.optics",
     "sweep": "mitsuba_taxel.studies",
     "write_xml": "mitsuba_taxel.optics",
 }
@@ -42,12 +42,12 @@ __all__ = [
     "InputError",
     "NeoHookean",
     "Pad",
+    "PadSensor",
     "PhotoReflector",
     "Readings",
     "Scene",
     "Wall",
     "measure",
-    "sensor_scene",
     "sweep",
     "write_xml",
 ]

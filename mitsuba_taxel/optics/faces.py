@@ -6,9 +6,11 @@ on a face and for the face under a point, and so share one idea of "taxel i".
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mitsuba_taxel.errors import InputError
 
@@ -37,17 +39,15 @@ class FaceGrid:
 
         self.rows, self.columns = rows, columns
         self.count = rows * columns
-        self.centres = mi.Point3f(world.T)
-        dr.make_opaque(self.centres)
-        axes = (matrix[:3, :3] / scale).T
-        self.frame = mi.Frame3f(*(mi.Vector3f(*map(float, axis)) for axis in axes))
-        dr.make_opaque(self.frame)
-        self.size = mi.Vector2f(*(scale * float(extent) for extent in size))
-        dr.make_opaque(self.size)
-        self.area = dr.opaque(mi.Float, scale**2 * float(size[0]) * float(size[1]))
+        self.scale = scale
+        # Only copies of numbers: a stock integrator may ask first, while it records a kernel, when none can run.
+        self.centres = mi.Point3f(*(mi.Float(np.ascontiguousarray(c, dtype=np.float32)) for c in world.T))
+        axes = matrix[:3, :3].T / scale
+        self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
+        self.origin = _opaque(mi.Point3f, world[0])
+        self.size = _opaque(mi.Vector2f, [scale * extent for extent in size])
+        self.area = dr.opaque(mi.Float, scale**2 * size[0] * size[1])
         self.pitch = dr.opaque(mi.Float, scale * pitch if pitch > 0 else 1.0)
-        self.origin = mi.Point3f(*map(float, world[0]))
-        dr.make_opaque(self.origin)
         self.last = (columns - 1, rows - 1)
 
     def point(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point3f:
@@ -100,6 +100,11 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
     rigid[:3, 0], rigid[:3, 1], rigid[:3, 2] = axes[:, 0], np.cross(normal, axes[:, 0]), normal
     rigid[:3, 3] = matrix[:3, 3]
     return FaceGrid(mi.ScalarTransform4f(rigid), (0, 0, 0), size)
+
+
+def _opaque(kind: type, values) -> Any:
+    """A vector whose components are kernel parameters, not literals: other numbers need no other kernel."""
+    return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
 
 
 def similarity_scale(matrix: np.ndarray) -> float:

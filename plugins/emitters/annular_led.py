@@ -80,11 +80,10 @@ class AnnularLed(mi.Emitter):
         """Where the LEDs are; found when first asked for, since the shape adopts its emitter late."""
         if self._faces is None:
             self._faces = faces_on(self.get_shape(), "led", (self.side, self.side))
-            scale = self._faces.size.x / self.side
-            self._outer = 0.5 * self.side * scale
-            self._inner = 0.5 * self.hole_side * scale
-            self._area = 4 * (dr.square(self._outer) - dr.square(self._inner))
-            dr.make_opaque(self._outer, self._inner, self._area)
+            outer, inner = (0.5 * self._faces.scale * side for side in (self.side, self.hole_side))
+            self._outer = dr.opaque(mi.Float, outer)
+            self._inner = dr.opaque(mi.Float, inner)
+            self._area = dr.opaque(mi.Float, 4 * (outer**2 - inner**2))
         return self._faces
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f:

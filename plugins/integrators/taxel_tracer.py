@@ -67,13 +67,13 @@ class TaxelTracer(mi.CppADIntegrator):
         if pair is None:
             raise InputError("taxel_tracer: the sensor to render is not a phototransistor.")
         count = spp or sensor.sampler().sample_count()
-        _, image = self.trace(scene, pair, count, seed, image=True)
+        _, image, _ = self.trace(scene, pair, count, seed, image=True)
         film.prepare([])
         block = film.create_block()
-        pixel = dr.arange(mi.UInt32, dr.width(image))
-        width = film.crop_size()[0]
+        height, width = image.shape
+        pixel = dr.arange(mi.UInt32, height * width)
         centre = mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + 0.5
-        block.put(centre, dr.zeros(mi.Color0f), mi.Spectrum(image), 1.0, 1.0)
+        block.put(centre, dr.zeros(mi.Color0f), mi.Spectrum(mi.Float(image.ravel())), 1.0, 1.0)
         film.put_block(block)
         result = film.develop() if develop else None
         if evaluate:
@@ -93,7 +93,8 @@ class TaxelTracer(mi.CppADIntegrator):
         Returns
         -------
         power : (replicates, taxels) float64 array, W
-        image : irradiance per pixel of the film in W/mm², or None
+        image : (height, width) irradiance in W/mm², or None
+        points : paths for each taxel and replicate, as the sampler has it
         """
         sampler = pair.sensor.sampler().fork()
         sampler.set_sample_count(points)
@@ -113,10 +114,11 @@ class TaxelTracer(mi.CppADIntegrator):
             power = self._trace_paths(scene, pair, index, sampler, pixels)
             sums[start : start + sequences] = _sum_blocks(power, points)
         power = (sums / points).reshape(replicates, taxels)
-        if image:
-            pixel_area = pair.sensor.faces.area * taxels / (film_size[0] * film_size[1])
-            pixels = pixels / (pixel_area * points * replicates)
-        return power, pixels
+        if pixels is None:
+            return power, None, points
+        pixel_area = pair.sensor.faces.area * taxels / (film_size[0] * film_size[1])
+        irradiance = (pixels / (pixel_area * points * replicates)).numpy()
+        return power, irradiance.reshape(film_size[1], film_size[0]), points
 
     @dr.syntax
     def _trace_paths(self, scene, pair, index, sampler, pixels):

@@ -1,0 +1,178 @@
+"""A scene as the user describes it: an XML file with parameters, or a dictionary as Mitsuba takes it."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel import stages
+from mitsuba_taxel.backend import activate_variant, plugin_files
+from mitsuba_taxel.errors import ComputationError, InputError
+
+
+class Scene:
+    """A description from which Mitsuba scenes are made, with the values of its parameters.
+
+    Parameters
+    ----------
+    source : path of an XML file, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``)
+    parameters : values for the ``<default>``s of the file, by name
+
+    Raises
+    ------
+    InputError
+        if the file does not exist, is no XML, or a parameter is not one of the file's.
+    """
+
+    def __init__(self, source: Path | dict[str, Any], parameters: dict[str, object] | None = None) -> None:
+        self.source = source
+        self.defaults: dict[str, str] = {}
+        given = {name: str(value) for name, value in (parameters or {}).items()}
+        if isinstance(source, dict):
+            allowed: set[str] = set()
+        else:
+            self.defaults, allowed = _declared_parameters(source)
+        for name in given:
+            if name not in allowed:
+                names = ", ".join(sorted(allowed)) or "none"
+                raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
+        self.parameters = {**self.defaults, **given}
+
+    @classmethod
+    def from_file(cls, source: str | Path, **parameters: object) -> Scene:
+        """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
+        return cls(find_scene(source), parameters)
+
+    @property
+    def name(self) -> str:
+        """The file's name, or ``scene`` for one made in Python."""
+        return self.source.name if isinstance(self.source, Path) else "scene"
+
+    def load(self) -> Any:
+        """Build the ``mi.Scene``, in the current variant or the default one.
+
+        Raises
+        ------
+        InputError
+            if Mitsuba or a plugin refuses the description; the message is one line.
+        ComputationError
+            if a pad could not be deformed as asked.
+        """
+        import mitsuba as mi
+
+        with stages.stage("load"):
+            config = _parser_config(activate_variant())
+            try:
+                state = self._parse(config)
+                mi.parser.transform_all(config, state)
+                return mi.parser.instantiate(config, state)
+            except RuntimeError as error:
+                raise _one_line(error, self) from error
+
+    def write_xml(self, path: str | Path) -> None:
+        """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
+        import mitsuba as mi
+
+        config = _parser_config(activate_variant())
+        try:
+            state = self._parse(config)
+            for node in state.nodes:
+                kind = _object_type(node.props.plugin_name())
+                if kind is not None:
+                    node.type = kind
+            text = mi.parser.write_string(state)
+        except RuntimeError as error:
+            raise _one_line(error, self) from error
+        try:
+            Path(path).write_text(text)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written: {error.strerror}.") from error
+
+    def _parse(self, config: Any) -> Any:
+        import mitsuba as mi
+
+        if isinstance(self.source, dict):
+            return mi.parser.parse_dict(config, self.source)
+        return mi.parser.parse_file(config, str(self.source), **self.parameters)
+
+
+def write_xml(scene: Scene, path: str | Path) -> None:
+    """Write a scene as XML; see :meth:`Scene.write_xml`."""
+    scene.write_xml(path)
+
+
+def find_scene(source: str | Path) -> Path:
+    """The file that ``source`` names: a path, or the name of a scene that ships with the package.
+
+    Raises
+    ------
+    InputError
+        if there is neither.
+    """
+    path = Path(source)
+    if path.is_file():
+        return path
+    from mitsuba_taxel import scenes
+
+    folder = Path(scenes.__path__[0])
+    shipped = folder / path.name
+    if path.parent == Path(".") and shipped.is_file():
+        return shipped
+    names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
+    raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
+    """Defaults of an XML scene, and the names of all parameters that it uses."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path.name} does not parse as XML: {error}.") from error
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {error}.") from error
+    defaults = {e.get("name", ""): e.get("value", "") for e in root.iter("default")}
+    used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
+    for include in root.iter("include"):
+        inner_defaults, inner_used = _declared_parameters(path.parent / include.get("filename", ""))
+        defaults, used = {**inner_defaults, **defaults}, used | inner_used
+    return defaults, used | set(defaults)
+
+
+def _parser_config(variant: str) -> Any:
+    import mitsuba as mi
+
+    config = mi.parser.ParserConfig(variant)
+    config.parallel = False  # meshing and solving do not run in parallel, and are slower when they try
+    config.merge_meshes = False  # merged meshes lose their names
+    config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
+    return config
+
+
+def _object_type(plugin: str) -> Any:
+    """Mitsuba's type of one of our plugins, which its own table of names does not know."""
+    import mitsuba as mi
+
+    file = plugin_files().get(plugin)
+    if file is None:
+        return None
+    kinds = {"bsdfs": "BSDF"}
+    return getattr(mi.ObjectType, kinds.get(file.parent.name, file.parent.name[:-1].capitalize()))
+
+
+def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
+    """What Mitsuba says of a scene that it cannot build, as one line without traceback or source location."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    for kind in (ComputationError, InputError):
+        if lines[-1].startswith(f"{kind.__name__}: "):
+            return kind(lines[-1].removeprefix(f"{kind.__name__}: "))
+    head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
+    tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
+    text = " ".join([head, *tail]).replace("unreferenced property", "unknown parameter")
+    text = text.replace(f"{scene.source} ", "")
+    unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
+    if unparsed:
+        guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
+        text += f" (parameter {', '.join(guilty)})" if guilty else ""
+    return InputError(f"{scene.name}: {text}.")
