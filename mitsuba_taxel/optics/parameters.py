@@ -26,7 +26,7 @@ def number(
         ``[minimum, maximum]``.
     """
     allowed = describe_range(above, minimum, maximum)
-    if default is None and not props.has_property(name):
+    if default is None and name not in props:
         raise InputError(f"{name} is missing: a number {allowed} is needed.")
     value = props.get(name, default)
     if isinstance(value, bool) or not isinstance(value, (int, float)):

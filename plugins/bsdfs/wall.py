@@ -48,7 +48,7 @@ class Wall(mi.BSDF):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self.scattering = choice(props, "scattering", "lambertian", SCATTERING)
-        if self.scattering == "absorbing" and props.has_property("reflectance"):
+        if self.scattering == "absorbing" and "reflectance" in props:
             raise InputError("reflectance is not allowed for scattering = 'absorbing', which reflects nothing.")
         reflectance = 0.0
         if self.scattering != "absorbing":

@@ -129,11 +129,9 @@ class TaxelTracer(mi.CppADIntegrator):
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
 
-        origin = dr.zeros(mi.SurfaceInteraction3f, dr.width(index))
-        origin.p = led.sample_point(index, sampler.next_2d())
-        origin.n = led.faces.frame.n
+        source = led.sample_point(index, sampler.next_2d())
         direction = led.sample_direction_of_emission(sampler.next_2d())
-        ray = origin.spawn_ray(direction)
+        ray = _leave(source, led.faces.frame.n, direction)
 
         throughput = mi.Float(led.power) + dr.zeros(mi.Float, dr.width(index))
         result = dr.zeros(mi.Float, dr.width(index))
@@ -142,10 +140,10 @@ class TaxelTracer(mi.CppADIntegrator):
         active = throughput > 0
 
         if not pair.coplanar and connections:
-            target, offset, geometry, wo, visible = self._connect(sensor, index, origin.p, sampler)
+            target, offset, geometry, wo, visible = self._connect(sensor, index, source, sampler)
             emitted = led.density_of_direction(wo)
             visible &= emitted > 0
-            visible &= ~scene.ray_test(origin.spawn_ray_to(target), visible)
+            visible &= ~scene.ray_test(_leave(source, led.faces.frame.n, wo, target), visible)
             weight = _power_heuristic(dr.rcp(geometry), emitted) if hits else 1
             value = dr.select(visible, led.power * emitted * geometry * weight, 0)
             result += value
@@ -174,7 +172,7 @@ class TaxelTracer(mi.CppADIntegrator):
                 value, bsdf_density = bsdf.eval_pdf(context, si, si.to_local(wo), visible & active)
                 value = value[0]
                 visible &= active & (value > 0)
-                visible &= ~scene.ray_test(si.spawn_ray_to(target), visible)
+                visible &= ~scene.ray_test(_leave(si.p, si.n, wo, target), visible)
                 weight = _power_heuristic(dr.rcp(geometry), bsdf_density) if hits else mi.Float(1)
                 value = dr.select(visible, throughput * value * geometry * weight, 0)
                 result += value
@@ -183,7 +181,7 @@ class TaxelTracer(mi.CppADIntegrator):
             bs, bsdf_weight = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
             throughput *= bsdf_weight[0]
             density = dr.select(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), 0, bs.pdf)
-            ray = si.spawn_ray(si.to_world(bs.wo))
+            ray = _leave(si.p, si.n, si.to_world(bs.wo))
             depth += 1
             active &= throughput > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / led.power, 1), 1)
@@ -211,6 +209,24 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def to_string(self) -> str:
         return f"TaxelTracer[max_depth = {self.max_depth}, strategy = {self.strategy}]"
+
+
+def _leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, target: mi.Point3f | None = None) -> mi.Ray3f:
+    """A ray from a point of a surface in direction ``d``, clear of that surface, up to ``target`` if one is given.
+
+    Mitsuba moves the origin along the normal, by 9e-5 (1 + max|p|), and so shifts the ray: a plate at 0.1 mm then
+    reads half a percent too much. Here the origin moves along the ray itself, except at grazing angles.
+    """
+    cosine = dr.dot(n, d)
+    offset = 9e-5 * (1 + dr.max(dr.abs(p)))
+    along = dr.minimum(offset / dr.abs(cosine), 20 * offset)
+    aside = dr.maximum(offset - along * dr.abs(cosine), 0)
+    origin = p + d * along + n * dr.mulsign(aside, cosine)
+    if target is None:
+        return mi.Ray3f(origin, d)
+    rest = target - origin
+    distance = dr.norm(rest)
+    return mi.Ray3f(origin, rest / distance, distance * (1 - 1e-3), 0.0, dr.zeros(mi.Color0f))
 
 
 def _power_heuristic(mine: mi.Float, other: mi.Float) -> mi.Float:

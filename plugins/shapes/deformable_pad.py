@@ -133,6 +133,6 @@ class DeformablePad(mi.Mesh):
 
 
 def _read_pad(props: mi.Properties) -> Pad:
-    lengths = {name: number(props, name, above=0) for name in _PAD_LENGTHS if props.has_property(name)}
+    lengths = {name: number(props, name, above=0) for name in _PAD_LENGTHS if name in props}
     counts = {name: whole_number(props, name, 3, minimum=1, maximum=100) for name in ("rows", "columns")}
     return Pad(cell=props.get("cell", Pad.cell), **counts, **lengths)

@@ -1,0 +1,39 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+FALSE_ALARM_RATE = 1e-4
+"""Chance that one call of a statistical check fails although all is well."""
+
+
+@pytest.fixture
+def llvm_mono():
+    """The default variant, whatever an earlier test has set."""
+    import mitsuba_taxel  # noqa: F401  (chooses the LLVM)
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_mono")
+    return mi
+
+
+@pytest.fixture
+def agree():
+    """A check that estimates with standard errors agree with references, by Z-tests with Sidak's correction.
+
+    The statistic has Student's distribution with ``replicates - 1`` degrees of freedom, as standard errors are
+    themselves estimates.
+    """
+    from scipy import stats
+
+    def check(value, error, reference, reference_error=0.0, replicates=32):
+        value, reference = np.atleast_1d(value), np.atleast_1d(reference)
+        combined = np.sqrt(np.square(error) + np.square(reference_error))
+        z = (value - reference) / combined
+        significance = 1 - (1 - FALSE_ALARM_RATE) ** (1 / z.size)
+        limit = stats.t.isf(significance / 2, df=replicates - 1)
+        assert np.all(np.abs(z) < limit), f"Z = {z}, allowed +-{limit:.2f}: {value} against {reference}"
+
+    return check

@@ -1,0 +1,129 @@
+"""`plate.xml` against deterministic quadrature, images, and Mitsuba's own integrators."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import Scene, measure
+
+# One bounce, LED 0.25 x 0.25 mm, phototransistor 0.52 x 0.3 mm, spacing 0.7, plate 4 x 4 mm of reflectance 1.
+# Deterministic quadrature, eight digits.
+REFERENCE = {
+    ("lambertian", "lambertian"): (0.019702463, 0.011441221, 0.0034533907),
+    ("lambertian", "isotropic"): (0.013124617, 0.0071676537, 0.0019999896),
+    ("uniform_solid_angle", "lambertian"): (0.013598936, 0.0074263126, 0.0020717984),
+    ("uniform_solid_angle", "isotropic"): (0.0092022309, 0.0047395992, 0.0012102686),
+}
+HEIGHTS = (0.7, 1.05, 2.0)
+
+
+@pytest.mark.parametrize("law, scattering", REFERENCE)
+def test_plate_matches_quadrature(llvm_mono, agree, law, scattering):
+    readings = [
+        measure(
+            Scene.from_file("plate.xml", z=z, law=law, scattering=scattering, hole=0, spacing=0.7),
+            points=1 << 15,
+            seed=11,
+        )
+        for z in HEIGHTS
+    ]
+    power = np.array([r.power[0] for r in readings])
+    error = np.array([r.standard_error[0] for r in readings])
+    reference = np.array(REFERENCE[law, scattering])
+    assert np.all(error < 1e-4 * reference)  # so that 0.05 % is five standard errors
+    assert np.all(np.abs(power / reference - 1) < 5e-4)
+    agree(power, error, reference)
+
+
+@pytest.mark.parametrize("z", [0.3, 0.7, 1.5])
+@pytest.mark.parametrize("law", ["lambertian", "uniform_solid_angle"])
+def test_mirror_matches_method_of_images(llvm_mono, agree, law, z):
+    reading = measure(Scene.from_file("plate.xml", z=z, law=law, hole=0.1, spacing=0.7), points=1 << 16)
+    agree(reading.power, reading.standard_error, image_power(law, 2 * z, spacing=0.7, size=0.25, hole=0.1))
+
+
+def image_power(law: str, distance: float, spacing: float, size: float, hole: float) -> float:
+    """Power straight from a square annulus to the phototransistor's mirror image, by Gauss-Legendre quadrature."""
+
+    def rectangle(side_x, side_y, n=24):
+        nodes, weights = np.polynomial.legendre.leggauss(n)
+        x, y = np.meshgrid(0.5 * side_x * nodes, 0.5 * side_y * nodes)
+        w = np.outer(weights, weights) * 0.25 * side_x * side_y
+        return x.ravel(), y.ravel(), w.ravel()
+
+    def density(cosine):
+        if law == "lambertian":
+            return cosine / np.pi
+        limit = np.cos(np.radians(88))
+        return np.where(cosine > limit, 1 / (2 * np.pi * (1 - limit)), 0)
+
+    def integral(side):
+        if side == 0:
+            return 0.0
+        (lx, ly, lw), (px, py, pw) = rectangle(side, side), rectangle(0.52, 0.3)
+        d2 = (px[:, None] + spacing - lx) ** 2 + (py[:, None] - ly) ** 2 + distance**2
+        cosine = distance / np.sqrt(d2)
+        return pw @ (density(cosine) * cosine / d2) @ lw
+
+    return (integral(size) - integral(hole)) / (size**2 - hole**2)
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("z", [0.1, 0.7])
+def test_connections_hits_and_both_agree(llvm_mono, agree, tmp_path, scattering, z):
+    readings = {}
+    for strategy in ("connections", "hits", "both"):
+        scene = with_integrator(
+            tmp_path, f'<integrator type="taxel_tracer"><string name="strategy" value="{strategy}"/></integrator>'
+        )
+        readings[strategy] = measure(
+            Scene.from_file(scene, z=z, scattering=scattering, law="lambertian", spacing=0.7), points=1 << 15, seed=3
+        )
+    for strategy in ("connections", "hits"):
+        mine, other = readings[strategy], readings["both"]
+        agree(mine.power, mine.standard_error, other.power, other.standard_error)
+
+
+@pytest.mark.parametrize(
+    "integrator, scattering, law, variant",
+    [
+        ("path", "lambertian", "uniform_solid_angle", "llvm_ad_mono"),
+        ("path", "lambertian", "uniform_polar_angle", "llvm_ad_mono"),
+        ("path", "isotropic", "lambertian", "llvm_ad_mono"),
+        ("ptracer", "lambertian", "uniform_solid_angle", "llvm_ad_mono"),
+        ("ptracer", "isotropic", "uniform_polar_angle", "llvm_ad_mono"),
+        ("path", "isotropic", "uniform_solid_angle", "llvm_ad_rgb"),
+    ],
+)
+def test_stock_integrators_agree(llvm_mono, agree, tmp_path, integrator, scattering, law, variant):
+    llvm_mono.set_variant(variant)
+    stock = with_integrator(tmp_path, f'<integrator type="{integrator}"/>')
+    values = dict(z=0.9, scattering=scattering, law=law, spacing=0.7, hole=0.1)
+    theirs = measure(Scene.from_file(stock, **values), points=2048, seed=5)
+    ours = measure(Scene.from_file("plate.xml", **values), points=1 << 13, seed=6)
+    agree(theirs.power, theirs.standard_error, ours.power, ours.standard_error)
+
+
+def with_integrator(folder, xml: str):
+    """`plate.xml` with another integrator."""
+    from mitsuba_taxel.optics import find_scene
+
+    path = folder / "plate.xml"
+    path.write_text(find_scene("plate.xml").read_text().replace('<integrator type="taxel_tracer"/>', xml))
+    return path
+
+
+def test_irradiance_map_integrates_to_reading(llvm_mono, tmp_path):
+    from mitsuba_taxel.optics import find_scene
+
+    film = """<sensor type="phototransistor"><film type="hdrfilm">
+        <integer name="width" value="26"/> <integer name="height" value="15"/> <rfilter type="box"/>
+    </film></sensor>"""
+    path = tmp_path / "map.xml"
+    path.write_text(find_scene("plate.xml").read_text().replace('<sensor type="phototransistor"/>', film))
+    reading = measure(Scene.from_file(path, scattering="lambertian"), points=4096, irradiance=True)
+    assert reading.irradiance.shape == (15, 26)
+    assert reading.irradiance.mean() * 0.52 * 0.3 == pytest.approx(reading.power[0], rel=1e-5)
+    # The LED is at -x: the half of the phototransistor that is nearer to it gets more light.
+    assert reading.irradiance[:, :13].sum() > reading.irradiance[:, 13:].sum()
