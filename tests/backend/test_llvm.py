@@ -1,0 +1,92 @@
+"""The choice of LLVM, each in a fresh process, since it is made once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mitsuba_taxel.backend import llvm
+
+RENDER = (
+    "mi.set_variant('llvm_ad_mono');"
+    "r = mt.measure(mt.Scene.from_file('plate.xml', scattering='lambertian'), points=256);"
+    "assert 0.01 < r.power[0] < 0.02;"
+    "import drjit as dr; print(dr.detail.llvm_version()[0])"
+)
+
+
+def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    clean = {name: value for name, value in os.environ.items() if name != "DRJIT_LIBLLVM_PATH"}
+    return subprocess.run([sys.executable, "-c", code], env={**clean, **environment}, capture_output=True, text=True)
+
+
+def test_imported_first_it_renders():
+    done = python(f"import mitsuba_taxel as mt, mitsuba as mi; {RENDER}")
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) >= llvm.OLDEST_LLVM
+
+
+def unfit_library() -> str | None:
+    """An LLVM on this machine that would abort, if there is one."""
+    for path in sorted(Path("/usr/lib/x86_64-linux-gnu").glob("libLLVM-1[56].so*")):
+        return str(path)
+    return None
+
+
+@pytest.mark.parametrize("code", ["import mitsuba, mitsuba_taxel", "import drjit, mitsuba_taxel"])
+def test_unfit_library_already_loaded_is_refused_in_one_line(code):
+    unfit = unfit_library()
+    if unfit is None:
+        pytest.skip("no unfit LLVM on this machine to be refused")
+    done = python(code, DRJIT_LIBLLVM_PATH=unfit)
+    assert done.returncode == 1
+    message = done.stderr.strip().splitlines()[-1]
+    assert message.startswith("ImportError: Dr.Jit has loaded LLVM 1")
+    assert "import mitsuba_taxel before mitsuba" in message and "DRJIT_LIBLLVM_PATH" in message
+
+
+def test_mitsuba_imported_first_renders_or_is_refused():
+    done = python(f"import mitsuba as mi, mitsuba_taxel as mt; {RENDER}")
+    if done.returncode:
+        assert done.stderr.strip().splitlines()[-1].startswith("ImportError: Dr.Jit has loaded LLVM")
+    else:
+        assert int(done.stdout) >= llvm.OLDEST_LLVM
+
+
+def test_the_users_choice_is_kept():
+    done = python(
+        "import os; before = os.environ['DRJIT_LIBLLVM_PATH'];"
+        "from mitsuba_taxel.backend.llvm import choose_llvm;"
+        "assert os.environ['DRJIT_LIBLLVM_PATH'] == before",
+        DRJIT_LIBLLVM_PATH=str(llvm._packaged_library() or llvm._newest(llvm._system_libraries())),
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "name, version",
+    [
+        ("libLLVM.so.23.1", 23),
+        ("libLLVM-19.so.1", 19),
+        ("libLLVM-15.so", 15),
+        ("libLLVM.so.19.1.7", 19),
+        ("libLLVM.dylib", 0),
+        ("libLLVMSupport.a", 0),
+    ],
+)
+def test_version_in_library_name(name, version):
+    assert llvm._version(Path(name)) == version
+
+
+def test_import_is_light():
+    """Importing the package brings mitsuba and nothing else heavy."""
+    done = python(
+        "import sys, mitsuba_taxel;"
+        "heavy = {'scipy', 'netgen', 'trimesh', 'matplotlib', 'xarray', 'pandas', 'dask', 'rich', 'rslab', 'pytetwild'};"
+        "print(*(heavy & set(sys.modules)))"
+    )
+    assert done.stdout.strip() == "", done.stdout + done.stderr

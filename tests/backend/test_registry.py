@@ -1,0 +1,58 @@
+"""Plugins are known in every variant, in any order."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+PLATE = {"type": "wall", "scattering": "isotropic"}
+
+
+def test_known_before_and_after_changing_the_variant(llvm_mono):
+    mi = llvm_mono
+    for variant in ("llvm_ad_mono", "llvm_ad_rgb", "llvm_ad_mono"):
+        mi.set_variant(variant)
+        assert mi.load_dict(PLATE).scattering == "isotropic"
+        assert mi.load_string('<bsdf version="3.9.0" type="wall"/>').scattering == "lambertian"
+
+
+@pytest.mark.parametrize("order", ["mi.set_variant('llvm_ad_rgb'); import mitsuba_taxel", "import mitsuba_taxel; mi.set_variant('llvm_ad_rgb')"])
+def test_any_order_of_import_and_variant(order):
+    # drjit's LLVM must be chosen before mitsuba is imported, so the backend goes first here.
+    code = f"""
+from mitsuba_taxel.backend.llvm import choose_llvm
+import mitsuba as mi
+{order}
+print(mi.load_dict({PLATE!r}).scattering)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "isotropic", done.stderr
+
+
+@pytest.mark.parametrize("variant", ["scalar_rgb", "scalar_spectral", "llvm_ad_spectral", "llvm_ad_mono_polarized"])
+@pytest.mark.parametrize("plugin", ["wall", "annular_led", "deformable_pad", "owen_sobol", "taxel_tracer"])
+def test_other_variants_are_refused_with_a_clear_error(llvm_mono, variant, plugin):
+    mi = llvm_mono
+    mi.set_variant(variant)
+    try:
+        with pytest.raises(RuntimeError, match=f"{plugin} does not work in the variant {variant}: allowed are llvm_ad_mono"):
+            mi.load_dict({"type": plugin})
+    finally:
+        mi.set_variant("llvm_ad_mono")
+
+
+def test_every_plugin_file_registers_its_name(llvm_mono):
+    from mitsuba_taxel.backend import plugin_files
+
+    assert set(plugin_files()) == {
+        "annular_led",
+        "deformable_pad",
+        "owen_sobol",
+        "phototransistor",
+        "photo_reflector",
+        "region",
+        "taxel_tracer",
+        "wall",
+    }
