@@ -1,8 +1,81 @@
-"""The `taxel` program."""
+"""The `taxel` program: one small module per subcommand, imported when it is called.
+
+It is installed as the package ``taxel_cli``, beside ``mitsuba_taxel`` and not inside it: importing anything
+from ``mitsuba_taxel`` loads mitsuba, and help and error messages must come where that is slow or fails.
+"""
 
 from __future__ import annotations
 
+import os
+import sys
+import traceback
+from importlib import import_module
+from types import SimpleNamespace
+
+import click
+
+from .options import debug_option
+
+COMMANDS = ("render", "sweep", "deform", "plugins", "doctor")
+
+
+class _Commands(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return import_module(f".{cmd_name}", __package__).command if cmd_name in COMMANDS else None
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="mitsuba_taxel", prog_name="taxel")
+@debug_option
+def taxel() -> None:
+    """Simulate optoelectronic tactile sensors: force, deformed pad, light, reading.
+
+    SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (pad.xml, plate.xml).
+    Units are mm, N, MPa, W and s.
+    """
+
 
 def main() -> None:
-    """Run the program."""
-    raise SystemExit("not yet")
+    """Run the program.
+
+    Exit codes: 0 done, 1 a computation failed, 2 the request cannot be met, 130 interrupted.
+    """
+    _keep_stdout_for_results()
+    settings = SimpleNamespace(debug=False)
+    try:
+        status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as request:
+        request.show()
+        status = request.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("taxel: interrupted", err=True)
+        status = 130
+    except Exception as error:
+        if settings.debug:
+            traceback.print_exception(error)
+        message, status = _describe(error)
+        click.echo(f"taxel: {' '.join(message.split())}", err=True)
+    sys.exit(status)
+
+
+def _describe(error: Exception) -> tuple[str, int]:
+    """Message and exit code of an error."""
+    if isinstance(error, click.ClickException):
+        return error.format_message(), 2
+    kinds = sys.modules.get("mitsuba_taxel.errors")
+    if kinds is not None and isinstance(error, kinds.InputError):
+        return str(error), 2
+    if kinds is not None and isinstance(error, kinds.ComputationError):
+        return str(error), 1
+    return f"{type(error).__name__}: {error} (run with --debug for the traceback)", 1
+
+
+def _keep_stdout_for_results() -> None:
+    """Send what compiled libraries print to stderr, so that stdout carries nothing but our own output."""
+    sys.stdout.flush()
+    ours = os.dup(1)
+    os.dup2(2, 1)
+    sys.stdout = os.fdopen(ours, "w", encoding=sys.stdout.encoding)

@@ -1,1 +1,21 @@
 """Batches of scenes over varied parameters, and the store of their results."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.studies.deformation import deform
+    from mitsuba_taxel.studies.study import sweep
+
+_LAZY = {"deform": "deformation", "sweep": "study"}
+
+__all__ = ["deform", "sweep"]
+
+
+def __getattr__(name: str) -> object:
+    # xarray is loaded by those who sweep, and by nobody else.
+    if name in _LAZY:
+        return getattr(import_module(f"{__name__}.{_LAZY[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,30 @@
+"""`taxel deform`: the deformed pad of a scene, without light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, defines_option, folder_option, json_option
+
+
+@click.command(short_help="Deformed pads alone, as PLY.")
+@click.argument("scene")
+@defines_option
+@folder_option
+@json_option
+@debug_option
+def command(scene: str, defines: dict[str, str], folder: Path, as_json: bool) -> None:
+    """Write the deformed pads of SCENE to DIR as PLY, with region and cell of each face."""
+    from mitsuba_taxel.studies import deform
+
+    rows = deform(scene, defines, folder)
+    if as_json:
+        import json
+
+        click.echo(json.dumps({"pads": rows}))
+    else:
+        from .tables import print_table
+
+        print_table(list(rows[0]), ([str(value) for value in row.values()] for row in rows))

@@ -1,0 +1,40 @@
+"""`taxel doctor`: what this installation stands on, and whether it computes what it should."""
+
+from __future__ import annotations
+
+import click
+
+from .options import debug_option, json_option
+
+
+@click.command(short_help="Check the installation.")
+@json_option
+@debug_option
+@click.pass_context
+def command(ctx: click.Context, as_json: bool) -> None:
+    """Print versions, LLVM, variants, plugins and solvers; check optics and mechanics."""
+    from mitsuba_taxel import backend
+    from mitsuba_taxel.mechanics import available_solvers
+    from mitsuba_taxel.selfcheck import run_checks
+
+    facts = backend.report() | {"linear solvers": available_solvers()}
+    checks = run_checks()
+    if as_json:
+        import json
+
+        click.echo(json.dumps(facts | {"checks": [check._asdict() for check in checks]}))
+    else:
+        from .tables import print_text_table
+
+        print_text_table(("", ""), [(name, _words(fact)) for name, fact in facts.items()])
+        print_text_table(
+            ("check", "result", ""),
+            [(check.name, "ok" if check.passed else "FAILED", check.detail) for check in checks],
+        )
+    ctx.exit(0 if all(check.passed for check in checks) else 1)
+
+
+def _words(fact: object) -> str:
+    if isinstance(fact, dict):
+        return ", ".join(f"{name} {value}" for name, value in fact.items())
+    return ", ".join(map(str, fact)) if isinstance(fact, (list, tuple)) else str(fact)

@@ -1,0 +1,81 @@
+"""The options that several subcommands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+class _Share(click.ParamType):
+    """A share strictly between 0 and 1, as a fraction (0.002) or in percent (0.2%)."""
+
+    name = "share"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        text = str(value).strip()
+        try:
+            share = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+        except ValueError:
+            self.fail(f"{value!r} is not a number such as 0.2% or 0.002.", param, ctx)
+        if not 0 < share < 1:
+            self.fail(f"{value!r} is not allowed: above 0 and below 100% is needed.", param, ctx)
+        return share
+
+
+def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
+    """Turn ``name=value`` words into a dictionary; each name once."""
+    pairs: dict[str, str] = {}
+    for word in values:
+        name, equals, value = word.partition("=")
+        if not (name and equals and value):
+            raise click.BadParameter(f"{word!r} is not of the form name=value.", ctx, param)
+        if name in pairs:
+            raise click.BadParameter(f"{name} is given twice.", ctx, param)
+        pairs[name] = value
+    return pairs
+
+
+def _set_debug(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        ctx.obj.debug = True
+
+
+debug_option = click.option(
+    "--debug",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_set_debug,
+    help="Show an error's traceback.",
+)
+defines_option = click.option(
+    "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
+    help="Value of a <default> of the scene; may be repeated.",
+)  # fmt: skip
+target_error_option = click.option(
+    "--target-error", type=_Share(), help="Relative standard error for the worst taxel, as 0.2% or 0.002."
+)
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the randomisations.",
+)
+points_option = click.option(
+    "--points",
+    type=click.IntRange(min=1),
+    help="Points per randomisation and taxel, in place of a target error.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
+folder_option = click.option(
+    "-o",
+    "--output",
+    "folder",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder for the results.",
+)

@@ -1,0 +1,27 @@
+"""`taxel plugins`: what a scene may say to each plugin."""
+
+from __future__ import annotations
+
+import click
+
+from .options import debug_option
+
+
+@click.command(short_help="What a scene may say to each plugin.")
+@click.argument("name", required=False)
+@debug_option
+def command(name: str | None) -> None:
+    """List the plugins, or the parameters of plugin NAME: type, meaning, default."""
+    from mitsuba_taxel.report.plugin_pages import plugin_names, plugin_page
+
+    from .tables import print_text_table
+
+    if name is None:
+        pages = map(plugin_page, plugin_names())
+        print_text_table(("plugin", "kind", "what it is"), [(p.name, p.kind, p.title) for p in pages])
+        return
+    page = plugin_page(name)
+    click.echo(f"{page.name} ({page.kind}): {page.title}\n")
+    print_text_table(("parameter", "type", "meaning"), page.parameters)
+    for text in (page.text, page.example):
+        click.echo(f"\n{text}")

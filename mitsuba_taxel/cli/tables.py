@@ -1,0 +1,72 @@
+"""What the subcommands show a person: tables on stdout, progress on stderr."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+
+def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table of numbers on stdout; the first column is aligned left, the others right."""
+    table = Table(box=None, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if number == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    _show(table)
+
+
+def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table of words on stdout; only its last column is wrapped."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in headings:
+        table.add_column(heading, no_wrap=heading != headings[-1])
+    for row in rows:
+        table.add_row(*row)
+    _show(table)
+
+
+def _show(table: Table) -> None:
+    """Print a table, never cut off: a narrow terminal wraps it, a pipe takes it whole."""
+    terminal = Console().is_terminal
+    Console(highlight=False, markup=False, width=None if terminal else 10_000).print(table)
+
+
+def print_readings(readings) -> None:
+    """Power and standard error per taxel, what they mean, and the time by stage."""
+    print_table(
+        ("taxel", "power [W]", "standard error [W]", "relative"),
+        (
+            (str(taxel), f"{power:.6e}", f"{error:.1e}", f"{error / power:.2%}" if power > 0 else "-")
+            for taxel, power, error in zip(
+                readings.taxel, readings.power, readings.standard_error, strict=True
+            )
+        ),
+    )
+    print(
+        f"Standard error: 1 sigma of the light alone, from {len(readings.replicates)} randomisations "
+        f"of {readings.points} points per taxel, seed {readings.seed}."
+    )
+    for note in readings.notes:
+        print(note)
+    print(stage_line(readings.seconds))
+
+
+def stage_line(seconds: Mapping[str, float]) -> str:
+    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``."""
+    stages = [f"{stage} {value:.2f}" for stage, value in seconds.items()]
+    return f"Seconds: {', '.join(stages)}, total {sum(seconds.values()):.2f}"
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A function (done, total) that moves a bar on stderr, or does nothing where stderr is no terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,87 @@
+"""A study as a labelled array: readings with units, errors, cost and provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.backend import report
+from mitsuba_taxel.optics import Readings, Scene
+from mitsuba_taxel.studies.units import PARAMETER_UNITS
+from mitsuba_taxel.studies.vary import as_numbers, curve_parameter
+
+
+class Result(NamedTuple):
+    """What one scene of a study gave: readings, seconds by stage, and the files of its pads."""
+
+    readings: Readings
+    seconds: dict[str, float]
+    meshes: str
+
+
+def assemble(
+    scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tuple[int, ...], Result]
+) -> xr.Dataset:
+    """Dataset over the varied parameters, ``taxel``, ``replicate`` and ``stage``.
+
+    Parameters
+    ----------
+    scene : the scene with the values of the parameters that are not varied
+    varied : values by parameter, in the order of the dimensions
+    results : by index along each varied parameter
+    """
+    shape = tuple(len(words) for words in varied.values())
+    first = next(iter(results.values())).readings
+    stages = sorted({stage for result in results.values() for stage in result.seconds})
+    replicates = np.zeros(shape + first.replicates.shape)
+    seconds = np.zeros((*shape, len(stages)))
+    meshes = np.full(shape, "", dtype=object)
+    for index, result in results.items():
+        replicates[index] = result.readings.replicates
+        seconds[index] = [result.seconds.get(stage, 0.0) for stage in stages]
+        meshes[index] = result.meshes
+    dims = list(varied)
+    power = replicates.mean(axis=-2)
+    error = replicates.std(axis=-2, ddof=1) / np.sqrt(len(first.replicates))
+    study = xr.Dataset(
+        {
+            "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
+            "standard_error": (
+                [*dims, "taxel"],
+                error,
+                {"units": "W", "long_name": "1 sigma of power (light)"},
+            ),
+            "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
+            "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
+            "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
+        },
+        coords={
+            **{
+                name: (name, as_numbers(words) or words, _unit(name, words)) for name, words in varied.items()
+            },
+            "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
+            "stage": ("stage", stages),
+        },
+        attrs={
+            "scene": scene.name,
+            "curve": curve_parameter(varied),
+            "parameters": json.dumps(
+                {name: value for name, value in scene.parameters.items() if name not in varied}
+            ),
+            "versions": json.dumps(report()["versions"]),
+            "seed": first.seed,
+            "points": first.points,
+            "notes": "\n".join(
+                dict.fromkeys(note for result in results.values() for note in result.readings.notes)
+            ),
+        },
+    )
+    return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
+
+
+def _unit(name: str, words: list[str]) -> dict[str, str]:
+    return {"units": PARAMETER_UNITS[name]} if name in PARAMETER_UNITS and as_numbers(words) else {}
