@@ -1,0 +1,68 @@
+"""Arrays kept on disk under a key of everything that determines them.
+
+A file is the SHA-256 of its content, then an npz archive (never a pickle). It is written whole under another name
+and renamed; one that is damaged is not used. A folder that cannot be written costs time, never the run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import tempfile
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+FORMAT = 1
+"""Raised whenever the meaning of what is kept changes."""
+
+
+def folder() -> Path:
+    """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
+    chosen = os.environ.get("MITSUBA_TAXEL_CACHE")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mitsuba_taxel"
+
+
+def key(*parts: object) -> str:
+    """Hexadecimal digest of values that JSON can write; floats count to the last bit."""
+    text = json.dumps([FORMAT, *parts], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(name: str) -> dict[str, np.ndarray] | None:
+    """The arrays stored under ``name``, or None if there are none that are whole."""
+    try:
+        content = (folder() / f"{name}.npz").read_bytes()
+    except OSError:
+        return None
+    digest, archive = content[:32], content[32:]
+    if hashlib.sha256(archive).digest() != digest:
+        return None
+    with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def store(name: str, arrays: dict[str, np.ndarray]) -> None:
+    """Keep ``arrays`` under ``name``; warns where that is not possible."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    archive = buffer.getvalue()
+    try:
+        folder().mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=folder(), suffix=".tmp")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(archive).digest() + archive)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, folder() / f"{name}.npz")
+        except OSError:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({error.strerror}).", stacklevel=2)

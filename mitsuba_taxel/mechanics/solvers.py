@@ -1,0 +1,85 @@
+"""Direct solvers for symmetric indefinite matrices, behind one small interface.
+
+`rslab` factors L D L^T and knows the inertia; SuperLU of scipy is always there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sparse
+
+
+class Factorisation(Protocol):
+    """A factored matrix."""
+
+    negative_pivots: int | None
+    """How many eigenvalues are negative, or None if the solver does not know."""
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Solution for one right-hand side (n,)."""
+
+
+class Solver(Protocol):
+    """Factors a sequence of matrices of one pattern, given by their lower triangles."""
+
+    def factor(self, lower: sparse.csc_matrix) -> Factorisation: ...
+
+
+class _RslabFactorisation:
+    def __init__(self, factor: Any) -> None:
+        self._factor = factor
+        self.negative_pivots = int(factor.inertia[1])
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        return self._factor.solve(rhs, refine=1)
+
+
+class Rslab:
+    """L D L^T by `rslab`; the analysis of the pattern is made once."""
+
+    def __init__(self) -> None:
+        self._symbolic: Any = None
+
+    def factor(self, lower: sparse.csc_matrix) -> Factorisation:
+        import rslab
+
+        if self._symbolic is None:
+            self._symbolic = rslab.analyze(lower, path="ldlt")
+        return _RslabFactorisation(self._symbolic.factor(lower.data))
+
+
+class _SuperLuFactorisation:
+    negative_pivots = None
+
+    def __init__(self, factor: Any) -> None:
+        self._factor = factor
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        return self._factor.solve(rhs)
+
+
+class SuperLu:
+    """L U by scipy; slower, and without the inertia."""
+
+    def factor(self, lower: sparse.csc_matrix) -> Factorisation:
+        from scipy.sparse.linalg import splu
+
+        full = lower + sparse.tril(lower, k=-1).T
+        return _SuperLuFactorisation(splu(full.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}))
+
+
+SOLVERS: dict[str, type] = {"rslab": Rslab, "superlu": SuperLu}
+
+
+def available_solvers() -> list[str]:
+    """Names of the solvers that are installed, the preferred one first."""
+    import importlib.util
+
+    return [name for name in SOLVERS if name == "superlu" or importlib.util.find_spec(name)]
+
+
+def make_solver(name: str | None = None) -> Solver:
+    """The solver called ``name``, by default the first of :func:`available_solvers`."""
+    return SOLVERS[name or available_solvers()[0]]()

@@ -1,0 +1,147 @@
+"""The dimensions of a pad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mitsuba_taxel.errors import InputError
+
+CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
+
+REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
+"""Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
+
+MIN_THICKNESS = 0.01
+"""Thinnest wall or roof, relative to the cell size, that is still meant as one."""
+
+
+@dataclass(frozen=True)
+class Pad:
+    """A block of silicone with a grid of hollow cells, open towards the board (all lengths in mm).
+
+    The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
+    from 1, row by row, beginning at (-x, +y).
+
+    Parameters
+    ----------
+    cell
+        Shape of a cell: ``parallelepiped``; ``cylindrical``; ``spherical``, a cylinder closed by the cap of a
+        sphere of radius `cell_size`; ``hemispheric``, a cylinder closed by half a sphere.
+    rows, columns
+        Number of cells along y and along x.
+    pitch
+        Distance between the centres of neighbouring cells.
+    wall
+        Thickness of silicone between an outermost cell and the outside.
+    height
+        From the bottom to the loaded top.
+    cell_size
+        Side or diameter of a cell.
+    cell_height
+        From the bottom to the highest point of a cell. ``None`` stands for the shape's own: 1.55 for
+        parallelepiped and cylindrical, 1.6 for spherical, 0.5 + cell_size / 2 for hemispheric cells.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite or out of range, if cells overlap, or if a cell breaks through the top.
+
+    Notes
+    -----
+    The defaults are the dimensions given in section 2.2.2 of "Multiphysics Simulation for the Optimization of an
+    Optoelectronic-Based Tactile Sensor".
+    """
+
+    cell: str = "parallelepiped"
+    rows: int = 3
+    columns: int = 3
+    pitch: float = 3.55
+    wall: float = 1.0
+    height: float = 4.55
+    cell_size: float = 2.55
+    cell_height: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.cell not in CELL_SHAPES:
+            raise InputError(f"cell = {self.cell!r} is not allowed: one of {', '.join(CELL_SHAPES)} is needed.")
+        for name in ("rows", "columns"):
+            self._check_count(name)
+        self._check_length("cell_size")
+        if self.cell_height is None:
+            default = {"spherical": 1.6, "hemispheric": 0.5 + 0.5 * self.cell_size}.get(self.cell, 1.55)
+            object.__setattr__(self, "cell_height", default)
+        for name in ("pitch", "wall", "height", "cell_height"):
+            self._check_length(name)
+        self._check_fit()
+
+    def _check_count(self, name: str) -> None:
+        value = getattr(self, name)
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100:
+            raise InputError(f"{name} = {value!r} is not allowed: a whole number from 1 to 100 is needed.")
+
+    def _check_length(self, name: str) -> None:
+        value = getattr(self, name)
+        try:
+            value = float(value)
+        except (TypeError, ValueError):
+            value = math.nan
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} = {getattr(self, name)!r} is not allowed: a finite length above 0 mm is needed.")
+        object.__setattr__(self, name, value)
+
+    def _check_fit(self) -> None:
+        thinnest = MIN_THICKNESS * self.cell_size
+        if self.wall < thinnest:
+            raise InputError(
+                f"wall = {self.wall:g} is not allowed: at least {thinnest:g} mm is needed, "
+                f"{MIN_THICKNESS:.0%} of cell_size."
+            )
+        if self.rows * self.columns > 1 and self.pitch < self.cell_size + thinnest:
+            raise InputError(
+                f"pitch = {self.pitch:g} is not allowed: at least {self.cell_size + thinnest:g} mm is needed for "
+                f"cell_size = {self.cell_size:g}, or the cells overlap."
+            )
+        if self.height < self.top_of_cell + thinnest:
+            raise InputError(
+                f"cell_height = {self.top_of_cell:g} is not allowed: at most {self.height - thinnest:g} mm is "
+                f"possible in a pad of height = {self.height:g}, or the cells break through the top."
+            )
+        if self.side_height < thinnest:
+            raise InputError(
+                f"cell_height = {self.top_of_cell:g} is not allowed: at least "
+                f"{self.top_of_cell - self.side_height + thinnest:g} mm is needed, more than the {self.cell} roof "
+                "alone."
+            )
+
+    @property
+    def top_of_cell(self) -> float:
+        """Height of the highest point of a cell above the bottom, mm."""
+        assert self.cell_height is not None
+        return self.cell_height
+
+    @property
+    def dome_radius(self) -> float:
+        """Radius of the sphere that a roof is part of, mm; 0 for flat roofs."""
+        return {"spherical": self.cell_size, "hemispheric": 0.5 * self.cell_size}.get(self.cell, 0.0)
+
+    @property
+    def side_height(self) -> float:
+        """Height of the side wall of a cell, below its roof, mm."""
+        sphere, radius = self.dome_radius, 0.5 * self.cell_size
+        return self.top_of_cell - (sphere - math.sqrt(sphere**2 - radius**2) if sphere else 0.0)
+
+    @property
+    def extent(self) -> tuple[float, float, float]:
+        """Outside dimensions along x, y and z, mm."""
+        around = self.cell_size + 2 * self.wall
+        return (self.columns - 1) * self.pitch + around, (self.rows - 1) * self.pitch + around, self.height
+
+    @property
+    def cell_centres(self) -> list[tuple[float, float]]:
+        """x and y of each cell's axis in mm, in the order of the cells' numbers."""
+        return [
+            ((column - (self.columns - 1) / 2) * self.pitch, ((self.rows - 1) / 2 - row) * self.pitch)
+            for row in range(self.rows)
+            for column in range(self.columns)
+        ]
