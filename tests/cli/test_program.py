@@ -1,0 +1,138 @@
+"""The program as a whole: quick help, clean streams, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import click
+import pytest
+import taxel_cli
+
+PLATE = ("plate.xml", "-D", "scattering=lambertian", "-D", "hole=0")
+
+
+def test_help_is_quick(taxel):
+    taxel("--help")  # the first one may compile bytecode
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        done = taxel("--help")
+        seconds.append(time.perf_counter() - start)
+    assert done.returncode == 0 and "sweep" in done.stdout
+    assert min(seconds) < 0.3
+
+
+def test_help_imports_nothing_heavy():
+    heavy = {"mitsuba", "mitsuba_taxel", "numpy", "scipy", "xarray", "matplotlib", "rich"}
+    code = "import sys, taxel_cli; taxel_cli.taxel(['--help'], standalone_mode=False); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not heavy & set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize("command", taxel_cli.COMMANDS)
+def test_every_command_has_help(taxel, command):
+    done = taxel(command, "--help")
+    assert done.returncode == 0 and done.stdout.startswith(f"Usage: taxel {command}")
+
+
+def test_without_a_command_help_is_shown(taxel):
+    done = taxel()
+    assert done.returncode == 2 and done.stdout == "" and "Usage: taxel" in done.stderr
+
+
+def test_render_table(taxel):
+    done = taxel("render", *PLATE, "--points", 256)
+    assert done.returncode == 0 and done.stderr == ""
+    heading, row, *rest = done.stdout.splitlines()
+    assert heading.split()[:3] == ["taxel", "power", "[W]"] and row.split()[0] == "1"
+    assert "32 randomisations of 256 points" in rest[0] and rest[-1].startswith("Seconds: ")
+
+
+def test_render_json_is_one_object(taxel):
+    done = taxel("render", *PLATE, "--points", 256, "--json")
+    assert done.returncode == 0 and done.stderr == ""
+    answer = json.loads(done.stdout)
+    assert list(answer) == ["readings", "seconds", "parameters"]
+    (reading,) = answer["readings"]
+    assert list(reading) == ["taxel", "power_W", "standard_error_W"] and reading["taxel"] == 1
+    assert 0 < reading["standard_error_W"] < reading["power_W"] < 1
+    assert {"load", "optics"} <= set(answer["seconds"])
+    assert answer["parameters"]["z"] == "0.7" and answer["parameters"]["hole"] == "0"
+
+
+def test_target_error_in_percent_or_as_a_share(taxel):
+    answers = [
+        json.loads(taxel("render", *PLATE, "--target-error", x, "--json").stdout) for x in ("0.2%", "0.002")
+    ]
+    assert answers[0]["readings"] == answers[1]["readings"]
+    (reading,) = answers[0]["readings"]
+    assert reading["standard_error_W"] < 0.002 * reading["power_W"]
+
+
+def test_another_seed_gives_another_estimate(taxel):
+    readings = [
+        json.loads(taxel("render", *PLATE, "--points", 256, "--seed", seed, "--json").stdout)["readings"]
+        for seed in (0, 0, 1)
+    ]
+    assert readings[0] == readings[1] != readings[2]
+
+
+def test_map_has_channel_units_and_parameters(taxel, tmp_path):
+    import OpenEXR
+
+    done = taxel("render", *PLATE, "--points", 256, "--seed", 3, "-o", "map.exr", "--json")
+    image = OpenEXR.File(str(tmp_path / "map.exr"))
+    header, channels = image.header(), image.channels()
+    assert list(channels) == ["irradiance"]
+    assert header["units"] == "irradiance in W/mm2" and header["seed"] == "3" and header["points"] == "256"
+    assert json.loads(header["parameters"])["scattering"] == "lambertian"
+    power = json.loads(done.stdout)["readings"][0]["power_W"]
+    assert channels["irradiance"].pixels.mean() * 0.52 * 0.3 == pytest.approx(power, rel=1e-5)
+    assert os.listdir(tmp_path) == ["map.exr"]
+
+
+def test_sweep_prints_one_object(taxel, tmp_path):
+    done = taxel("sweep", *PLATE, "--vary", "z=0.5,1", "--points", 64, "-o", "out", "--json")
+    assert done.returncode == 0 and done.stderr == ""
+    answer = json.loads(done.stdout)
+    assert list(answer) == ["output", "sensitivity", "seconds"] and answer["sensitivity"] == []
+    assert sorted(os.listdir(tmp_path / "out")) == ["power.png", "readings.csv", "readings.nc"]
+
+
+def test_interrupt_ends_cleanly(program, tmp_path):
+    command = [program, "sweep", "plate.xml", "--vary", "z=0.1:90:0.1", "--points", "65536", "-o", "out"]
+    run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "out").exists():
+        time.sleep(0.05)
+    time.sleep(0.5)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=30)
+    assert run.returncode == 130 and out == "" and err.strip() == "taxel: interrupted"
+
+
+def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd):
+    @click.command()
+    def command():
+        raise KeyError("surprise")
+
+    monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda *_: command)
+    monkeypatch.setattr(sys, "argv", ["taxel", "render"])
+    monkeypatch.setattr(taxel_cli, "_keep_stdout_for_results", lambda: None)
+    with pytest.raises(SystemExit) as end:
+        taxel_cli.main()
+    assert end.value.code == 1
+    assert capfd.readouterr().err == "taxel: KeyError: 'surprise' (run with --debug for the traceback)\n"
+
+
+def test_plugins_are_listed_and_described(taxel):
+    from mitsuba_taxel.backend import plugin_files
+
+    listed = taxel("plugins").stdout.splitlines()[1:]
+    assert {line.split()[0] for line in listed} == set(plugin_files())
+    done = taxel("plugins", "wall")
+    assert done.returncode == 0 and "reflectance" in done.stdout and '<bsdf type="wall">' in done.stdout

@@ -1,0 +1,54 @@
+"""What `pip install` brings: every package of the tree, and the scenes; and the commands of the README."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+INSTALLED_AS = {
+    "plugins": "mitsuba_taxel.plugins",
+    "scenes": "mitsuba_taxel.scenes",
+    "mitsuba_taxel/cli": "taxel_cli",
+}
+
+
+def test_pyproject_lists_every_package():
+    listed = re.search(r"^packages = \[\n(.*?)^\]", (ROOT / "pyproject.toml").read_text(), re.M | re.S)[1]
+    folders = [
+        file.parent.relative_to(ROOT).as_posix()
+        for top in ("mitsuba_taxel", "plugins", "scenes")
+        for file in (ROOT / top).rglob("__init__.py")
+    ]
+    expected = set()
+    for folder in folders:
+        start = next(
+            (start for start in INSTALLED_AS if folder == start or folder.startswith(start + "/")), ""
+        )
+        expected.add((INSTALLED_AS.get(start, "") + folder.removeprefix(start)).replace("/", "."))
+    assert set(re.findall(r'^ *"([\w.]+)"', listed, re.M)) == expected
+
+
+def test_shipped_scenes_are_installed():
+    from mitsuba_taxel import scenes
+
+    installed = {file.name for folder in scenes.__path__ for file in Path(folder).glob("*.xml")}
+    assert installed == {file.name for file in (ROOT / "scenes").glob("*.xml")} != set()
+
+
+def test_version_is_that_of_the_distribution():
+    import mitsuba_taxel
+
+    assert "mitsuba_taxel" in packages_distributions()["mitsuba_taxel"]
+    assert mitsuba_taxel.__version__ in (ROOT / "pyproject.toml").read_text()
+
+
+@pytest.mark.parametrize("name", ["main", "tests"])
+def test_readme_has_the_commands_that_ci_runs(name):
+    blocks = re.findall(
+        rf"^<!-- command: {name} -->\n```sh\n(.+?)\n```$", (ROOT / "README.md").read_text(), re.M | re.S
+    )
+    assert len(blocks) == 1 and "\n" not in blocks[0]
