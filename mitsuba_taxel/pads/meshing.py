@@ -11,13 +11,17 @@ import numpy as np
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.pads.mirror import mirrored
 from mitsuba_taxel.pads.pad import REGIONS, Pad
-from mitsuba_taxel.pads.quality import check_elements, straighten_inverted
+from mitsuba_taxel.pads.quality import worst_element
 from mitsuba_taxel.pads.solid import SYMMETRY, quadrant_solid
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 DEFAULT_MESH_SIZE = 0.8
 RIM_REFINEMENT = 2.0
 """How much smaller elements are along the edges glued to the board, where the stress is singular."""
+CURVATURE_SAFETY = (2.0, 2.5, 3.0, 4.0, 6.0)
+"""Elements per radius of curvature, tried in turn until no element is too distorted."""
+LEAST_QUALITY = 0.2
+"""Least determinant of an element's map, relative to that of the straight element."""
 MOST_ELEMENTS = 1_000_000
 
 MESHING_LOCK = threading.RLock()
@@ -41,14 +45,20 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
-    with MESHING_LOCK:
-        quadrant = _read(_generate(pad, mesh_size), pad)
-    mesh = _numbered(mirrored(mirrored(quadrant, 0), 1), pad)
-    check_elements(mesh)
-    return mesh
+    for curvature_safety in CURVATURE_SAFETY:
+        with MESHING_LOCK:
+            quadrant = _read(_generate(pad, mesh_size, curvature_safety), pad)
+        quality, place = worst_element(quadrant)
+        if quality >= LEAST_QUALITY:
+            return _numbered(mirrored(mirrored(quadrant, 0), 1), pad)
+    x, y, z = place
+    raise ComputationError(
+        f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
+        f"{mesh_size:g}."
+    )
 
 
-def _generate(pad: Pad, mesh_size: float) -> Any:
+def _generate(pad: Pad, mesh_size: float, curvature_safety: float) -> Any:
     from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
     from netgen.occ import OCCGeometry
 
@@ -60,7 +70,8 @@ def _generate(pad: Pad, mesh_size: float) -> Any:
             artificial = min(high.x, high.y) < 1e-6 * pad.height
             if high.z < 1e-6 * pad.height and not artificial:
                 edge.maxh = mesh_size / RIM_REFINEMENT
-        mesh = OCCGeometry(solid).GenerateMesh(MeshingParameters(maxh=mesh_size, grading=0.4))
+        parameters = MeshingParameters(maxh=mesh_size, grading=0.4, curvaturesafety=curvature_safety)
+        mesh = OCCGeometry(solid).GenerateMesh(parameters)
         mesh.SecondOrder()
     except NgException as error:
         raise ComputationError(f"meshing the pad failed: {' '.join(str(error).split())}.") from error
@@ -77,9 +88,8 @@ def _read(mesh: Any, pad: Pad) -> VolumeMesh:
     region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
     assert set(names) <= {*REGIONS, SYMMETRY}, names
     points = _snapped(points, pad)
-    mesh = VolumeMesh(points, _right_handed(tets, points), faces, region, np.zeros(len(faces), dtype=int))
-    points = straighten_inverted(mesh)
-    tets, faces = mesh.tets, _outward(faces[region > 0], mesh.tets, points)
+    tets = _right_handed(tets, points)
+    faces = _outward(faces[region > 0], tets, points)
     return VolumeMesh(points, tets, faces, region[region > 0], np.zeros(len(faces), dtype=int))
 
 

@@ -1,10 +1,9 @@
-"""Whether curved elements are valid, and how to mend those that are not."""
+"""Whether curved elements are valid."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.errors import ComputationError
 from mitsuba_taxel.pads.volume_mesh import TET_EDGES, VolumeMesh
 
 
@@ -30,37 +29,9 @@ def shape_gradients(xi: np.ndarray) -> np.ndarray:
     return gradients
 
 
-def straighten_inverted(mesh: VolumeMesh, least: float = 0.1) -> np.ndarray:
-    """Points of a mesh whose badly curved elements have had the nodes of their edges moved back to the middle.
-
-    An element is bad where its map's determinant falls below ``least`` of that of the straight element. Neighbours
-    of a straightened element are looked at again, until none is bad.
-    """
-    points = mesh.points.copy()
-    for _ in range(10):
-        bad = jacobians(points, mesh.tets).min(axis=1) < least
-        if not bad.any():
-            break
-        tets = mesh.tets[bad]
-        for node, (i, j) in enumerate(TET_EDGES, start=4):
-            points[tets[:, node]] = 0.5 * (points[tets[:, i]] + points[tets[:, j]])
-    return points
-
-
-def check_elements(mesh: VolumeMesh) -> None:
-    """Refuse a mesh with an inverted element.
-
-    Raises
-    ------
-    ComputationError
-        naming the place of the worst element.
-    """
+def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
+    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and where it lies."""
     corner = mesh.points[mesh.tets[:, 1:4]] - mesh.points[mesh.tets[:, :1]]
-    volume = np.linalg.det(corner)
-    quality = np.where(volume > 0, jacobians(mesh.points, mesh.tets).min(axis=1), volume)
+    quality = jacobians(mesh.points, mesh.tets).min(axis=1) * np.sign(np.linalg.det(corner))
     worst = int(np.argmin(quality))
-    if quality[worst] <= 0:
-        x, y, z = mesh.points[mesh.tets[worst, :4]].mean(axis=0)
-        raise ComputationError(
-            f"the mesh has an inverted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size."
-        )
+    return float(quality[worst]), mesh.points[mesh.tets[worst, :4]].mean(axis=0)
