@@ -18,8 +18,9 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     """Slopes of the readings along one force component.
 
     The maximum slope is the one between neighbouring load steps that is largest in magnitude, which the
-    literature on this kind of sensor calls the sensitivity of a simulated taxel. The mean slope joins the
-    first and the last step. Each replicate has its own slope, at the same place; their scatter is the error.
+    literature on this kind of sensor calls the sensitivity of a simulated taxel. The largest of many noisy
+    slopes is too large; so each half of the replicates takes its slope where the other half is steepest. The
+    mean slope joins the first and the last step. The scatter of the replicates' slopes gives the errors.
 
     Parameters
     ----------
@@ -43,8 +44,15 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     steps = power.diff(force) / at.diff(force)
     middle = ((at + at.shift({force: 1})) / 2).isel({force: slice(1, None)})
     steepest = abs(steps.mean("replicate")).argmax(force)
+    halves = [steps.isel(replicate=slice(start, None, 2)) for start in (0, 1)]
+    max_slope = xr.concat(
+        [
+            half.isel({force: abs(other.mean("replicate")).argmax(force)}).drop_vars(force)
+            for half, other in (halves, halves[::-1])
+        ],
+        dim="replicate",
+    )
     mean_slope = (power.isel({force: -1}) - power.isel({force: 0})) / float(at[-1] - at[0])
-    max_slope = steps.isel({force: steepest})
     result = xr.Dataset(
         {
             "max_slope": max_slope.mean("replicate"),

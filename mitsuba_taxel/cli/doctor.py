@@ -24,13 +24,10 @@ def command(ctx: click.Context, as_json: bool) -> None:
 
         click.echo(json.dumps(facts | {"checks": [check._asdict() for check in checks]}))
     else:
-        from .tables import print_text_table
-
-        print_text_table(("", ""), [(name, _words(fact)) for name, fact in facts.items()])
-        print_text_table(
-            ("check", "result", ""),
-            [(check.name, "ok" if check.passed else "FAILED", check.detail) for check in checks],
-        )
+        for name, fact in facts.items():
+            click.echo(f"{name}: {_words(fact)}")
+        for check in checks:
+            click.echo(f"{check.name} {'ok' if check.passed else 'FAILED'}: {check.detail}")
     ctx.exit(0 if all(check.passed for check in checks) else 1)
 
 

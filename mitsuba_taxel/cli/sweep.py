@@ -45,7 +45,7 @@ def command(
 
     Tables, meshes, a plot and a summary go to DIR, which must be empty or new.
     """
-    from mitsuba_taxel.studies import sweep
+    from mitsuba_taxel.studies import stage_totals, sweep
 
     from .tables import print_table, progress_bar, stage_line
 
@@ -60,8 +60,7 @@ def command(
             output=folder,
             progress=progress,
         )
-    seconds = {"pilots": study.attrs["pilot_seconds"]}
-    seconds |= {str(stage): float(study.seconds.sel(stage=stage).sum()) for stage in study.stage.values}
+    seconds = stage_totals(study)
     rows = _sensitivities(study)
     if as_json:
         import json

@@ -15,10 +15,11 @@ MOST_PANELS = 12
 
 
 def plot_curves(study: xr.Dataset, file: Path) -> None:
-    """Write a PNG of each taxel's power with error bars (1 sigma) against the study's curve parameter.
+    """Write a PNG of each taxel's power against the study's curve parameter, with error bars of 1 sigma.
 
-    One panel for each combination of the other varied parameters, at most :data:`MOST_PANELS`; the title says
-    how many there are if not all are shown.
+    Where there are several taxels, a second plot below shows how each differs from their mean, with the error
+    of that difference. There is one such pair for each combination of the other varied parameters, at most
+    :data:`MOST_PANELS`; the title says how many are left out.
     """
     import matplotlib
 
@@ -26,46 +27,73 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
     from matplotlib import pyplot
 
     curve = study.attrs["curve"]
-    others = [str(dim) for dim in study.power.dims if dim not in (curve, "taxel")]
-    stacked = (
-        study[["power", "standard_error"]].stack(panel=others) if others else study.expand_dims(panel=[0])
-    )
-    shown = stacked.isel(panel=slice(MOST_PANELS))
-    columns = min(math.ceil(math.sqrt(shown.sizes["panel"])), 4)
-    rows = math.ceil(shown.sizes["panel"] / columns)
+    powers = study.replicate_power
+    others = [str(dim) for dim in powers.dims if dim not in (curve, "replicate", "taxel")]
+    panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
+    shown = panels.isel(panel=slice(MOST_PANELS))
+    count = shown.sizes["panel"]
+    columns = min(math.ceil(math.sqrt(count)), 4)
+    lines = 2 if powers.sizes["taxel"] > 1 else 1
+    rows = lines * math.ceil(count / columns)
     figure, axes = pyplot.subplots(
-        rows, columns, figsize=(5.2 * columns + 1.2, 3.8 * rows), sharex=True, sharey=True, squeeze=False,
+        rows,
+        columns,
+        figsize=(5.2 * columns + 1.2, 3.2 * rows + 0.6),
+        sharex=True,
+        sharey="row",
+        squeeze=False,
         layout="constrained",
-    )  # fmt: skip
+    )
     try:
-        for panel, ax in zip(range(shown.sizes["panel"]), axes.flat, strict=False):
-            _draw_panel(ax, shown.isel(panel=panel), curve)
-            if others:
-                values = (shown[name].values[panel] for name in others)
-                ax.set_title(
-                    ", ".join(f"{name} = {value}" for name, value in zip(others, values, strict=True))
-                )
-        for ax in axes.flat[shown.sizes["panel"] :]:
+        for ax in axes.flat:
             ax.set_visible(False)
+        for number in range(count):
+            panel = shown.isel(panel=number)
+            row, column = divmod(number, columns)
+            _draw(axes[lines * row, column], panel, curve)
+            if lines > 1:
+                _draw(axes[lines * row + 1, column], panel - panel.mean("taxel"), curve)
+            if others:
+                values = (f"{name} = {panel[name].item()}" for name in others)
+                axes[lines * row, column].set_title(", ".join(values))
+        for row in range(rows):
+            axes[row, 0].set_ylabel(
+                "difference from the taxels' mean [W]" if row % lines else "optical power [W]"
+            )
         figure.supxlabel(_label(study[curve], curve))
-        figure.supylabel("optical power [W]")
-        hidden = stacked.sizes["panel"] - shown.sizes["panel"]
-        figure.suptitle(study.attrs["scene"] + (f" ({hidden} more panels not shown)" if hidden else ""))
-        handles, labels = axes.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, title="taxel", loc="outside right center", frameon=False)
+        left_out = panels.sizes["panel"] - count
+        figure.suptitle(study.attrs["scene"] + (f" ({left_out} more panels left out)" if left_out else ""))
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(
+            handles,
+            labels,
+            title="taxel, row by\nrow from (-x, +y)",
+            loc="outside right center",
+            frameon=False,
+        )
         figure.savefig(file, dpi=150, format="png")
     finally:
         pyplot.close(figure)
 
 
-def _draw_panel(ax: Any, panel: xr.Dataset, curve: str) -> None:
-    for number, taxel in enumerate(panel.taxel.values):
-        readings = panel.sel(taxel=taxel)
+def _draw(ax: Any, replicates: xr.DataArray, curve: str) -> None:
+    """One line per taxel, with error bars from the replicates."""
+    values = replicates.mean("replicate")
+    errors = replicates.std("replicate", ddof=1) / math.sqrt(replicates.sizes["replicate"])
+    for number, taxel in enumerate(replicates.taxel.values):
         ax.errorbar(
-            panel[curve].values, readings.power.values, readings.standard_error.values, label=str(taxel),
-            color=COLOURS[number % len(COLOURS)], marker=MARKERS[number % len(MARKERS)],
-            linestyle=("-", "--", ":")[number // len(COLOURS) % 3], linewidth=1, markersize=3.5, capsize=2,
-        )  # fmt: skip
+            replicates[curve].values,
+            values.sel(taxel=taxel).values,
+            errors.sel(taxel=taxel).values,
+            label=str(taxel),
+            color=COLOURS[number % len(COLOURS)],
+            marker=MARKERS[number % len(MARKERS)],
+            linestyle=("-", "--", ":")[number // len(COLOURS) % 3],
+            linewidth=0.8,
+            elinewidth=0.8,
+            markersize=3,
+        )
+    ax.set_visible(True)
     ax.grid(alpha=0.3)
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 

@@ -6,12 +6,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mitsuba_taxel.studies.dataset import stage_totals
     from mitsuba_taxel.studies.deformation import deform
     from mitsuba_taxel.studies.study import sweep
 
-_LAZY = {"deform": "deformation", "sweep": "study"}
+_LAZY = {"deform": "deformation", "stage_totals": "dataset", "sweep": "study"}
 
-__all__ = ["deform", "sweep"]
+__all__ = ["deform", "stage_totals", "sweep"]
 
 
 def __getattr__(name: str) -> object:

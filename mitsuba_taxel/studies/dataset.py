@@ -83,5 +83,13 @@ def assemble(
     return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
 
 
+def stage_totals(study: xr.Dataset) -> dict[str, float]:
+    """Seconds that a study took by stage, pilot runs included."""
+    totals = json.loads(study.attrs["pilot_seconds"])
+    for stage in study.stage.values:
+        totals[str(stage)] = totals.get(str(stage), 0.0) + float(study.seconds.sel(stage=stage).sum())
+    return totals
+
+
 def _unit(name: str, words: list[str]) -> dict[str, str]:
     return {"units": PARAMETER_UNITS[name]} if name in PARAMETER_UNITS and as_numbers(words) else {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,9 +53,8 @@ def sweep(
     Returns
     -------
     Over the varied parameters and ``taxel``: ``power`` and ``standard_error`` in W; ``replicate_power`` in W,
-    also over ``replicate``; ``seconds`` by ``stage``, without those of the pilot runs that chose the number
-    of points (attribute ``pilot_seconds``); ``mesh``, the file of the pad. Seed, points, versions and the
-    other parameters are attributes too.
+    also over ``replicate``; ``seconds`` by ``stage``; ``mesh``, the file of the pad. Attributes are seed,
+    points, versions, the other parameters, and the seconds of the pilot runs that chose the points.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def sweep(
         if progress is not None:
             progress(len(results), len(jobs))
     study = assemble(Scene(file, {**fixed}), varied, results)
-    study.attrs["pilot_seconds"] = sum(pilots.values())
+    study.attrs["pilot_seconds"] = json.dumps(pilots)
     if folder is not None:
         from mitsuba_taxel.studies.store import write_study
 
@@ -117,7 +117,8 @@ def _points_for_all(
     points = 0
     for _, values in combinations(pilots):
         with _naming(values):
-            points = max(points, points_for(Scene(file, {**fixed, **values}), target_error, seed))
+            with stages.stage("optics"):
+                points = max(points, points_for(Scene(file, {**fixed, **values}), target_error, seed))
         gc.collect()
     return points
 

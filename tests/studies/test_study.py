@@ -1,0 +1,134 @@
+"""Sweeps of real scenes, small ones."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel import ComputationError, InputError, measure, sweep
+from mitsuba_taxel.optics import Scene
+from mitsuba_taxel.studies import deform, stage_totals, study
+
+PLATE = {"scattering": "lambertian", "hole": "0"}
+
+
+@pytest.fixture(scope="module")
+def plate_study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("studies") / "plate"
+    vary = {"z": "0.6:0.8:0.1", "law": "lambertian,uniform_solid_angle"}
+    done = []
+    result = sweep(
+        "plate.xml", vary, PLATE, points=256, seed=5, output=folder, progress=lambda *n: done.append(n)
+    )
+    assert done == [(i, 6) for i in range(1, 7)]
+    return result, folder
+
+
+def test_readings_are_those_of_single_scenes(plate_study):
+    result, _ = plate_study
+    assert dict(result.sizes) == {
+        "z": 3,
+        "law": 2,
+        "replicate": 32,
+        "taxel": 1,
+        "stage": result.sizes["stage"],
+    }
+    alone = measure(Scene.from_file("plate.xml", z="0.7", law="lambertian", **PLATE), points=256, seed=5)
+    there = result.sel(z=0.7, law="lambertian")
+    np.testing.assert_allclose(there.replicate_power, alone.replicates, rtol=1e-6)
+    np.testing.assert_allclose(there.power, alone.power, rtol=1e-6)
+    np.testing.assert_allclose(there.standard_error, alone.standard_error, rtol=1e-4)
+
+
+def test_neighbours_share_their_random_numbers(plate_study):
+    result, _ = plate_study
+    at = result.replicate_power.sel(law="lambertian").squeeze("taxel")
+    assert np.corrcoef(at.sel(z=0.6), at.sel(z=0.7))[0, 1] > 0.7  # 0 +- 0.18 if they did not
+
+
+def test_units_and_provenance(plate_study):
+    result, _ = plate_study
+    assert result.power.units == result.standard_error.units == "W" and result.z.units == "mm"
+    assert result.seconds.units == "s" and "units" not in result.law.attrs
+    assert (
+        result.attrs["seed"] == 5 and result.attrs["points"] == 256 and result.attrs["scene"] == "plate.xml"
+    )
+    parameters = json.loads(result.attrs["parameters"])
+    assert parameters["hole"] == "0" and parameters["width"] == "4" and "z" not in parameters
+    assert {"mitsuba", "mitsuba_taxel", "numpy"} <= set(json.loads(result.attrs["versions"]))
+    assert stage_totals(result)["optics"] == pytest.approx(float(result.seconds.sel(stage="optics").sum()))
+
+
+def test_files_hold_the_study(plate_study):
+    result, folder = plate_study
+    assert sorted(os.listdir(folder)) == ["power.png", "readings.csv", "readings.nc"]
+    with xr.open_dataset(folder / "readings.nc", engine="scipy") as kept:
+        xr.testing.assert_identical(kept.load().drop_vars("law"), result.drop_vars("law"))
+        assert list(kept.law.values) == list(result.law.values)
+    lines = (folder / "readings.csv").read_text().splitlines()
+    comments = [line for line in lines if line.startswith("# ")]
+    heading, *rows = lines[len(comments) :]
+    assert heading == "z_mm,law,taxel,power_W,standard_error_W" and len(rows) == 6
+    assert "# seed: 5" in comments
+    assert float(rows[0].split(",")[3]) == float(result.power[0, 0, 0])
+
+
+def test_target_error_is_met_along_the_curve(tmp_path):
+    result = sweep("plate.xml", {"z": [0.5, 1, 2]}, PLATE, target_error=0.001)
+    assert float((result.standard_error / result.power).max()) < 0.001
+    assert stage_totals(result)["optics"] > float(result.seconds.sel(stage="optics").sum())
+
+
+@pytest.mark.parametrize(
+    "vary, options, culprit",
+    [
+        ({}, {}, "nothing is varied"),
+        ({"zz": "1,2"}, {}, "zz"),
+        ({"z": "1,2"}, {"defines": {"z": 1}}, "both"),
+        ({"z": "1,2"}, {"target_error": 0.0}, "target_error"),
+        ({"z": "1,2"}, {"target_error": float("nan")}, "target_error"),
+        ({"z": "1,2"}, {"target_error": 0.1, "points": 64}, "target_error"),
+        ({"law": "lambertian,loud"}, {"points": 64}, "law=loud: .*loud"),
+    ],
+)
+def test_refused(vary, options, culprit):
+    with pytest.raises(InputError, match=culprit):
+        sweep("plate.xml", vary, **options)
+
+
+def test_failed_scene_is_named(monkeypatch):
+    def fail(*_, **__):
+        raise ComputationError("the pad buckles")
+
+    monkeypatch.setattr(study, "measure", fail)
+    with pytest.raises(ComputationError, match="z=0.7, hole=0: the pad buckles"):
+        sweep("plate.xml", {"z": "0.7", "hole": "0"}, points=64)
+
+
+def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
+    vary = {"fz": "0,-1", "scattering": "isotropic,lambertian"}
+    result = sweep("pad.xml", vary, points=64, output=tmp_path / "out")
+    assert result.mesh.values.tolist() == [["meshes/pad_0001.ply"] * 2, ["meshes/pad_0002.ply"] * 2]
+    assert sorted(os.listdir(tmp_path / "out" / "meshes")) == ["pad_0001.ply", "pad_0002.ply"]
+    assert "mechanics error unknown" in result.attrs["notes"]
+    summary = (tmp_path / "out" / "summary.csv").read_text().splitlines()
+    assert len(summary) == 1 + 2 * 9
+    assert summary[0].startswith("force,scattering,taxel,max_slope_W_per_N,max_slope_error_W_per_N")
+
+
+def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
+    (row,) = deform("pad.xml", {"fz": -10}, tmp_path)
+    assert row["force_N"] == [0, 0, -10] and 0 < row["min_jacobian"] < 1 and row["newton_iterations"] > 0
+    pad = Scene.from_file("pad.xml", fz=-10)
+    lines = [line for line in pad.source.read_text().splitlines() if "<default" not in line]
+    text = re.sub(r"\$(\w+)", lambda match: pad.parameters[match[1]], "\n".join(lines))
+    body = re.search(r'<shape type="deformable_pad">.*?(<bsdf.*?)</shape>', text, re.DOTALL)
+    ply = f'<string name="filename" value="{row["file"]}"/> <boolean name="face_normals" value="true"/>'
+    (tmp_path / "scene.xml").write_text(text.replace(body[0], f'<shape type="ply"> {ply} {body[1]} </shape>'))
+    read = measure(Scene.from_file(tmp_path / "scene.xml"), points=256)
+    np.testing.assert_allclose(read.replicates, measure(pad, points=256).replicates, rtol=1e-5)

@@ -1,0 +1,78 @@
+"""Ranges and lists of varied parameters."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.studies.vary import MOST_JOBS, combinations, curve_parameter, parse_values
+
+DECIMALS = st.decimals(-1000, 1000, allow_nan=False, allow_infinity=False, places=3)
+
+
+@given(start=DECIMALS, step=DECIMALS.filter(bool), count=st.integers(0, 200))
+def test_range_holds_both_ends_and_equal_steps(start: Decimal, step: Decimal, count: int):
+    stop = start + count * step
+    values = [Decimal(word) for word in parse_values("z", f"{start}:{stop}:{step}")]
+    assert values == [start + i * step for i in range(count + 1)] and values[-1] == stop
+
+
+def test_range_of_the_paper():
+    values = parse_values("fz", "0:-20:-0.5")
+    assert len(values) == 41 and values[1] == "-0.5" and values[-1] == "-20.0"
+
+
+def test_lists():
+    assert parse_values("cell", "parallelepiped, hemispheric") == ["parallelepiped", "hemispheric"]
+    assert parse_values("fz", (0, -1.5)) == ["0", "-1.5"]
+
+
+@pytest.mark.parametrize(
+    "text, complaint",
+    [
+        ("0:1:0", "endless"),
+        ("0:1:-1", "empty"),
+        ("0:1:0.3", "do not meet 1"),
+        ("0:1", "no range"),
+        ("a:b:c", "no range"),
+        ("0:nan:1", "finite"),
+        ("0:1e999:1", "finite"),
+        ("0:1:1e-300", str(MOST_JOBS)),
+        ("", "blank"),
+        ("1,,2", "blank"),
+        ("1,2,1.0", "twice"),
+    ],
+)
+def test_refused(text, complaint):
+    with pytest.raises(InputError, match=complaint) as refusal:
+        parse_values("fz", text)
+    assert "fz" in str(refusal.value)
+
+
+def test_product_runs_fastest_along_the_last():
+    jobs = list(combinations({"cell": ["a", "b"], "fz": ["0", "-1"]}))
+    assert [index for index, _ in jobs] == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert jobs[2][1] == {"cell": "b", "fz": "0"}
+
+
+def test_product_is_bounded():
+    many = [str(i) for i in range(1000)]
+    with pytest.raises(InputError, match="1000000000 scenes"):
+        next(combinations(dict.fromkeys("abc", many)))
+
+
+@pytest.mark.parametrize(
+    "varied, curve",
+    [
+        ({"cell": ["a", "b"]}, "cell"),
+        ({"cell": ["a", "b"], "z": ["1", "2"]}, "z"),
+        ({"z": ["1", "2"], "fz": ["0", "-1"]}, "fz"),
+        ({"fz": ["0"], "z": ["1", "2"]}, "z"),
+    ],
+)
+def test_curve_parameter(varied, curve):
+    assert curve_parameter(varied) == curve
