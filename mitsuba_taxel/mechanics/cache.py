@@ -12,13 +12,10 @@ import json
 import os
 import tempfile
 import warnings
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-
-FORMAT = 1
-"""Raised whenever the meaning of what is kept changes."""
-
 
 def folder() -> Path:
     """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
@@ -29,9 +26,17 @@ def folder() -> Path:
 
 
 def key(*parts: object) -> str:
-    """Hexadecimal digest of values that JSON can write; floats count to the last bit."""
-    text = json.dumps([FORMAT, *parts], sort_keys=True)
+    """Hexadecimal digest of values that JSON can write (floats to the last bit), and of the code that uses them."""
+    text = json.dumps([_code(), *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """Digest of the sources that pads and mechanics are computed by: what older code left is stale."""
+    rooms = Path(__file__).parent.parent
+    files = [file for room in ("pads", "mechanics") for file in sorted((rooms / room).glob("*.py"))]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -26,12 +27,12 @@ class NeoHookean:
     poisson_ratio: float = 0.49
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.youngs_modulus) and self.youngs_modulus > 0):
+        if not (isinstance(self.youngs_modulus, Real) and 0 < self.youngs_modulus < math.inf):
             raise InputError(
-                f"youngs_modulus = {self.youngs_modulus:g} is not allowed: a finite number above 0 is needed."
+                f"youngs_modulus = {self.youngs_modulus} is not allowed: a finite number above 0 is needed."
             )
-        if not 0 <= self.poisson_ratio <= 0.5:
-            raise InputError(f"poisson_ratio = {self.poisson_ratio:g} is not allowed: a number from 0 to 0.5 is needed.")
+        if not (isinstance(self.poisson_ratio, Real) and 0 <= self.poisson_ratio <= 0.5):
+            raise InputError(f"poisson_ratio = {self.poisson_ratio} is not allowed: a number from 0 to 0.5 is needed.")
 
     @property
     def shear_modulus(self) -> float:

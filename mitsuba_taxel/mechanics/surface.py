@@ -29,7 +29,7 @@ class Surface:
     cell: np.ndarray
 
 
-def tessellate(state: State, subdivision: int = 8) -> Surface:
+def tessellate(state: State, subdivision: int = 12) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
     The faces of cells are cut into ``subdivision`` ** 2 triangles each, the others into 4, as their mid-edge nodes
@@ -84,6 +84,8 @@ def _shared_numbers(faces: np.ndarray, lattice: np.ndarray) -> np.ndarray:
     weights = lattice[None].repeat(len(faces), axis=0)
     weights = np.take_along_axis(weights, order[:, None, :].repeat(len(lattice), axis=1), axis=2)
     used = np.where(weights > 0, corners[:, None, :] + 1, 0)
+    packed = np.argsort(used == 0, axis=2, kind="stable")  # a corner without weight says nothing: it goes last
+    used, weights = (np.take_along_axis(part, packed, axis=2) for part in (used, weights))
     keys = np.concatenate([used, weights], axis=2).reshape(-1, 6)
     base = np.array([int(corners.max()) + 2] * 3 + [n + 1] * 2)
     code = np.zeros(len(keys), dtype=object if float(base.astype(float).prod()) > 2**62 else np.int64)

@@ -14,6 +14,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.scene import Scene
 
 REPLICATES = 32
+DEFAULT_TARGET = 0.005
 MOST_POINTS = 1 << 20
 _FIRST_PILOT = 256
 _SAFETY = 1.25  # a standard error from 32 replicates is itself known to 13 %
@@ -78,7 +79,7 @@ def measure(
     Parameters
     ----------
     scene : a :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``
-    target_error : relative standard error that the worst taxel should reach (default 0.002). Pilot runs with other
+    target_error : relative standard error that the worst taxel should reach (default 0.005). Pilot runs with other
         random numbers choose how many points that takes; they do not enter the result.
     points : light paths for each taxel and replicate, instead of a target; rounded up to a power of two
     replicates : independent randomisations, at least 2; the standard error comes from their scatter
@@ -97,7 +98,7 @@ def measure(
         live, parameters = _live(scene)
         with stages.stage("optics"):
             if points is None:
-                points = points_for(live, 0.002 if target_error is None else target_error, seed)
+                points = points_for(live, DEFAULT_TARGET if target_error is None else target_error, seed)
             powers, image, points = _trace(live, points, replicates, seed, irradiance)
     result = Readings(powers, points, seed, seconds, parameters, image)
     result.notes.extend(_notes(live, result, target_error))

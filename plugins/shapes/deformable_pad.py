@@ -72,7 +72,7 @@ class DeformablePad(mi.Mesh):
 
      * - subdivision
        - |int|
-       - Triangles along an edge of a finite element on the surface of a cell. (Default: 8)
+       - Triangles along an edge of a finite element on the surface of a cell. (Default: 12)
 
      * - to_world
        - |transform|
@@ -110,7 +110,7 @@ class DeformablePad(mi.Mesh):
         if not np.all(np.isfinite(self.force)):
             raise InputError(f"force = {self.force} is not allowed: three finite numbers are needed.")
         self.mesh_size = number(props, "mesh_size", 0.8, above=0)
-        self.subdivision = whole_number(props, "subdivision", 8, minimum=1, maximum=64)
+        self.subdivision = whole_number(props, "subdivision", 12, minimum=1, maximum=64)
         matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
         similarity_scale(matrix)
         if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
