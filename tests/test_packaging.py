@@ -1,12 +1,10 @@
-"""What `pip install` brings: every package of the tree, and the scenes; and the commands of the README."""
+"""What `pip install` brings: every package of the tree, and the scenes."""
 
 from __future__ import annotations
 
 import re
 from importlib.metadata import packages_distributions
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[1]
 INSTALLED_AS = {
@@ -44,11 +42,3 @@ def test_version_is_that_of_the_distribution():
 
     assert "mitsuba_taxel" in packages_distributions()["mitsuba_taxel"]
     assert mitsuba_taxel.__version__ in (ROOT / "pyproject.toml").read_text()
-
-
-@pytest.mark.parametrize("name", ["main", "tests"])
-def test_readme_has_the_commands_that_ci_runs(name):
-    blocks = re.findall(
-        rf"^<!-- command: {name} -->\n```sh\n(.+?)\n```$", (ROOT / "README.md").read_text(), re.M | re.S
-    )
-    assert len(blocks) == 1 and "\n" not in blocks[0]

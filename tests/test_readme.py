@@ -1,0 +1,43 @@
+"""What the README shows works as it stands there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.+?)\n```$", README, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("name", ["main", "tests"])
+def test_ci_finds_its_commands(name):
+    assert len(re.findall(rf"^<!-- command: {name} -->\n```sh\n.+\n```$", README, re.MULTILINE)) == 1
+
+
+def test_python_and_scene_agree(tmp_path, monkeypatch):
+    from mitsuba_taxel import measure
+
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(blocks("python")[0], names)
+    readings = names["readings"]
+    assert readings.power.shape == (9,) and np.all(readings.standard_error < 0.005 * readings.power)
+    assert names["study"].sizes["fz"] == 5
+
+    again = measure(tmp_path / "hemispheric.xml", points=readings.points, seed=1)
+    assert np.array_equal(again.replicates, readings.replicates)
+
+    (tmp_path / "scene.xml").write_text(blocks("xml")[0])
+    by_hand = measure(tmp_path / "scene.xml", points=readings.points, seed=1)
+    np.testing.assert_allclose(by_hand.power, readings.power, rtol=1e-5)
+
+
+def test_links_lead_somewhere():
+    for target in re.findall(r"\]\((?!https?://)([^)]+)\)", README):
+        assert (Path(__file__).parents[1] / target).is_file(), target
