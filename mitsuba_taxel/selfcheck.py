@@ -88,6 +88,7 @@ def check_mechanics() -> Check:
     unknowns = np.zeros(assembly.unknowns)
     for _ in range(8):
         state = assembly.evaluate(*assembly.split(unknowns))
+        assert state.tangent is not None, "the element is turned inside out"
         unknowns -= solver.factor(state.tangent).solve(state.residual - load)
     displacement, _ = assembly.split(unknowns)
     top = float(np.reshape(displacement, (-1, 3))[3, 0])

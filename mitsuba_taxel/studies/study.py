@@ -13,12 +13,11 @@ import xarray as xr
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Scene, find_scene, measure, points_for
+from mitsuba_taxel.optics.readings import DEFAULT_TARGET
 from mitsuba_taxel.studies.dataset import Result, assemble
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
 from mitsuba_taxel.studies.files import make_empty_folder
 from mitsuba_taxel.studies.vary import combinations, curve_parameter, parse_values
-
-DEFAULT_TARGET_ERROR = 0.002
 
 
 def sweep(
@@ -43,7 +42,7 @@ def sweep(
     vary : by parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, or the values themselves
     defines : values for other parameters of the scene
     target_error : relative standard error wanted for the worst taxel of the first, middle and last scene of
-        each curve (default 0.002)
+        each curve (default 0.005)
     points : light paths for each taxel and randomisation, instead of a target
     seed : whole number from 0 to 2**32 - 1
     output : folder for ``readings.nc``, ``readings.csv``, ``summary.csv``, ``power.png`` and, where the scene
@@ -68,7 +67,7 @@ def sweep(
     varied = {name: parse_values(name, values) for name, values in vary.items()}
     _check(file, varied, fixed)
     if target_error is None:
-        target_error = DEFAULT_TARGET_ERROR
+        target_error = DEFAULT_TARGET
     elif points is not None or not 0 < target_error < 1:
         raise InputError(
             f"target_error = {target_error}: a number between 0 and 1, and no points, is needed."
