@@ -15,7 +15,7 @@ from mitsuba_taxel.pads.quality import jacobians, shape_gradients
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES
 
 QUADRATIC_SURFACE = 2e-3
-"""Relative error allowed for areas and volumes of curved cells: quadratic faces on a circle of 8 or more segments."""
+"""Relative error allowed for areas and volumes of curved cells: 8 or more quadratic faces to a circle."""
 
 
 @pytest.fixture(scope="module", params=CELL_SHAPES)
@@ -50,7 +50,7 @@ def face_normals(mesh):
     (xi, eta), weight = triangle_rule()[0].T, triangle_rule()[1]
     zeta = 1 - xi - eta
     shapes = np.stack(
-        [zeta * (2 * zeta - 1), xi * (2 * xi - 1), eta * (2 * eta - 1), 4 * zeta * xi, 4 * xi * eta, 4 * eta * zeta]
+        [*(a * (2 * a - 1) for a in (zeta, xi, eta)), 4 * zeta * xi, 4 * xi * eta, 4 * eta * zeta]
     )
     by_xi = np.stack([1 - 4 * zeta, 4 * xi - 1, 0 * xi, 4 * (zeta - xi), 4 * eta, -4 * eta])
     by_eta = np.stack([1 - 4 * zeta, 0 * xi, 4 * eta - 1, -4 * xi, 4 * xi, 4 * (zeta - eta)])
@@ -151,7 +151,11 @@ def test_the_mesh_has_the_pad_s_symmetry_to_the_bit(meshed):
 @pytest.mark.parametrize("cell", CELL_SHAPES)
 @pytest.mark.parametrize(
     "arguments",
-    [{"rows": 1, "columns": 1}, {"rows": 2, "columns": 1, "wall": 0.3}, {"rows": 1, "columns": 2, "height": 2.0}],
+    [
+        {"rows": 1, "columns": 1},
+        {"rows": 2, "columns": 1, "wall": 0.3},
+        {"rows": 1, "columns": 2, "height": 2.0},
+    ],
 )
 def test_other_pads_mesh_too(cell, arguments):
     pad = Pad(cell, **arguments)

@@ -15,7 +15,7 @@ def test_the_defaults_are_the_paper_s_pad():
     pad = Pad()
     np.testing.assert_allclose(pad.extent, (11.65, 11.65, 4.55), rtol=1e-12)
     assert pad.top_of_cell == 1.55
-    # Section 2.2.2: cylinder of 1.258 mm under a cap of 0.342 mm; hemisphere of radius 1.275 mm, 0.5 mm above the board.
+    # Section 2.2.2: a cylinder of 1.258 mm under a cap of 0.342 mm; a hemisphere of radius 1.275 mm.
     assert Pad("spherical").side_height == pytest.approx(1.258, abs=5e-4)
     assert Pad("spherical").top_of_cell == 1.6
     assert Pad("hemispheric").side_height == pytest.approx(0.5, abs=1e-12)
