@@ -45,6 +45,9 @@ def register_for_every_variant() -> None:
     """Register the plugins for the current variant, if any, and for each that will be set later."""
     import mitsuba as mi
 
+    # Mitsuba asks `scalar_rgb` what kind of thing a plugin is; what it does not know it may merge, or not write as XML.
+    for name, file in plugin_files().items():
+        getattr(mi.scalar_rgb, _REGISTER[file.parent.name])(name, _refusal(name, "scalar_rgb"))
     mi.detail.add_variant_callback(_on_variant_change)
     if mi.variant() is not None:
         _register_plugins(mi.variant())

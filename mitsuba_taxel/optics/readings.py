@@ -14,7 +14,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.scene import Scene
 
 REPLICATES = 32
-DEFAULT_TARGET = 0.005
+DEFAULT_TARGET_ERROR = 0.005
 MOST_POINTS = 1 << 20
 _FIRST_PILOT = 256
 _SAFETY = 1.25  # a standard error from 32 replicates is itself known to 13 %
@@ -98,7 +98,7 @@ def measure(
         live, parameters = _live(scene)
         with stages.stage("optics"):
             if points is None:
-                points = points_for(live, DEFAULT_TARGET if target_error is None else target_error, seed)
+                points = points_for(live, DEFAULT_TARGET_ERROR if target_error is None else target_error, seed)
             powers, image, points = _trace(live, points, replicates, seed, irradiance)
     result = Readings(powers, points, seed, seconds, parameters, image)
     result.notes.extend(_notes(live, result, target_error))

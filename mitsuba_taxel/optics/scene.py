@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.backend import activate_variant, plugin_files
+from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.errors import ComputationError, InputError
 
 
@@ -77,12 +77,7 @@ class Scene:
 
         config = _parser_config(activate_variant())
         try:
-            state = self._parse(config)
-            for node in state.nodes:
-                kind = _object_type(node.props.plugin_name())
-                if kind is not None:
-                    node.type = kind
-            text = mi.parser.write_string(state)
+            text = mi.parser.write_string(self._parse(config))
         except RuntimeError as error:
             raise _one_line(error, self) from error
         try:
@@ -148,17 +143,6 @@ def _parser_config(variant: str) -> Any:
     config.merge_meshes = False  # merged meshes lose their names
     config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
     return config
-
-
-def _object_type(plugin: str) -> Any:
-    """Mitsuba's type of one of our plugins, which its own table of names does not know."""
-    import mitsuba as mi
-
-    file = plugin_files().get(plugin)
-    if file is None:
-        return None
-    kinds = {"bsdfs": "BSDF"}
-    return getattr(mi.ObjectType, kinds.get(file.parent.name, file.parent.name[:-1].capitalize()))
 
 
 def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:

@@ -39,6 +39,9 @@ class Phototransistor(mi.Sensor):
     in W/mm²; with several phototransistors the film holds one block of pixels for each, row by row, and a reading
     is the mean of its block times the area.
 
+    Mitsuba merges sensors that are the same in every parameter: to load a scene that holds two such sensors with
+    :monosp:`mi.load_file` or :monosp:`mi.load_dict`, pass :monosp:`optimize=False`. `Scene.load` needs nothing.
+
     .. tabs::
         .. code-tab:: xml
 
