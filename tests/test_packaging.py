@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -23,9 +25,7 @@ def test_pyproject_lists_every_package():
     ]
     expected = set()
     for folder in folders:
-        start = next(
-            (start for start in INSTALLED_AS if folder == start or folder.startswith(start + "/")), ""
-        )
+        start = next((start for start in INSTALLED_AS if folder == start or folder.startswith(start + "/")), "")
         expected.add((INSTALLED_AS.get(start, "") + folder.removeprefix(start)).replace("/", "."))
     assert set(re.findall(r'^ *"([\w.]+)"', listed, re.M)) == expected
 
@@ -42,3 +42,11 @@ def test_version_is_that_of_the_distribution():
 
     assert "mitsuba_taxel" in packages_distributions()["mitsuba_taxel"]
     assert mitsuba_taxel.__version__ in (ROOT / "pyproject.toml").read_text()
+
+
+def test_a_python_started_in_the_tree_finds_plugins_and_scenes():
+    code = "import mitsuba_taxel, mitsuba_taxel.scenes as s; from mitsuba_taxel.backend import plugin_files;"
+    code += "print(len(plugin_files()), *s.__path__)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    count, folder = done.stdout.split()
+    assert int(count) >= 8 and (Path(folder) / "pad.xml").is_file()
