@@ -39,14 +39,10 @@ def check_optics() -> Check:
     from mitsuba_taxel.optics import Scene, measure
 
     reference = 0.019702463
-    scene = Scene.from_file(
-        "plate.xml", z=0.7, spacing=0.7, hole=0, law="lambertian", scattering="lambertian"
-    )
+    scene = Scene.from_file("plate.xml", z=0.7, spacing=0.7, hole=0, law="lambertian", scattering="lambertian")
     readings = measure(scene, points=4096)
     power, error = float(readings.power[0]), float(readings.standard_error[0])
-    passed = (
-        abs(power - reference) < stats.t.isf(0.5e-6, len(readings.replicates) - 1) * error < 0.01 * reference
-    )
+    passed = abs(power - reference) < stats.t.isf(0.5e-6, len(readings.replicates) - 1) * error < 0.01 * reference
     return Check("optics", bool(passed), f"plate {power:.6f} +- {error:.6f} W, quadrature {reference:.6f} W")
 
 
@@ -67,9 +63,7 @@ def check_mechanics() -> Check:
     triangles = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
     edges = [[middle[frozenset((face[i], face[j]))] for i, j in FACE_EDGES] for face in triangles.tolist()]
     marks = np.zeros(4, dtype=int)
-    mesh = VolumeMesh(
-        points, np.arange(10)[None], np.concatenate([triangles, edges], axis=1), marks, marks.copy()
-    )
+    mesh = VolumeMesh(points, np.arange(10)[None], np.concatenate([triangles, edges], axis=1), marks, marks.copy())
 
     material = NeoHookean()
     gradient = np.array([[1, 0, 0.2], [0, 1, 0], [0, 0, 1]])
@@ -78,9 +72,7 @@ def check_mechanics() -> Check:
     forces = np.zeros((10, 3))
     for face in mesh.faces:
         a, b, c = points[face[:3]]
-        forces[face[3:]] += (
-            stress @ np.cross(b - a, c - a) / 6
-        )  # a third of area x traction on each mid-edge node
+        forces[face[3:]] += stress @ np.cross(b - a, c - a) / 6  # a third of area x traction on each mid-edge node
 
     fixed = points[:, 2] == 0
     assembly, solver = Assembly(mesh, material, fixed), make_solver()
@@ -92,7 +84,5 @@ def check_mechanics() -> Check:
         unknowns -= solver.factor(state.tangent).solve(state.residual - load)
     displacement, _ = assembly.split(unknowns)
     top = float(np.reshape(displacement, (-1, 3))[3, 0])
-    passed = bool(
-        np.allclose(np.reshape(displacement, (-1, 3)), points @ (gradient.T - np.eye(3)), atol=1e-9)
-    )
+    passed = bool(np.allclose(np.reshape(displacement, (-1, 3)), points @ (gradient.T - np.eye(3)), atol=1e-9))
     return Check("mechanics", passed, f"sheared element {top:.9f} mm, closed form {0.2:.9f} mm")

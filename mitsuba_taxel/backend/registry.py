@@ -72,14 +72,11 @@ def _register_plugins(variant: str) -> None:
 
     for name, file in plugin_files().items():
         kind = file.parent.name
-        if variant in SUPPORTED_VARIANTS:
-            plugin = _load_class(kind, name)
-        else:
-            plugin = _refusal(name, variant)
+        plugin = _load_class(kind, name) if variant in SUPPORTED_VARIANTS else _refusal(name, variant)
         getattr(mi, _REGISTER[kind])(name, plugin)
 
 
-def _load_class(kind: str, name: str) -> type:
+def _load_class(kind: str, name: str) -> Callable[..., object]:
     module_name = f"{_PACKAGE}.{kind}.{name}"
     if module_name in sys.modules:
         with warnings.catch_warnings():

@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.path import State, load_path
     from mitsuba_taxel.mechanics.materials import NeoHookean
+    from mitsuba_taxel.mechanics.path import State, load_path
     from mitsuba_taxel.mechanics.solvers import available_solvers
     from mitsuba_taxel.mechanics.surface import Surface, tessellate
 

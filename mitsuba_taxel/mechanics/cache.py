@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+
 def folder() -> Path:
     """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
     chosen = os.environ.get("MITSUBA_TAXEL_CACHE")
@@ -55,7 +56,7 @@ def load(name: str) -> dict[str, np.ndarray] | None:
 def store(name: str, arrays: dict[str, np.ndarray]) -> None:
     """Keep ``arrays`` under ``name``; warns where that is not possible."""
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    np.savez(buffer, allow_pickle=False, **arrays)
     archive = buffer.getvalue()
     try:
         folder().mkdir(parents=True, exist_ok=True)

@@ -71,16 +71,15 @@ class LoadedPad:
         scale = max(np.linalg.norm(load), np.linalg.norm(self.load(np.array([0, 0, self.reference_force]))))
         volume = float(self.assembly.weight.sum())
         displacements = len(self.assembly.free)
-        first = None
+        first = 0.0
         for iteration in range(MOST_ITERATIONS):
             state = self.assembly.evaluate(*self.assembly.split(unknowns))
             if state.tangent is None:
                 raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
             residual = state.residual - load
-            error = max(
-                np.linalg.norm(residual[:displacements]) / scale,
-                np.linalg.norm(residual[displacements:]) / volume,
-            )
+            force_error = float(np.linalg.norm(residual[:displacements]) / scale)
+            volume_error = float(np.linalg.norm(residual[displacements:]) / volume)
+            error = max(force_error, volume_error)
             first = first or error
             if not error < 1e6 * max(first, 1.0):
                 raise Rejected("Newton's method diverges")

@@ -89,7 +89,9 @@ class Leg:
             except Rejected as reason:
                 if length == 1:
                     force = ", ".join(f"{component:.4g}" for component in self.force(last.s))
-                    raise ComputationError(f"the pad cannot be loaded beyond the force ({force}) N: {reason}.") from reason
+                    raise ComputationError(
+                        f"the pad cannot be loaded beyond the force ({force}) N: {reason}."
+                    ) from reason
             length //= 2
 
     def _node(self, pad: LoadedPad, s: float, guess: np.ndarray):
@@ -130,7 +132,7 @@ class Leg:
         """Take the nodes from :meth:`arrays`."""
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
-        self.nodes = [Node(*row) for row in zip(*columns)]
+        self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
 
 
 def hermite(start: Node, end: Node, s: float) -> np.ndarray:

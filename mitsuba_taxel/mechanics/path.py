@@ -28,7 +28,7 @@ from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 _LOCK = threading.RLock()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A deformed pad.
 
@@ -77,17 +77,27 @@ def load_path(
     ComputationError
         naming the force beyond which the pad cannot be loaded.
     """
-    forces = np.asarray(forces, dtype=float)
-    if forces.ndim != 2 or forces.shape[1] != 3 or not np.all(np.isfinite(forces)):
-        raise InputError(f"forces = {forces.tolist()} is not allowed: rows of three finite numbers are needed.")
+    rows = _checked(forces)
     states = []
     with _LOCK:
         path = _path(pad, material, float(mesh_size))
-        for done, force in enumerate(forces, start=1):
+        for done, force in enumerate(rows, start=1):
             states.append(path.state(force))
             if progress:
-                progress(done, len(forces))
+                progress(done, len(rows))
     return states
+
+
+def _checked(forces: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
+    """The forces as an array (S, 3); raises `InputError`."""
+    try:
+        rows = np.asarray(forces, dtype=float)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[1] != 3 or not np.all(np.isfinite(rows)):
+        shown = np.asarray(forces, dtype=object).tolist()
+        raise InputError(f"forces = {shown} is not allowed: rows of three finite numbers are needed.")
+    return rows
 
 
 class _Path:

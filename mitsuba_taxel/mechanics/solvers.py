@@ -30,7 +30,7 @@ class Solver(Protocol):
 class _RslabFactorisation:
     def __init__(self, factor: Any) -> None:
         self._factor = factor
-        self.negative_pivots = int(factor.inertia[1])
+        self.negative_pivots: int | None = int(factor.inertia[1])
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         return self._factor.solve(rhs, refine=1)
@@ -51,7 +51,7 @@ class Rslab:
 
 
 class _SuperLuFactorisation:
-    negative_pivots = None
+    negative_pivots: int | None = None
 
     def __init__(self, factor: Any) -> None:
         self._factor = factor

@@ -9,6 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.path import State
 from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 
 @dataclass(frozen=True)
@@ -33,33 +34,51 @@ def tessellate(state: State, subdivision: int = 12) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
     The faces of cells are cut into ``subdivision`` ** 2 triangles each, the others into 4, as their mid-edge nodes
-    need. Both meet only along the rims of the cells, which lie flat on the board and do not move.
+    need, or into a fan where they touch a cell, so that the surface is closed.
     """
-    mesh = state.mesh
-    deformed = mesh.points + state.displacement
+    deformed = state.mesh.points + state.displacement
+    cut = _cut(state.mesh, subdivision)
+    vertices = np.einsum("vk,vkj->vj", cut.weights, deformed[cut.nodes])
+    return Surface(vertices, cut.triangles, state.mesh.face_region[cut.faces], state.mesh.face_cell[cut.faces])
+
+
+@dataclass(frozen=True)
+class _Cut:
+    """Vertices as ``weights`` (V, 6) of the ``nodes`` (V, 6) of a face; triangles, and the ``faces`` (T,) they cut."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    triangles: np.ndarray
+    faces: np.ndarray
+
+
+@lru_cache(maxsize=4)  # the states of a path share their mesh
+def _cut(mesh: VolumeMesh, subdivision: int) -> _Cut:
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
-    fine = _cut(deformed, mesh, np.flatnonzero(in_cell), subdivision)
-    coarse = _cut(deformed, mesh, np.flatnonzero(~in_cell), 2)
-    vertices = np.concatenate([fine[0], coarse[0]])
-    triangles = np.concatenate([fine[1], coarse[1] + len(fine[0])])
-    faces = np.concatenate([fine[2], coarse[2]])
-    return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces])
+    touching = np.isin(mesh.faces[:, 3:], mesh.faces[in_cell, 3:]) & ~in_cell[:, None]
+    patterns = [(np.flatnonzero(in_cell), _grid(subdivision))]
+    for edges in np.unique(touching, axis=0):
+        chosen = np.flatnonzero(~in_cell & np.all(touching == edges, axis=1))
+        segments = [subdivision if edge else 2 for edge in edges]
+        patterns.append((chosen, _fan(segments) if edges.any() else _grid(2)))
+
+    keys, nodes, weights, triangles, faces, count = [], [], [], [], [], 0
+    for chosen, (barycentric, pattern) in patterns:
+        points = len(barycentric)
+        keys.append(_keys(mesh.faces[chosen, :3], np.rint(6 * subdivision * barycentric).astype(np.int64)))
+        nodes.append(np.repeat(mesh.faces[chosen], points, axis=0))
+        weights.append(np.tile(_shape_functions(barycentric), (len(chosen), 1)))
+        first = count + points * np.arange(len(chosen))
+        triangles.append((first[:, None, None] + pattern).reshape(-1, 3))
+        faces.append(np.repeat(chosen, len(pattern)))
+        count += points * len(chosen)
+    _, kept, number = np.unique(np.concatenate(keys), axis=0, return_index=True, return_inverse=True)
+    triangles = number.ravel()[np.concatenate(triangles)].astype(np.int32)
+    return _Cut(np.concatenate(nodes)[kept], np.concatenate(weights)[kept], triangles, np.concatenate(faces))
 
 
-def _cut(points: np.ndarray, mesh, chosen: np.ndarray, subdivision: int):
-    """Vertices, triangles, and the face each triangle comes from, of the ``chosen`` faces."""
-    faces = mesh.faces[chosen]
-    weights, pattern, barycentric = _reference(subdivision)
-    vertices = np.einsum("vk,fkj->fvj", weights, points[faces]).reshape(-1, 3)
-    numbers = _shared_numbers(faces, barycentric).reshape(len(faces), -1)
-    unique, first, numbers_flat = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    triangles = numbers_flat.reshape(len(faces), -1)[:, pattern].reshape(-1, 3)
-    return vertices[first], triangles, np.repeat(chosen, len(pattern))
-
-
-@lru_cache(maxsize=8)
-def _reference(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shape functions at the lattice points of a triangle cut n times, its triangles, and the lattice itself."""
+def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates of the points of a triangle cut into n * n, and those triangles."""
     lattice = np.array([(n - i - j, i, j) for j in range(n + 1) for i in range(n + 1 - j)])
     number = {tuple(point): index for index, point in enumerate(lattice[:, 1:].tolist())}
     pattern = []
@@ -68,27 +87,39 @@ def _reference(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
             if i + j < n - 1:
                 pattern.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
-    a, b, c = (lattice / n).T
-    weights = np.stack([a * (2 * a - 1), b * (2 * b - 1), c * (2 * c - 1), 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
-    return weights, np.array(pattern), lattice
+    return lattice / n, np.array(pattern)
 
 
-def _shared_numbers(faces: np.ndarray, lattice: np.ndarray) -> np.ndarray:
-    """(F, V) a number for each lattice point of each face, equal where faces share the point.
+def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates and triangles of a fan round the centre, with so many segments on each edge."""
+    corners = np.eye(3)
+    rim = np.array(
+        [
+            corners[k] + step / count * (corners[(k + 1) % 3] - corners[k])
+            for k, count in enumerate(segments)
+            for step in range(count)
+        ]
+    )
+    around = np.arange(len(rim))
+    pattern = np.stack([around, np.roll(around, -1), np.full(len(rim), len(rim))], axis=1)
+    return np.concatenate([rim, np.full((1, 3), 1 / 3)]), pattern
 
-    A lattice point is known by the corners of its face, in order, that it has weight on, and those weights.
+
+def _shape_functions(barycentric: np.ndarray) -> np.ndarray:
+    """(P, 6) quadratic shape functions of a triangle."""
+    a, b, c = barycentric.T
+    corners = [x * (2 * x - 1) for x in (a, b, c)]
+    return np.stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
+
+
+def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(F * P, 6) what is equal for points (P, 3 whole numbers) of faces (F, 3 corners) if they are one point.
+
+    A point is known by the corners it has weight on, in order, and those weights.
     """
-    n = int(lattice[0].sum())
-    order = np.argsort(faces[:, :3], axis=1)
-    corners = np.take_along_axis(faces[:, :3], order, axis=1).astype(np.int64)
-    weights = lattice[None].repeat(len(faces), axis=0)
-    weights = np.take_along_axis(weights, order[:, None, :].repeat(len(lattice), axis=1), axis=2)
-    used = np.where(weights > 0, corners[:, None, :] + 1, 0)
-    packed = np.argsort(used == 0, axis=2, kind="stable")  # a corner without weight says nothing: it goes last
-    used, weights = (np.take_along_axis(part, packed, axis=2) for part in (used, weights))
-    keys = np.concatenate([used, weights], axis=2).reshape(-1, 6)
-    base = np.array([int(corners.max()) + 2] * 3 + [n + 1] * 2)
-    code = np.zeros(len(keys), dtype=object if float(base.astype(float).prod()) > 2**62 else np.int64)
-    for column, size in zip(keys[:, :5].T, base):
-        code = code * int(size) + column
-    return code
+    shape = (len(corners), len(weights), 3)
+    weights = np.broadcast_to(weights, shape)
+    used = np.where(weights > 0, corners[:, None, :], -1)
+    order = np.argsort(used, axis=2)
+    keys = [np.take_along_axis(part, order, axis=2) for part in (used, weights)]
+    return np.concatenate(keys, axis=2).reshape(-1, 6)

@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.optics.readings import Readings, measure, points_for
     from mitsuba_taxel.optics.objects import PadSensor, PhotoReflector, Wall
+    from mitsuba_taxel.optics.readings import Readings, measure, points_for
     from mitsuba_taxel.optics.scene import Scene, find_scene, write_xml
 
 _LAZY = {

@@ -80,7 +80,9 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
     if hasattr(shape, "face_grid"):
         return shape.face_grid(name)
     if shape.class_name() != "Rectangle":
-        raise InputError(f"{name}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}.")
+        raise InputError(
+            f"{name}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
+        )
     matrix = np.array(mi.traverse(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
     return _face_on_rectangle(matrix, name, size)
 
@@ -90,7 +92,7 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
     axes = matrix[:3, :2] / half
     if abs(axes[:, 0] @ axes[:, 1]) > 1e-5:
         raise InputError(f"{name}: the rectangle that carries it is sheared; its sides must be perpendicular.")
-    if any(extent > 2 * h * (1 + 1e-5) for extent, h in zip(size, half)):
+    if any(extent > 2 * h * (1 + 1e-5) for extent, h in zip(size, half, strict=True)):
         raise InputError(
             f"{name}: {size[0]:g} x {size[1]:g} does not fit on its rectangle of {2 * half[0]:g} x {2 * half[1]:g}."
         )

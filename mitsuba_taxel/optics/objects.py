@@ -42,7 +42,13 @@ class PhotoReflector:
 
     def to_dict(self) -> dict[str, Any]:
         """The `photo_reflector` plugin with its LED and phototransistor as a Mitsuba dictionary."""
-        led = {"type": "annular_led", "power": self.power, "size": self.size, "hole": self.hole, "law": self.law}
+        led = {
+            "type": "annular_led",
+            "power": self.power,
+            "size": self.size,
+            "hole": self.hole,
+            "law": self.law,
+        }
         return {
             "type": "photo_reflector",
             "rows": self.rows,

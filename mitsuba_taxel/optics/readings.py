@@ -149,8 +149,8 @@ def _render(scene: Any, points: int, replicates: int, seed: int):
         if not hasattr(sensor, "spread_film"):
             raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
         faces = sensor.faces
-        maps = [mi.render(scene, sensor=sensor, spp=points, seed=seed * replicates + r) for r in range(replicates)]
-        maps = np.array([np.asarray(image)[:, :, 0] for image in maps], dtype=float)
+        renders = (mi.render(scene, sensor=sensor, spp=points, seed=seed * replicates + r) for r in range(replicates))
+        maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
         blocks = maps.reshape(replicates, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
         columns.append(blocks.mean(axis=(2, 4)).reshape(replicates, -1) * faces.area[0])
         images.append(maps.mean(axis=0))
@@ -167,7 +167,9 @@ def _notes(scene: Any, result: Readings, target_error: float | None) -> list[str
     if any(hasattr(shape, "pad") for shape in scene.shapes()):
         notes.append("mechanics error unknown: the stated error is that of the light alone")
     if target_error is not None and result.relative_error > target_error:
-        notes.append(f"target error {target_error:g} not reached: {result.relative_error:.2g} with {result.points} points")
+        notes.append(
+            f"target error {target_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
+        )
     dark = result.taxel[result.power <= 0]
     if len(dark):
         notes.append(f"no light found on taxel {', '.join(map(str, dark))}")

@@ -109,9 +109,9 @@ def find_scene(source: str | Path) -> Path:
     path = Path(source)
     if path.is_file():
         return path
-    from mitsuba_taxel import scenes
+    from importlib.resources import files
 
-    folder = Path(scenes.__path__[0])
+    folder = Path(str(files("mitsuba_taxel.scenes")))
     shipped = folder / path.name
     if path.parent == Path(".") and shipped.is_file():
         return shipped

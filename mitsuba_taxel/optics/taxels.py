@@ -46,5 +46,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
             raise InputError(f"taxel_tracer: every sensor must be a phototransistor, not a {sensor.class_name()}.")
     counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
     if counts[0] != counts[1] or len(leds) != len(sensors):
-        raise InputError(f"taxel_tracer: the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own.")
-    return [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors)]
+        raise InputError(
+            f"taxel_tracer: the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own."
+        )
+    return [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]

@@ -119,10 +119,10 @@ def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Boundary triangles turned counter-clockwise seen from outside."""
-    owners = {}
+    owners: dict[tuple[int, ...], int] = {}
     for corners in ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0)):
         keys = np.sort(tets[:, corners[:3]], axis=1)
-        owners.update(zip(map(tuple, keys), tets[:, corners[3]]))
+        owners.update(zip(map(tuple, keys), tets[:, corners[3]], strict=True))
     inside = np.array([owners[tuple(key)] for key in np.sort(faces[:, :3], axis=1)])
     a, b, c = (points[faces[:, k]] for k in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), points[inside] - a) > 0

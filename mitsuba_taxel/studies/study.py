@@ -13,7 +13,7 @@ import xarray as xr
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Scene, find_scene, measure, points_for
-from mitsuba_taxel.optics.readings import DEFAULT_TARGET
+from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR
 from mitsuba_taxel.studies.dataset import Result, assemble
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
 from mitsuba_taxel.studies.files import make_empty_folder
@@ -67,7 +67,7 @@ def sweep(
     varied = {name: parse_values(name, values) for name, values in vary.items()}
     _check(file, varied, fixed)
     if target_error is None:
-        target_error = DEFAULT_TARGET
+        target_error = DEFAULT_TARGET_ERROR
     elif points is not None or not 0 < target_error < 1:
         raise InputError(
             f"target_error = {target_error}: a number between 0 and 1, and no points, is needed."

@@ -7,7 +7,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.emission import read_law
-from mitsuba_taxel.optics.faces import faces_on
+from mitsuba_taxel.optics.faces import FaceGrid, faces_on
 from mitsuba_taxel.optics.parameters import number
 
 
@@ -67,16 +67,18 @@ class AnnularLed(mi.Emitter):
         self.side = number(props, "size", 0.25, above=0)
         self.hole_side = number(props, "hole", 0.1, minimum=0)
         if self.hole_side >= self.side:
-            raise InputError(f"hole = {self.hole_side:g} is not allowed: a number below size = {self.side:g} is needed.")
+            raise InputError(
+                f"hole = {self.hole_side:g} is not allowed: a number below size = {self.side:g} is needed."
+            )
         self.law = read_law(props)
         self.power = dr.opaque(mi.Float, power)
-        self._faces = None
+        self._faces: FaceGrid | None = None
         self.m_flags = +mi.EmitterFlags.Surface | +mi.EmitterFlags.SpatiallyVarying
 
     # What `taxel_tracer` asks: one LED at a time
 
     @property
-    def faces(self):
+    def faces(self) -> FaceGrid:
         """Where the LEDs are; found when first asked for, since the shape adopts its emitter late."""
         if self._faces is None:
             self._faces = faces_on(self.get_shape(), "led", (self.side, self.side))

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.faces import faces_on
+from mitsuba_taxel.optics.faces import FaceGrid, faces_on
 from mitsuba_taxel.optics.parameters import number
 
 
@@ -76,7 +76,7 @@ class Phototransistor(mi.Sensor):
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         self.block = tuple(int(n) for n in self.film().size())
         self.m_needs_sample_3 = True
-        self._faces = None
+        self._faces: FaceGrid | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
         """Give the film one block of pixels for each phototransistor of an array."""
@@ -87,7 +87,7 @@ class Phototransistor(mi.Sensor):
     # What `taxel_tracer` asks: one phototransistor at a time
 
     @property
-    def faces(self):
+    def faces(self) -> FaceGrid:
         """Where the phototransistors are; found when first asked for, since the shape adopts its sensor late."""
         if self._faces is None:
             self._faces = faces_on(self.get_shape(), "phototransistor", (self.width, self.depth))
@@ -159,7 +159,9 @@ class Phototransistor(mi.Sensor):
 
     def pdf_direction(self, it, ds, active=True):
         cos_theta = -dr.dot(ds.d, ds.n)
-        return dr.select(active & (cos_theta > 0), dr.square(ds.dist) / (cos_theta * self.faces.count * self.faces.area), 0)
+        return dr.select(
+            active & (cos_theta > 0), dr.square(ds.dist) / (cos_theta * self.faces.count * self.faces.area), 0
+        )
 
     def eval(self, si, active=True):
         return mi.Spectrum(dr.rcp(self.faces.count * self.faces.area)) & active

@@ -135,4 +135,4 @@ class DeformablePad(mi.Mesh):
 def _read_pad(props: mi.Properties) -> Pad:
     lengths = {name: number(props, name, above=0) for name in _PAD_LENGTHS if name in props}
     counts = {name: whole_number(props, name, 3, minimum=1, maximum=100) for name in ("rows", "columns")}
-    return Pad(cell=props.get("cell", Pad.cell), **counts, **lengths)
+    return Pad(cell=props.get("cell", Pad.cell), rows=counts["rows"], columns=counts["columns"], **lengths)

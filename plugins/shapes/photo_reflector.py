@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import mitsuba as mi
 import numpy as np
 
@@ -93,7 +95,9 @@ class PhotoReflector(mi.Mesh):
         leds = [value for _, value in props.objects() if isinstance(value, mi.Emitter)]
         detectors = [value for _, value in props.objects() if isinstance(value, mi.Sensor)]
         if len(leds) != 1 or not hasattr(leds[0], "side"):
-            raise InputError(f"photo_reflector: exactly one annular_led must be nested in it, not {len(leds)} emitters.")
+            raise InputError(
+                f"photo_reflector: exactly one annular_led must be nested in it, not {len(leds)} emitters."
+            )
         if len(detectors) != 1 or not hasattr(detectors[0], "depth"):
             raise InputError(
                 f"photo_reflector: exactly one phototransistor must be nested in it, not {len(detectors)} sensors."
@@ -111,7 +115,9 @@ class PhotoReflector(mi.Mesh):
                 f"to {furthest:g} (the edge of the body) is needed."
             )
         if max(led_y, detector_y) > width:
-            raise InputError(f"body = {tuple(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}.")
+            raise InputError(
+                f"body = {tuple(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}."
+            )
         if min(self.rows, self.columns) * max(self.rows, self.columns) > 1 and self.pitch < max(length, width):
             raise InputError(
                 f"pitch = {self.pitch:g} is not allowed: at least {max(length, width):g} is needed, or bodies overlap."
@@ -165,7 +171,8 @@ def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
     number: dict[tuple[float, float, float], int] = {}
     triangles: list[tuple[int, int, int]] = []
 
-    def vertex(*p: float) -> int:
+    def vertex(x: float, y: float, z: float) -> int:
+        p = (x, y, z)
         if p not in number:
             number[p] = len(vertices)
             vertices.append(p)
@@ -177,13 +184,13 @@ def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
 
     top = float(size[2])
     xs, ys = [float(v) for v in x], [float(v) for v in y]
-    for x0, x1 in zip(xs, xs[1:]):
-        for y0, y1 in zip(ys, ys[1:]):
+    for x0, x1 in pairwise(xs):
+        for y0, y1 in pairwise(ys):
             quad((x0, y0, top), (x1, y0, top), (x1, y1, top), (x0, y1, top))
             quad((x0, y0, 0.0), (x0, y1, 0.0), (x1, y1, 0.0), (x1, y0, 0.0))
         quad((x0, ys[0], 0.0), (x1, ys[0], 0.0), (x1, ys[0], top), (x0, ys[0], top))
         quad((x1, ys[-1], 0.0), (x0, ys[-1], 0.0), (x0, ys[-1], top), (x1, ys[-1], top))
-    for y0, y1 in zip(ys, ys[1:]):
+    for y0, y1 in pairwise(ys):
         quad((xs[0], y1, 0.0), (xs[0], y0, 0.0), (xs[0], y0, top), (xs[0], y1, top))
         quad((xs[-1], y0, 0.0), (xs[-1], y1, 0.0), (xs[-1], y1, top), (xs[-1], y0, top))
     return np.array(vertices), np.array(triangles)

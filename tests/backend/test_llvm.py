@@ -86,7 +86,7 @@ def test_import_is_light():
     """Importing the package brings mitsuba and nothing else heavy."""
     done = python(
         "import sys, mitsuba_taxel;"
-        "heavy = {'scipy', 'netgen', 'trimesh', 'matplotlib', 'xarray', 'pandas', 'dask', 'rich', 'rslab', 'pytetwild'};"
+        "heavy = {'scipy', 'netgen', 'trimesh', 'matplotlib', 'xarray', 'pandas', 'dask', 'rich', 'rslab'};"
         "print(*(heavy & set(sys.modules)))"
     )
     assert done.stdout.strip() == "", done.stdout + done.stderr

@@ -18,7 +18,13 @@ def test_known_before_and_after_changing_the_variant(llvm_mono):
         assert mi.load_string('<bsdf version="3.9.0" type="wall"/>').scattering == "lambertian"
 
 
-@pytest.mark.parametrize("order", ["mi.set_variant('llvm_ad_rgb'); import mitsuba_taxel", "import mitsuba_taxel; mi.set_variant('llvm_ad_rgb')"])
+@pytest.mark.parametrize(
+    "order",
+    [
+        "mi.set_variant('llvm_ad_rgb'); import mitsuba_taxel",
+        "import mitsuba_taxel; mi.set_variant('llvm_ad_rgb')",
+    ],
+)
 def test_any_order_of_import_and_variant(order):
     # drjit's LLVM must be chosen before mitsuba is imported, so the backend goes first here.
     code = f"""
@@ -37,7 +43,9 @@ def test_other_variants_are_refused_with_a_clear_error(llvm_mono, variant, plugi
     mi = llvm_mono
     mi.set_variant(variant)
     try:
-        with pytest.raises(RuntimeError, match=f"{plugin} does not work in the variant {variant}: allowed are llvm_ad_mono"):
+        with pytest.raises(
+            RuntimeError, match=f"{plugin} does not work in the variant {variant}: allowed are llvm_ad_mono"
+        ):
             mi.load_dict({"type": plugin})
     finally:
         mi.set_variant("llvm_ad_mono")

@@ -68,7 +68,9 @@ def test_cells_of_an_undeformed_pad_read_alike(llvm_mono, agree, cell):
 def test_stock_path_agrees_on_lambertian_walls(llvm_mono, agree, tmp_path, cell, fz):
     """Every wall reflects, many bounces, a deformed pad: Mitsuba's own path tracer from the other end."""
     walls = (
-        '<bsdf name="roof" type="wall">\n                <string name="scattering" value="$scattering"/>\n            </bsdf>',
+        '<bsdf name="roof" type="wall">\n'
+        '                <string name="scattering" value="$scattering"/>\n'
+        "            </bsdf>",
         '<bsdf name="roof" type="wall"> <float name="reflectance" value="0.9"/> </bsdf>'
         '<bsdf name="side" type="wall"> <float name="reflectance" value="0.4"/> </bsdf>',
     )
@@ -116,8 +118,14 @@ def test_scene_from_python_written_as_xml_reads_the_same_to_the_bit(llvm_mono, t
 @pytest.mark.parametrize("cell", ["cylindrical", "hemispheric"])
 def test_finer_roofs_change_readings_by_less_than_a_thousandth(llvm_mono, agree, tmp_path, cell):
     """Twice as fine as the default: the change is within 0.1 %, as far as the light's noise lets one see."""
-    finer = ('<string name="cell" value="$cell"/>', '<string name="cell" value="$cell"/><integer name="subdivision" value="24"/>')
-    two_bounces = ('type="taxel_tracer"/>', 'type="taxel_tracer"><integer name="max_depth" value="2"/></integrator>')
+    finer = (
+        '<string name="cell" value="$cell"/>',
+        '<string name="cell" value="$cell"/><integer name="subdivision" value="24"/>',
+    )
+    two_bounces = (
+        'type="taxel_tracer"/>',
+        'type="taxel_tracer"><integer name="max_depth" value="2"/></integrator>',
+    )
     values = dict(cell=cell, fz=-10)
     default = measure(Scene.from_file(edited(tmp_path, "default.xml", two_bounces), **values), points=1 << 12)
     fine = measure(Scene.from_file(edited(tmp_path, "finer.xml", two_bounces, finer), **values), points=1 << 12)
@@ -157,13 +165,22 @@ def test_plain_loading_of_several_pads_at_once(llvm_mono, optimize):
     mi = llvm_mono
     shift = mi.ScalarTransform4f().translate([40, 0, 0])
     pad = {"type": "deformable_pad", "rows": 1, "columns": 1, "force": [0, 0, -0.3]}
-    reflector = {"type": "photo_reflector", "led": {"type": "annular_led"}, "detector": {"type": "phototransistor"}}
+    reflector = {
+        "type": "photo_reflector",
+        "led": {"type": "annular_led"},
+        "detector": {"type": "phototransistor"},
+    }
     scene = mi.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "taxel_tracer"},
             "a": {**pad, "walls": {"type": "region", "roof": {"type": "wall"}}},
-            "b": {**pad, "cell": "cylindrical", "to_world": shift, "walls": {"type": "region", "roof": {"type": "wall"}}},
+            "b": {
+                **pad,
+                "cell": "cylindrical",
+                "to_world": shift,
+                "walls": {"type": "region", "roof": {"type": "wall"}},
+            },
             "c": reflector,
             "d": {**reflector, "to_world": shift, "detector": {"type": "phototransistor", "width": 0.5}},
         },

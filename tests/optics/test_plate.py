@@ -75,10 +75,13 @@ def test_connections_hits_and_both_agree(llvm_mono, agree, tmp_path, scattering,
     readings = {}
     for strategy in ("connections", "hits", "both"):
         scene = with_integrator(
-            tmp_path, f'<integrator type="taxel_tracer"><string name="strategy" value="{strategy}"/></integrator>'
+            tmp_path,
+            f'<integrator type="taxel_tracer"><string name="strategy" value="{strategy}"/></integrator>',
         )
         readings[strategy] = measure(
-            Scene.from_file(scene, z=z, scattering=scattering, law="lambertian", spacing=0.7), points=1 << 15, seed=3
+            Scene.from_file(scene, z=z, scattering=scattering, law="lambertian", spacing=0.7),
+            points=1 << 15,
+            seed=3,
         )
     for strategy in ("connections", "hits"):
         mine, other = readings[strategy], readings["both"]

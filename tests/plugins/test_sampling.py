@@ -81,7 +81,10 @@ def led_on_rectangle(mi, **parameters):
     """An LED on a 2 x 2 rectangle that is turned and displaced."""
     turn = mi.ScalarTransform4f().translate([0.3, -0.2, 0.7]).rotate([0.6, 0.8, 0], 50)
     scene = mi.load_dict(
-        {"type": "scene", "r": {"type": "rectangle", "to_world": turn, "led": {"type": "annular_led", **parameters}}}
+        {
+            "type": "scene",
+            "r": {"type": "rectangle", "to_world": turn, "led": {"type": "annular_led", **parameters}},
+        }
     )
     return scene, scene.emitters()[0]
 
@@ -191,7 +194,9 @@ def test_wall_transport_modes_are_adjoint(llvm_mono, scattering):
     assert from_light.numpy() == pytest.approx(from_detector.numpy(), rel=1e-4)
 
 
-@pytest.mark.parametrize("scattering, albedo", [("lambertian", 0.7), ("isotropic", 0.7), ("mirror", 0.7), ("absorbing", 0)])
+@pytest.mark.parametrize(
+    "scattering, albedo", [("lambertian", 0.7), ("isotropic", 0.7), ("mirror", 0.7), ("absorbing", 0)]
+)
 def test_wall_reflects_its_reflectance(llvm_mono, scattering, albedo):
     import drjit as dr
 
@@ -202,6 +207,9 @@ def test_wall_reflects_its_reflectance(llvm_mono, scattering, albedo):
     si.wi = dr.normalize(mi.Vector3f(0.5, 0.1, 0.3))
     rng = mi.PCG32(size=1000)
     _, weight = bsdf.sample(
-        mi.BSDFContext(mi.TransportMode.Importance), si, 0.5, mi.Point2f(rng.next_float32(), rng.next_float32())
+        mi.BSDFContext(mi.TransportMode.Importance),
+        si,
+        0.5,
+        mi.Point2f(rng.next_float32(), rng.next_float32()),
     )
     assert np.allclose(weight[0].numpy(), albedo)
