@@ -47,6 +47,10 @@ def main() -> None:
     settings = SimpleNamespace(debug=False)
     try:
         status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
+        status = 1
     except click.exceptions.NoArgsIsHelpError as request:
         request.show()
         status = request.exit_code

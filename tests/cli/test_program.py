@@ -115,6 +115,12 @@ def test_interrupt_ends_cleanly(program, tmp_path):
     assert run.returncode == 130 and out == "" and err.strip() == "taxel: interrupted"
 
 
+def test_a_reader_that_stops_early_is_no_error(program, tmp_path):
+    command = f"{program} plugins | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr == ""
+
+
 def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd):
     @click.command()
     def command():
