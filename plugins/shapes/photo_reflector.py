@@ -8,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.faces import FaceGrid
+from mitsuba_taxel.optics.faces import FaceGrid, similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import initialize_mesh
 from mitsuba_taxel.optics.parameters import number, whole_number
 
@@ -82,6 +82,7 @@ class PhotoReflector(mi.Mesh):
         if not np.all(np.isfinite(self.body) & (self.body > 0)):
             raise InputError(f"body = {tuple(self.body)} is not allowed: three finite numbers above 0 are needed.")
         self.to_world = props.get("to_world", mi.ScalarTransform4f())
+        similarity_scale(np.array(self.to_world.matrix, dtype=float))
         led, detector = self._nested(props)
         self.sizes = {"led": (led.side, led.side), "phototransistor": (detector.width, detector.depth)}
         self._check_layout()
