@@ -31,6 +31,7 @@ def test_the_table_names_exactly_what_the_plugin_reads(name):
     assert documented - NESTED == read
 
 
+BOTH = '<emitter type="annular_led"/> <sensor type="phototransistor"/>'
 LED = '<emitter type="annular_led">{}</emitter>'
 SENSOR = '<sensor type="phototransistor">{}</sensor>'
 
@@ -42,7 +43,8 @@ SENSOR = '<sensor type="phototransistor">{}</sensor>'
         ('<bsdf type="wall"> <float name="reflectance" value="nan"/> </bsdf>', "reflectance = nan"),
         ('<bsdf type="wall"> <string name="scattering" value="shiny"/> </bsdf>', "scattering = 'shiny'"),
         (
-            '<bsdf type="wall"> <string name="scattering" value="absorbing"/> <float name="reflectance" value="1"/> </bsdf>',
+            '<bsdf type="wall"> <string name="scattering" value="absorbing"/>'
+            '<float name="reflectance" value="1"/> </bsdf>',
             "reflectance is not allowed",
         ),
         ('<bsdf type="wall"> <float name="reflectence" value="1"/> </bsdf>', "reflectence"),
@@ -59,21 +61,20 @@ SENSOR = '<sensor type="phototransistor">{}</sensor>'
         ('<shape type="photo_reflector"/>', "exactly one annular_led"),
         (f'<shape type="photo_reflector">{LED.format("")}</shape>', "exactly one phototransistor"),
         (
-            f'<shape type="photo_reflector"> <float name="spacing" value="1"/> {LED.format("")} {SENSOR.format("")} </shape>',
+            f'<shape type="photo_reflector"> <float name="spacing" value="1"/> {BOTH} </shape>',
             "spacing = 1 is not allowed: from 0.385 .* to 0.94",
         ),
         (
-            f'<shape type="photo_reflector"> <float name="spacing" value="0.3"/> {LED.format("")} {SENSOR.format("")} </shape>',
+            f'<shape type="photo_reflector"> <float name="spacing" value="0.3"/> {BOTH} </shape>',
             "spacing = 0.3",
         ),
         (
             '<shape type="photo_reflector"> <integer name="rows" value="2"/> <float name="pitch" value="1"/>'
-            f"{LED.format('')} {SENSOR.format('')} </shape>",
+            f"{BOTH} </shape>",
             "pitch = 1 is not allowed: at least 1.46",
         ),
         (
-            '<shape type="photo_reflector"> <transform name="to_world"> <scale x="2"/> </transform>'
-            f"{LED.format('')} {SENSOR.format('')} </shape>",
+            f'<shape type="photo_reflector"> <transform name="to_world"> <scale x="2"/> </transform>{BOTH} </shape>',
             "to_world must be a rigid motion",
         ),
         ('<shape type="deformable_pad"> <string name="cell" value="round"/> </shape>', "cell = 'round'"),
