@@ -185,19 +185,15 @@ def mean_top_displacement(mesh, displacement):
     return area @ displacement[top[:, 3:], 2].mean(axis=1) / area.sum()
 
 
-@pytest.mark.parametrize(("nu", "converged"), [(0.49, -0.1729), (0.4999, -0.1711)])
-def test_the_paper_s_pad_converges_to_what_an_independent_code_found(nu, converged):
-    """At -20 N uniform Taylor-Hood meshes of 0.8, 0.55 and 0.4 mm gave -.17119, -.1725, -.17287 mm (nu = .49).
+@pytest.mark.parametrize(("nu", "independent"), [(0.49, -0.17287), (0.4999, -0.17075)])
+def test_the_paper_s_pad_under_20_newtons_agrees_with_an_independent_code(nu, independent):
+    """Uniform Taylor-Hood meshes of another code: 0.4 mm, 213 000 unknowns (nu = .49); 0.55 mm (nu = .4999).
 
-    The limit is good to 0.3 %; meshes graded towards the glued edges come within 0.3 % from a coarser mesh on.
+    These values are not the limit: 0.8, 0.55, 0.4 mm gave -.17119, -.1725, -.17287, and our graded mesh of 0.5 mm
+    gives -.17361 and -.17191. So the two are held to 0.3 % of each other, and nothing is said of the error.
     """
-    means = []
-    for size in (1.6, 0.8):
-        mesh = mesh_pad(Pad(), size)
-        pad = LoadedPad(mesh, NeoHookean(4.16, nu))
-        solution, _ = pad.solve(np.zeros(pad.assembly.unknowns), np.array([0, 0, -20.0]))
-        displacement, _ = pad.assembly.split(solution.unknowns)
-        means.append(mean_top_displacement(mesh, displacement))
-    coarse, fine = means
-    assert abs(fine - converged) < abs(coarse - converged)
-    assert fine == pytest.approx(converged, rel=3e-3)
+    mesh = mesh_pad(Pad(), 0.8)
+    pad = LoadedPad(mesh, NeoHookean(4.16, nu))
+    solution, _ = pad.solve(np.zeros(pad.assembly.unknowns), np.array([0, 0, -20.0]))
+    displacement, _ = pad.assembly.split(solution.unknowns)
+    assert mean_top_displacement(mesh, displacement) == pytest.approx(independent, rel=3e-3)
