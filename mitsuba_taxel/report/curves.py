@@ -40,7 +40,6 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
         columns,
         figsize=(5.2 * columns + 1.2, 3.2 * rows + 0.6),
         sharex=True,
-        sharey="row",
         squeeze=False,
         layout="constrained",
     )
