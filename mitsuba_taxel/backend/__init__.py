@@ -48,7 +48,7 @@ def report() -> dict[str, object]:
         "versions": versions,
         "llvm": {
             "path": os.environ.get("DRJIT_LIBLLVM_PATH", "found by Dr.Jit"),
-            "version": ".".join(map(str, version)) if version else "none",
+            "version": ".".join(map(str, version)) if version and version[0] > 0 else "none",
         },
         "variants": [variant for variant in mi.variants() if variant in SUPPORTED_VARIANTS],
         "plugins": sorted(plugin_files()),

@@ -45,12 +45,18 @@ def check_llvm() -> None:
     Raises
     ------
     ImportError
-        if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`.
+        if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`, or ``DRJIT_LIBLLVM_PATH`` names none.
     """
     import drjit as dr
 
     version = dr.detail.llvm_version()
-    if version and version[0] < OLDEST_LLVM:
+    loaded = bool(version) and version[0] > 0
+    chosen = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if not loaded and chosen:
+        raise ImportError(
+            f"DRJIT_LIBLLVM_PATH = {chosen!r} cannot be loaded: a libLLVM of version {OLDEST_LLVM} or newer is needed."
+        )
+    if loaded and version[0] < OLDEST_LLVM:
         found = ".".join(map(str, version))
         raise ImportError(f"Dr.Jit has loaded LLVM {found}, which aborts at the first render: {_REMEDY}.")
 

@@ -43,6 +43,9 @@ QUADRATURE_POINTS = np.concatenate(
 QUADRATURE_WEIGHTS = np.repeat([0.1362178425370874, 0.1137821574629126], 4) / 6
 
 
+ELEMENTS_AT_ONCE = 256
+
+
 @dataclass(frozen=True)
 class Configuration:
     """Residual and tangent at a state, and what they were made of."""
@@ -122,11 +125,7 @@ class Assembly:
         cofactor = determinant[..., None, None] * inverse_transpose
         stress = self.material.stress(gradient, determinant, inverse_transpose) + p[..., None, None] * cofactor
         residual = self._residual(stress, determinant, p)
-        tangent = None
-        if with_tangent:
-            moduli = self.material.tangent(gradient, determinant, inverse_transpose)
-            moduli += _pressure_moduli(p * determinant, inverse_transpose)
-            tangent = self._tangent(moduli, cofactor)
+        tangent = self._tangent(gradient, determinant, inverse_transpose, p) if with_tangent else None
         return Configuration(residual, tangent, least)
 
     def _residual(self, stress: np.ndarray, determinant: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -137,25 +136,38 @@ class Assembly:
         free = self.element_unknowns >= 0
         return np.bincount(self.element_unknowns[free], weights=element[free], minlength=self.unknowns)
 
-    def _tangent(self, moduli: np.ndarray, cofactor: np.ndarray) -> sparse.csc_matrix:
-        """Lower triangle of the tangent."""
-        count, points = self.weight.shape
-        b = self.gradients
+    def _tangent(
+        self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray, p: np.ndarray
+    ) -> sparse.csc_matrix:
+        """Lower triangle of the tangent, from a few elements at a time, as many as the processor's cache holds."""
+        matrix = np.empty((len(p), 34, 34))
+        for start in range(0, len(p), ELEMENTS_AT_ONCE):
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            state = (gradient[here], determinant[here], inverse_transpose[here])
+            moduli = self.material.tangent(*state)
+            moduli += _pressure_moduli(p[here] * determinant[here], inverse_transpose[here])
+            cofactor = determinant[here, :, None, None] * inverse_transpose[here]
+            self._fill(matrix[here], self.weight[here], self.gradients[here], moduli, cofactor)
+        data = np.bincount(self._target, weights=matrix.reshape(-1)[self._kept], minlength=len(self._indices))
+        return sparse.csc_matrix((data, self._indices, self._indptr), shape=(self.unknowns, self.unknowns))
+
+    def _fill(
+        self, matrix: np.ndarray, weight: np.ndarray, b: np.ndarray, moduli: np.ndarray, cofactor: np.ndarray
+    ) -> None:
+        """Matrices (m, 34, 34) of m elements, of which only the lower triangle is used."""
+        count, points = weight.shape
         # sum over q, j, l of w B_aj A_ijkl B_bl, as two batched matrix products
         right = moduli.reshape(count, points, 27, 3) @ np.swapaxes(b, -1, -2)
         right = right.reshape(count, points, 3, 3, 3, 10).transpose(0, 1, 3, 2, 5, 4)  # (m, q, j, i, b, k)
-        left = (self.weight[..., None, None] * b).transpose(0, 2, 1, 3).reshape(count, 10, 3 * points)
+        weighted = weight[..., None, None] * b
+        left = weighted.transpose(0, 2, 1, 3).reshape(count, 10, 3 * points)
         stiffness = left @ np.ascontiguousarray(right).reshape(count, 3 * points, 90)  # (m, a, i b k)
-
-        matrix = np.zeros((count, 34, 34))
         matrix[:, :30, :30] = stiffness.reshape(count, 30, 30)
-        normal = np.einsum("mq,mqij,mqaj->mqai", self.weight, cofactor, b, optimize=True).reshape(count, points, 30)
-        coupling = np.swapaxes(normal, 1, 2) @ self.pressure_shapes
-        matrix[:, 30:, :30] = np.swapaxes(coupling, 1, 2)
-        mass = np.einsum("mq,qa,qb->mab", self.weight, self.pressure_shapes, self.pressure_shapes)
+        matrix[:, :30, 30:] = 0
+        normal = (weighted @ np.swapaxes(cofactor, -1, -2)).reshape(count, points, 30)
+        matrix[:, 30:, :30] = self.pressure_shapes.T @ normal
+        mass = (weight[:, None, :] * self.pressure_shapes.T) @ self.pressure_shapes
         matrix[:, 30:, 30:] = -self.material.compressibility * mass
-        data = np.bincount(self._target, weights=matrix.reshape(-1)[self._kept], minlength=len(self._indices))
-        return sparse.csc_matrix((data, self._indices, self._indptr), shape=(self.unknowns, self.unknowns))
 
 
 def _pressure_moduli(scale: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, L
 from mitsuba_taxel.mechanics.materials import NeoHookean
 from mitsuba_taxel.mechanics.solvers import available_solvers
 from mitsuba_taxel.pads.meshing import DEFAULT_MESH_SIZE, mesh_pad
-from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 _LOCK = threading.RLock()
@@ -119,6 +119,13 @@ class _Path:
         return VolumeMesh(**arrays)
 
     @cached_property
+    def _free(self) -> np.ndarray:
+        """(N,) whether each node may move."""
+        free = np.ones(len(self.mesh.points), dtype=bool)
+        free[self.mesh.faces[self.mesh.face_region == REGIONS["bottom"]]] = False
+        return free
+
+    @cached_property
     def loaded(self) -> LoadedPad:
         return LoadedPad(self.mesh, self.material)
 
@@ -143,8 +150,7 @@ class _Path:
 
     @property
     def _rest(self) -> Interpolated:
-        fixed = np.unique(self.mesh.faces[self.mesh.face_region == 3])
-        unknowns = 3 * (len(self.mesh.points) - len(fixed)) + self.mesh.corner_count
+        unknowns = 3 * np.count_nonzero(self._free) + self.mesh.corner_count
         return Interpolated(np.zeros(unknowns), 1.0, 0.0, 0, True)
 
     def _leg(self, origin: tuple[float, float, float], direction: np.ndarray) -> Leg:
@@ -173,10 +179,8 @@ class _Path:
 
     def _state(self, force: np.ndarray, at: Interpolated) -> State:
         displacement = np.zeros((len(self.mesh.points), 3))
-        free = np.ones(len(self.mesh.points), dtype=bool)
-        free[self.mesh.faces[self.mesh.face_region == 3]] = False
-        count = 3 * int(free.sum())
-        displacement[free] = at.unknowns[:count].reshape(-1, 3)
+        count = 3 * np.count_nonzero(self._free)
+        displacement[self._free] = at.unknowns[:count].reshape(-1, 3)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
         return State(self.mesh, np.array(force), displacement, at.unknowns[count:], *figures)
 

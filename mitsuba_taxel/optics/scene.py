@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,7 @@ class Scene:
         self.parameters = {**self.defaults, **given}
 
     @classmethod
-    def from_file(cls, source: str | Path, **parameters: object) -> Scene:
+    def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
         """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
         return cls(find_scene(source), parameters)
 
@@ -62,7 +64,7 @@ class Scene:
         """
         import mitsuba as mi
 
-        with stages.stage("load"):
+        with stages.stage("load"), self._files_beside_it():
             config = _parser_config(activate_variant())
             try:
                 state = self._parse(config)
@@ -84,6 +86,21 @@ class Scene:
             Path(path).write_text(text)
         except OSError as error:
             raise InputError(f"{path} cannot be written: {error.strerror}.") from error
+
+    @contextmanager
+    def _files_beside_it(self) -> Iterator[None]:
+        """Let a scene name files (meshes, say) relative to its own folder."""
+        import mitsuba as mi
+
+        before = mi.file_resolver()
+        if isinstance(self.source, Path):
+            resolver = mi.FileResolver(before)
+            resolver.prepend(str(self.source.resolve().parent))
+            mi.set_file_resolver(resolver)
+        try:
+            yield
+        finally:
+            mi.set_file_resolver(before)
 
     def _parse(self, config: Any) -> Any:
         import mitsuba as mi

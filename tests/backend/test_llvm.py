@@ -49,6 +49,12 @@ def test_unfit_library_already_loaded_is_refused_in_one_line(code):
     assert "import mitsuba_taxel before mitsuba" in message and "DRJIT_LIBLLVM_PATH" in message
 
 
+def test_a_path_that_leads_nowhere_is_named():
+    done = python("import mitsuba_taxel", DRJIT_LIBLLVM_PATH="/nowhere/libLLVM.so")
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1].startswith("ImportError: DRJIT_LIBLLVM_PATH = '/nowhere/libLLVM.so'")
+
+
 def test_mitsuba_imported_first_renders_or_is_refused():
     done = python(f"import mitsuba as mi, mitsuba_taxel as mt; {RENDER}")
     if done.returncode:
