@@ -31,12 +31,13 @@ class Rejected(Exception):
     """A step that found no acceptable state; the message says why."""
 
 
-class LoadedPad:
-    """A meshed pad glued to the board, with a force spread over its undeformed top.
+def natural_step(material: Material, top_area: float) -> float:
+    """Force in N whose mean stress on a top of ``top_area`` mm² is 2 % of Young's modulus: a step of a load path."""
+    return 0.02 * material.youngs_modulus * top_area
 
-    ``reference_force`` is the force in N whose mean stress on the top is 1 % of Young's modulus: the natural step
-    of a load path.
-    """
+
+class LoadedPad:
+    """A meshed pad glued to the board, with a force spread over its undeformed top."""
 
     def __init__(self, mesh: VolumeMesh, material: Material, solver: Solver | None = None) -> None:
         fixed = np.zeros(len(mesh.points), dtype=bool)
@@ -46,7 +47,7 @@ class LoadedPad:
         self.solver = solver or make_solver()
         self._share = _top_load(mesh)
         top_area = float(np.prod(np.ptp(mesh.points, axis=0)[:2]))
-        self.reference_force = 0.01 * material.youngs_modulus * top_area
+        self._small_load = np.linalg.norm(self.load(np.array([0.0, 0.0, natural_step(material, top_area)])))
 
     def load(self, force: np.ndarray) -> np.ndarray:
         """Load vector over the unknowns for a total force (3,) in N."""
@@ -68,7 +69,7 @@ class LoadedPad:
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
         unknowns, load = start.copy(), self.load(force)
-        scale = max(np.linalg.norm(load), np.linalg.norm(self.load(np.array([0, 0, self.reference_force]))))
+        scale = max(np.linalg.norm(load), self._small_load)
         volume = float(self.assembly.weight.sum())
         displacements = len(self.assembly.free)
         first = 0.0

@@ -17,7 +17,7 @@ import numpy as np
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
 from mitsuba_taxel.mechanics.materials import NeoHookean
 from mitsuba_taxel.mechanics.solvers import available_solvers
@@ -157,7 +157,7 @@ class _Path:
         index = (*origin, *direction)
         if index not in self._legs:
             top_area = self.pad.extent[0] * self.pad.extent[1]
-            leg = Leg(np.array(origin), direction, 0.01 * self.material.youngs_modulus * top_area)
+            leg = Leg(np.array(origin), direction, natural_step(self.material, top_area))
             arrays = cache.load(self._leg_name(leg))
             if arrays is not None:
                 leg.restore(arrays)
