@@ -197,3 +197,20 @@ def test_the_paper_s_pad_under_20_newtons_agrees_with_an_independent_code(nu, in
     solution, _ = pad.solve(np.zeros(pad.assembly.unknowns), np.array([0, 0, -20.0]))
     displacement, _ = pad.assembly.split(solution.unknowns)
     assert mean_top_displacement(mesh, displacement) == pytest.approx(independent, rel=3e-3)
+
+
+def test_refinement_converges_as_an_independent_code_found(monkeypatch):
+    """Uniform meshes at -20 N, nu = .49: that code gave -.17119 (0.8 mm) and -.1725 (0.55 mm), growing more slowly."""
+    from mitsuba_taxel.pads import meshing
+
+    monkeypatch.setattr(meshing, "RIM_REFINEMENT", 1.0)
+    means = []
+    for size in (1.2, 0.8, 0.65):
+        mesh = mesh_pad(Pad(), size)
+        pad = LoadedPad(mesh, NeoHookean(4.16, 0.49))
+        solution, _ = pad.solve(np.zeros(pad.assembly.unknowns), np.array([0, 0, -20.0]))
+        means.append(-mean_top_displacement(mesh, pad.assembly.split(solution.unknowns)[0]))
+    assert means[0] < means[1] < means[2]
+    assert means[2] - means[1] < 0.5 * (means[1] - means[0])
+    assert means[1] == pytest.approx(0.17119, rel=4e-3)
+    assert means[1] < means[2] < 0.1725 * 1.002
