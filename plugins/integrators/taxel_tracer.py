@@ -12,6 +12,7 @@ from mitsuba_taxel.optics.taxels import taxels_of
 
 STRATEGIES = ("both", "connections", "hits")
 _LARGEST_WAVEFRONT = 1 << 22
+_MOST_REFLECTIONS = 1 << 17
 
 
 class TaxelTracer(mi.CppADIntegrator):
@@ -25,7 +26,8 @@ class TaxelTracer(mi.CppADIntegrator):
 
      * - max_depth
        - |int|
-       - Most reflections on a path; -1 for no limit. (Default: -1)
+       - Most reflections on a path; -1 for no limit but the 131072 after which a path that nothing absorbs is left.
+         (Default: -1)
 
      * - rr_depth
        - |int|
@@ -55,7 +57,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=1 << 20)
+        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=_MOST_REFLECTIONS)
         self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
         self.strategy = choice(props, "strategy", "both", STRATEGIES)
 
@@ -137,6 +139,8 @@ class TaxelTracer(mi.CppADIntegrator):
         result = dr.zeros(mi.Float, dr.width(index))
         density = led.density_of_direction(direction)
         depth = mi.UInt32(0)
+        most_reflections = dr.opaque(mi.UInt32, _MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
+        vertex = mi.Point3f(source)
         active = throughput > 0
 
         if not pair.coplanar and connections:
@@ -159,13 +163,13 @@ class TaxelTracer(mi.CppADIntegrator):
                 here = active & (si.shape == detector) & inside & (cosine > 0)
                 weight = mi.Float(1)
                 if connections:
-                    connection_density = dr.square(si.t) / (cosine * sensor.faces.area)
+                    connection_density = dr.squared_norm(si.p - vertex) / (cosine * sensor.faces.area)
                     weight = dr.select(density > 0, _power_heuristic(density, connection_density), 1)
                 value = dr.select(here, throughput * weight, 0)
                 result += value
                 self._splat(sensor, index, offset, value, pixels)
 
-            active &= depth < mi.UInt32(0xFFFFFFFF if self.max_depth < 0 else self.max_depth)
+            active &= depth < most_reflections
             bsdf = si.bsdf(ray)
             if connections:
                 target, offset, geometry, wo, visible = self._connect(sensor, index, si.p, sampler)
@@ -181,6 +185,7 @@ class TaxelTracer(mi.CppADIntegrator):
             bs, bsdf_weight = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
             throughput *= bsdf_weight[0]
             density = dr.select(mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta), 0, bs.pdf)
+            vertex = mi.Point3f(si.p)
             ray = _leave(si.p, si.n, si.to_world(bs.wo))
             depth += 1
             active &= throughput > 0

@@ -117,6 +117,17 @@ def with_integrator(folder, xml: str):
     return path
 
 
+def test_hits_and_both_agree_near_contact(llvm_mono, agree, tmp_path):
+    """Where the plate all but touches, connections alone have too heavy a tail to tell their own error."""
+    hits = with_integrator(
+        tmp_path, '<integrator type="taxel_tracer"><string name="strategy" value="hits"/></integrator>'
+    )
+    values = dict(z=0.05, scattering="lambertian", law="lambertian", spacing=0.7, hole=0)
+    theirs = measure(Scene.from_file(hits, **values), points=1 << 16, seed=3)
+    ours = measure(Scene.from_file("plate.xml", **values), points=1 << 16, seed=4)
+    agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
+
+
 def test_irradiance_map_integrates_to_reading(llvm_mono, tmp_path):
     from mitsuba_taxel.optics import find_scene
 
