@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-_running: list[list] = []
 _records: list[dict[str, float]] = []
+
+
+class _Running(threading.local):
+    """The stages that a thread is in, outermost first: seconds that each has lost to stages inside it."""
+
+    def __init__(self) -> None:
+        self.inner: list[float] = []
+
+
+_running = _Running()
 
 
 @contextmanager
@@ -18,20 +28,20 @@ def record() -> Iterator[dict[str, float]]:
     try:
         yield seconds
     finally:
-        _records.remove(seconds)
+        del _records[next(i for i, record in enumerate(_records) if record is seconds)]  # equal ones may be there too
 
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
     """Count the time spent within as that of stage ``name``, less that of stages inside it."""
-    entry = [time.perf_counter(), 0.0]
-    _running.append(entry)
+    start = time.perf_counter()
+    _running.inner.append(0.0)
     try:
         yield
     finally:
-        _running.remove(entry)
-        elapsed = time.perf_counter() - entry[0]
-        if _running:
-            _running[-1][1] += elapsed
+        elapsed = time.perf_counter() - start
+        own = elapsed - _running.inner.pop()
+        if _running.inner:
+            _running.inner[-1] += elapsed
         for seconds in _records:
-            seconds[name] = seconds.get(name, 0.0) + elapsed - entry[1]
+            seconds[name] = seconds.get(name, 0.0) + own
