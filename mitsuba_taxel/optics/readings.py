@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.scene import Scene
 
 REPLICATES = 32
+"""Independent randomisations of each reading; the standard error comes from their scatter."""
 DEFAULT_TARGET_ERROR = 0.005
 MOST_POINTS = 1 << 20
 _FIRST_PILOT = 256
@@ -70,7 +72,6 @@ def measure(
     *,
     target_error: float | None = None,
     points: int | None = None,
-    replicates: int = REPLICATES,
     seed: int = 0,
     irradiance: bool = False,
 ) -> Readings:
@@ -82,7 +83,6 @@ def measure(
     target_error : relative standard error that the worst taxel should reach (default 0.005). Pilot runs with other
         random numbers choose how many points that takes; they do not enter the result.
     points : light paths for each taxel and replicate, instead of a target; rounded up to a power of two
-    replicates : independent randomisations, at least 2; the standard error comes from their scatter
     seed : whole number from 0 to 2**32 - 1
     irradiance : whether to return the irradiance map as well
 
@@ -93,13 +93,14 @@ def measure(
     ComputationError
         if a pad cannot be deformed as asked.
     """
-    _check(target_error, points, replicates, seed)
+    check_request(target_error, points, seed)
     with stages.record() as seconds:
         live, parameters = _live(scene)
         with stages.stage("optics"):
             if points is None:
-                points = points_for(live, DEFAULT_TARGET_ERROR if target_error is None else target_error, seed)
-            powers, image, points = _trace(live, points, replicates, seed, irradiance)
+                target_error = DEFAULT_TARGET_ERROR if target_error is None else target_error
+                points = points_for(live, target_error, seed)
+            powers, image, points = _trace(live, points, seed, irradiance)
     result = Readings(powers, points, seed, seconds, parameters, image)
     result.notes.extend(_notes(live, result, target_error))
     return result
@@ -110,7 +111,7 @@ def points_for(scene: Any, target_error: float, seed: int) -> int:
     live, _ = _live(scene)
     points = _FIRST_PILOT
     for pilot in range(1, 16):
-        powers, _, points = _trace(live, points, REPLICATES, _pilot_seed(seed, pilot), False)
+        powers, _, points = _trace(live, points, _derived_seed(seed, pilot), False)
         error = _SAFETY * Readings(powers, points, seed).relative_error
         if error <= target_error or points >= MOST_POINTS:
             break
@@ -128,19 +129,19 @@ def _live(scene: Any) -> tuple[Any, dict[str, str]]:
     return scene, {}
 
 
-def _trace(scene: Any, points: int, replicates: int, seed: int, image: bool):
+def _trace(scene: Any, points: int, seed: int, image: bool):
     """Powers (replicates, taxels), the irradiance map of the first sensor if asked for, and the points used."""
     from mitsuba_taxel.optics.taxels import taxels_of
 
     integrator = scene.integrator()
     if not hasattr(integrator, "trace"):
-        return _render(scene, points, replicates, seed)
+        return _render(scene, points, seed)
     pairs = taxels_of(scene)
-    results = [integrator.trace(scene, pair, points, seed, replicates, image) for pair in pairs]
+    results = [integrator.trace(scene, pair, points, seed, REPLICATES, image) for pair in pairs]
     return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
 
 
-def _render(scene: Any, points: int, replicates: int, seed: int):
+def _render(scene: Any, points: int, seed: int):
     """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit."""
     import mitsuba as mi
 
@@ -149,17 +150,18 @@ def _render(scene: Any, points: int, replicates: int, seed: int):
         if not hasattr(sensor, "spread_film"):
             raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
         faces = sensor.faces
-        renders = (mi.render(scene, sensor=sensor, spp=points, seed=seed * replicates + r) for r in range(replicates))
+        seeds = [_derived_seed(seed, replicate) for replicate in range(REPLICATES)]
+        renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
         maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
-        blocks = maps.reshape(replicates, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
-        columns.append(blocks.mean(axis=(2, 4)).reshape(replicates, -1) * faces.area[0])
+        blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
+        columns.append(blocks.mean(axis=(2, 4)).reshape(REPLICATES, -1) * faces.area[0])
         images.append(maps.mean(axis=0))
     return np.concatenate(columns, axis=1), images[0], points
 
 
-def _pilot_seed(seed: int, pilot: int) -> int:
-    """A seed whose random numbers are independent of those of ``seed``."""
-    return int(np.random.SeedSequence([seed, pilot]).generate_state(1)[0])
+def _derived_seed(seed: int, index: int) -> int:
+    """One of many seeds that follow from ``seed``, each with random numbers independent of the others'."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
 def _notes(scene: Any, result: Readings, target_error: float | None) -> list[str]:
@@ -176,14 +178,19 @@ def _notes(scene: Any, result: Readings, target_error: float | None) -> list[str
     return notes
 
 
-def _check(target_error: float | None, points: int | None, replicates: int, seed: int) -> None:
+def check_request(target_error: float | None, points: int | None, seed: int) -> None:
+    """Refuse what :func:`measure` cannot be asked for; see there for the parameters.
+
+    Raises
+    ------
+    InputError
+        for a value that is not allowed, or both a target and a number of points.
+    """
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")
     if target_error is not None and not 0 < target_error < 1:
         raise InputError(f"target_error = {target_error} is not allowed: a number between 0 and 1 is needed.")
-    if points is not None and not 1 <= points <= MOST_POINTS:
+    if points is not None and not (isinstance(points, Integral) and 1 <= points <= MOST_POINTS):
         raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
-    if replicates < 2:
-        raise InputError(f"replicates = {replicates} is not allowed: at least 2 are needed.")
-    if not 0 <= seed < 1 << 32:
+    if not (isinstance(seed, Integral) and 0 <= seed < 1 << 32):
         raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")

@@ -13,7 +13,7 @@ import xarray as xr
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Scene, find_scene, measure, points_for
-from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR
+from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR, check_request
 from mitsuba_taxel.studies.dataset import Result, assemble
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
 from mitsuba_taxel.studies.files import make_empty_folder
@@ -66,12 +66,7 @@ def sweep(
     fixed = {name: str(value) for name, value in (defines or {}).items()}
     varied = {name: parse_values(name, values) for name, values in vary.items()}
     _check(file, varied, fixed)
-    if target_error is None:
-        target_error = DEFAULT_TARGET_ERROR
-    elif points is not None or not 0 < target_error < 1:
-        raise InputError(
-            f"target_error = {target_error}: a number between 0 and 1, and no points, is needed."
-        )
+    check_request(target_error, points, seed)
     jobs = list(combinations(varied))
     folder = None if output is None else Path(output)
     if folder is not None:
@@ -80,7 +75,7 @@ def sweep(
     pilots: dict[str, float] = {}
     if points is None:
         with stages.record() as pilots:
-            points = _points_for_all(file, fixed, varied, target_error, seed)
+            points = _points_for_all(file, fixed, varied, target_error or DEFAULT_TARGET_ERROR, seed)
     results: dict[tuple[int, ...], Result] = {}
     meshes: dict[str, str] = {}
     for index, values in jobs:

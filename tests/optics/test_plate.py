@@ -108,6 +108,53 @@ def test_stock_integrators_agree(llvm_mono, agree, tmp_path, integrator, scatter
     agree(theirs.power, theirs.standard_error, ours.power, ours.standard_error)
 
 
+@pytest.mark.parametrize("seed", [0, 4294967295])
+def test_a_target_error_works_under_stock_integrators_too(llvm_mono, tmp_path, seed):
+    path = with_integrator(tmp_path, '<integrator type="path"/>')
+    reading = measure(Scene.from_file(path, scattering="lambertian"), target_error=0.02, seed=seed)
+    assert 0 < reading.relative_error < 0.03
+
+
+def test_points_are_found_that_reach_the_target(llvm_mono, agree):
+    """The pilots' random numbers do not enter the result: it is that of as many points asked for by number."""
+    scene = Scene.from_file("plate.xml", scattering="lambertian")
+    found = measure(scene, target_error=5e-4, seed=9)
+    assert found.relative_error < 1.5 * 5e-4
+    assert np.array_equal(found.replicates, measure(scene, points=found.points, seed=9).replicates)
+
+
+def test_what_a_reading_did_not_reach_is_said(llvm_mono, monkeypatch):
+    """Also where the target is the default one: a mirror has too few hits for half a percent from 256 points."""
+    from mitsuba_taxel.optics import readings
+
+    monkeypatch.setattr(readings, "MOST_POINTS", 256)
+    reading = measure(Scene.from_file("plate.xml", z=0.3), seed=1)
+    assert reading.points == 256 and reading.relative_error > 0.005
+    assert any(note.startswith("target error 0.005 not reached") for note in reading.notes)
+    dark = measure(Scene.from_file("plate.xml", offset_x=10))
+    assert dark.power[0] == 0 and "no light found on taxel 1" in dark.notes
+
+
+@pytest.mark.parametrize(
+    "request_, message",
+    [
+        ({"target_error": 0.0}, "target_error = 0.0"),
+        ({"target_error": float("nan")}, "target_error = nan"),
+        ({"points": 0}, "points = 0"),
+        ({"points": 2.5}, "points = 2.5"),
+        ({"points": 1 << 21}, "points = 2097152"),
+        ({"points": 16, "target_error": 0.1}, "exclude each other"),
+        ({"seed": -1}, "seed = -1"),
+        ({"seed": 1 << 32}, "seed = 4294967296"),
+    ],
+)
+def test_requests_that_cannot_be_met_are_refused(request_, message):
+    from mitsuba_taxel import InputError
+
+    with pytest.raises(InputError, match=message):
+        measure("plate.xml", **request_)
+
+
 def with_integrator(folder, xml: str):
     """`plate.xml` with another integrator."""
     from mitsuba_taxel.optics import find_scene
