@@ -119,9 +119,10 @@ class PhotoReflector(mi.Mesh):
             raise InputError(
                 f"body = {tuple(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}."
             )
-        if min(self.rows, self.columns) * max(self.rows, self.columns) > 1 and self.pitch < max(length, width):
+        closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
+        if self.pitch < closest_pitch:
             raise InputError(
-                f"pitch = {self.pitch:g} is not allowed: at least {max(length, width):g} is needed, or bodies overlap."
+                f"pitch = {self.pitch:g} is not allowed: at least {closest_pitch:g} is needed, or bodies overlap."
             )
 
     def face_grid(self, name: str) -> FaceGrid:

@@ -71,7 +71,7 @@ SENSOR = '<sensor type="phototransistor">{}</sensor>'
         (
             '<shape type="photo_reflector"> <integer name="rows" value="2"/> <float name="pitch" value="1"/>'
             f"{BOTH} </shape>",
-            "pitch = 1 is not allowed: at least 1.46",
+            "pitch = 1 is not allowed: at least 1.06",
         ),
         (
             f'<shape type="photo_reflector"> <transform name="to_world"> <scale x="2"/> </transform>{BOTH} </shape>',
