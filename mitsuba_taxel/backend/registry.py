@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
-import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -79,9 +78,7 @@ def _register_plugins(variant: str) -> None:
 def _load_class(kind: str, name: str) -> Callable[..., object]:
     module_name = f"{_PACKAGE}.{kind}.{name}"
     if module_name in sys.modules:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            module = importlib.reload(sys.modules[module_name])
+        module = importlib.reload(sys.modules[module_name])
     else:
         module = importlib.import_module(module_name)
     return getattr(module, "".join(word.capitalize() for word in name.split("_")))

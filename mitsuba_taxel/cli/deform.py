@@ -19,12 +19,13 @@ def command(scene: str, defines: dict[str, str], folder: Path, as_json: bool) ->
     """Write the deformed pads of SCENE to DIR as PLY, with region and cell of each face."""
     from mitsuba_taxel.studies import deform
 
-    rows = deform(scene, defines, folder)
+    from .tables import print_table, progress_bar
+
+    with progress_bar("pads"):
+        rows = deform(scene, defines, folder)
     if as_json:
         import json
 
         click.echo(json.dumps({"pads": rows}))
     else:
-        from .tables import print_table
-
         print_table(list(rows[0]), ([str(value) for value in row.values()] for row in rows))

@@ -40,15 +40,18 @@ def command(
     from mitsuba_taxel.optics import Scene, measure
     from mitsuba_taxel.studies.files import check_new_file
 
+    from .tables import print_readings, progress_bar
+
     if output is not None:
         check_new_file(output, ".exr")
-    readings = measure(
-        Scene.from_file(scene, **defines),
-        target_error=target_error,
-        points=points,
-        seed=seed,
-        irradiance=output is not None,
-    )
+    with progress_bar("pads and light"):
+        readings = measure(
+            Scene.from_file(scene, **defines),
+            target_error=target_error,
+            points=points,
+            seed=seed,
+            irradiance=output is not None,
+        )
     if output is not None:
         from mitsuba_taxel.report.maps import write_irradiance
 
@@ -58,8 +61,6 @@ def command(
 
         click.echo(json.dumps(readings_as_json(readings)))
     else:
-        from .tables import print_readings
-
         print_readings(readings)
 
 

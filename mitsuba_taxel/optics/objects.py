@@ -27,7 +27,18 @@ class Wall:
 
 @dataclass(frozen=True)
 class PhotoReflector:
-    """An array of photo-reflectors; lengths in mm, power in W, angles in degrees; defaults of the NJL5908AR."""
+    """An array of photo-reflectors, as the plugins take it; the defaults are those of the NJL5908AR.
+
+    Parameters
+    ----------
+    rows, columns, pitch : the array and the distance between neighbours in mm
+    spacing : distance in mm between the centres of LED and phototransistor, along x
+    power, law : what an LED emits, in W, and how; see the plugin `annular_led`
+    size, hole : sides in mm of the LED's emitting square and of its dark centre
+    width, depth : extent in mm of a phototransistor along x and y
+
+    What is not allowed is refused when the scene is loaded.
+    """
 
     rows: int = 1
     columns: int = 1
