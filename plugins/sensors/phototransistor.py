@@ -8,6 +8,7 @@ import mitsuba as mi
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import FaceGrid, faces_on
 from mitsuba_taxel.optics.parameters import number
+from mitsuba_taxel.optics.parts import make_plugin
 
 
 class Phototransistor(mi.Sensor):
@@ -57,18 +58,10 @@ class Phototransistor(mi.Sensor):
     def __init__(self, props: mi.Properties) -> None:
         kinds = [type(value) for _, value in props.objects()]
         if not any(issubclass(kind, mi.Film) for kind in kinds):
-            props["film"] = mi.load_dict(
-                {
-                    "type": "hdrfilm",
-                    "width": 1,
-                    "height": 1,
-                    "rfilter": {"type": "box"},
-                    "pixel_format": "luminance",
-                    "component_format": "float32",
-                }
-            )
+            pixels = {"width": 1, "height": 1, "pixel_format": "luminance", "component_format": "float32"}
+            props["film"] = make_plugin("hdrfilm", rfilter=make_plugin("box"), **pixels)
         if not any(issubclass(kind, mi.Sampler) for kind in kinds):
-            props["sampler"] = mi.load_dict({"type": "owen_sobol", "sample_count": 1024})
+            props["sampler"] = make_plugin("owen_sobol", sample_count=1024)
         super().__init__(props)
         self.width = number(props, "width", 0.52, above=0)
         self.depth = number(props, "depth", 0.3, above=0)

@@ -10,6 +10,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import number, whole_number
+from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.pads import Pad
 
 _PAD_LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height")
@@ -114,7 +115,7 @@ class DeformablePad(mi.Mesh):
         matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
         similarity_scale(matrix)
         if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
-            props["bsdf"] = mi.load_dict({"type": "wall", "scattering": "absorbing"})
+            props["bsdf"] = make_plugin("wall", scattering="absorbing")
 
         surface = self._solve()
         initialize_mesh(self, props, surface.vertices @ matrix[:3, :3].T + matrix[:3, 3], surface.triangles)

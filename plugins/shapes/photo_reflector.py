@@ -11,6 +11,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import FaceGrid, similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import initialize_mesh
 from mitsuba_taxel.optics.parameters import number, whole_number
+from mitsuba_taxel.optics.parts import make_plugin
 
 
 class PhotoReflector(mi.Mesh):
@@ -87,7 +88,7 @@ class PhotoReflector(mi.Mesh):
         self.sizes = {"led": (led.side, led.side), "phototransistor": (detector.width, detector.depth)}
         self._check_layout()
         if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
-            props["bsdf"] = mi.load_dict({"type": "wall", "scattering": "absorbing"})
+            props["bsdf"] = make_plugin("wall", scattering="absorbing")
         initialize_mesh(self, props, *self._geometry())
         detector.spread_film(self.rows, self.columns)
 

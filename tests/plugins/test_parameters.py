@@ -164,3 +164,15 @@ def test_changed_parameters_need_no_new_kernel(llvm_mono):
     kernels(z=0.7, scattering="lambertian")
     again = kernels(z=0.93, hole=0.05, spacing=0.81, width=3, offset_x=0.2, scattering="lambertian")
     assert again and all(entry["cache_hit"] for entry in again)
+
+
+def test_plugins_leave_the_file_resolver_alone(llvm_mono, monkeypatch):
+    """`mi.load_dict` exchanges it, and another thread that makes a `ply` of the same scene then reads freed memory."""
+
+    def refuse(*_, **__):
+        raise AssertionError("a plugin called mi.load_dict")
+
+    monkeypatch.setattr(llvm_mono, "load_dict", refuse)
+    shapes = f'<shape type="photo_reflector">{BOTH}</shape> <shape type="deformable_pad"/>'
+    scene = llvm_mono.load_string(f'<scene version="3.9.0">{shapes}</scene>')
+    assert len(scene.shapes()) == 2
