@@ -1,6 +1,9 @@
-"""A square LED with a dark centre, in one narrow band."""
+"""A square or round LED with a dark centre, in one narrow band."""
 
 from __future__ import annotations
+
+import math
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -8,7 +11,7 @@ import mitsuba as mi
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.emission import read_law
 from mitsuba_taxel.optics.faces import FaceGrid, faces_on
-from mitsuba_taxel.optics.parameters import number
+from mitsuba_taxel.optics.parameters import choice, number
 
 
 class AnnularLed(mi.Emitter):
@@ -24,27 +27,48 @@ class AnnularLed(mi.Emitter):
        - |float|
        - Power that one LED emits, in W. (Default: 1)
 
+     * - wavelength
+       - |float|
+       - Wavelength of the light, in nm; what a phototransistor makes of it is its `responsivity`. (Default: 925)
+
+     * - shape
+       - |string|
+       - :monosp:`square` or :monosp:`circular`, outline of the emitting area and of its hole.
+         (Default: :monosp:`square`)
+
      * - size
        - |float|
-       - Side of the emitting square, in mm. (Default: 0.25)
+       - Side of the emitting square or diameter of the disc, in mm. (Default: 0.25)
 
      * - hole
        - |float|
-       - Side of the dark square at its centre, in mm; 0 for a full square. (Default: 0.1)
+       - Side or diameter of the dark area at its centre, in mm, below :monosp:`size`; 0 for none. (Default: 0.1)
 
      * - law
        - |string|
        - Directional law: :monosp:`uniform_solid_angle` (a cone, uniform per solid angle),
-         :monosp:`uniform_polar_angle` (a cone, uniform in the polar angle) or :monosp:`lambertian`.
-         (Default: :monosp:`uniform_solid_angle`)
+         :monosp:`uniform_polar_angle` (a cone, uniform in the polar angle), :monosp:`lambertian`,
+         :monosp:`cosine_power` or :monosp:`tabulated`. (Default: :monosp:`uniform_solid_angle`)
 
      * - cone_angle
        - |float|
        - Half-angle of the cone against the normal, in degrees, for the two cone laws only. (Default: 88)
 
+     * - exponent
+       - |float|
+       - The m of an intensity that goes with cos(theta)**m, 0 to 1e6, for :monosp:`cosine_power` only: 0 is uniform
+         over the hemisphere, 1 Lambertian. (Default: 1)
+
+     * - file
+       - |string|
+       - CSV file with two columns, for :monosp:`tabulated` only: polar angle in degrees, from 0 to at most 90 and
+         increasing, and relative radiant intensity. It is linear between rows, zero beyond the last, and the same all
+         round the normal. Empty lines and what follows a # do not count.
+
     Nest it in a `rectangle`, which it lights from the centre of, or in a `photo_reflector`, of which it lights
-    every LED. The power is a plain number of watts, the same in each colour channel; it never passes through
-    colour conversion. Under every law exactly :monosp:`power` leaves each LED.
+    every LED. The power is a plain number of watts, the same in each colour channel; neither it nor the wavelength
+    ever passes through colour conversion. Under every law exactly :monosp:`power` leaves each LED, evenly from all of
+    its emitting area. A table beside the scene's XML file is found by its name.
 
     The cone laws are those that ray tracers call *conical* release (the polar angle of equations 2 to 4 in
     Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor).
@@ -64,6 +88,8 @@ class AnnularLed(mi.Emitter):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         power = number(props, "power", 1.0, minimum=0)
+        self.wavelength = number(props, "wavelength", 925.0, above=0)
+        self.outline = choice(props, "shape", "square", tuple(_ANNULI))
         self.side = number(props, "size", 0.25, above=0)
         self.hole_side = number(props, "hole", 0.1, minimum=0)
         if self.hole_side >= self.side:
@@ -83,15 +109,13 @@ class AnnularLed(mi.Emitter):
         if self._faces is None:
             self._faces = faces_on(self.get_shape(), "led", (self.side, self.side))
             outer, inner = (0.5 * self._faces.scale * side for side in (self.side, self.hole_side))
-            self._outer = dr.opaque(mi.Float, outer)
-            self._inner = dr.opaque(mi.Float, inner)
-            self._area = dr.opaque(mi.Float, 4 * (outer**2 - inner**2))
+            self._annulus = _ANNULI[self.outline](outer, inner)
         return self._faces
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f:
         """A point uniform on the emitting annulus of LED ``index``."""
         faces = self.faces
-        return faces.point(index, self._square_annulus(sample))
+        return faces.point(index, self._annulus.sample(sample))
 
     def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f:
         """A world direction distributed as the law says."""
@@ -101,32 +125,21 @@ class AnnularLed(mi.Emitter):
         """Share of the power per solid angle [1/sr] in world direction ``d``."""
         return self.law.density(self.faces.frame.to_local(d))
 
-    def _square_annulus(self, sample: mi.Point2f) -> mi.Point2f:
-        """Area-preserving map of the unit square: first to a concentric square, then along its perimeter."""
-        half = dr.sqrt(dr.lerp(dr.square(self._inner), dr.square(self._outer), sample.x))
-        perimeter = 4 * sample.y
-        edge = dr.minimum(dr.floor(perimeter), 3)
-        along = 2 * (perimeter - edge) - 1
-        x = dr.select(edge == 0, 1, dr.select(edge == 2, -1, dr.select(edge == 1, -along, along)))
-        y = dr.select(edge == 1, 1, dr.select(edge == 3, -1, dr.select(edge == 0, along, -along)))
-        return mi.Point2f(half * x, half * y)
-
     def _lit(self, p: mi.Point3f) -> mi.Bool:
         _, offset = self.faces.locate(p)
         height = dr.abs(self.faces.frame.to_local(p - self.faces.origin).z)
-        half = dr.maximum(dr.abs(offset.x), dr.abs(offset.y))
-        return (half <= self._outer) & (half >= self._inner) & (height <= 1e-3 * self._outer)
+        return self._annulus.contains(offset) & (height <= 1e-3 * self._annulus.outer)
 
-    def _radiance(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Spectrum:
+    def _radiance(self, d: mi.Vector3f) -> mi.Spectrum:
+        """Radiance [W/(mm² sr)] that leaves each lit point in world direction ``d``."""
         local = self.faces.frame.to_local(d)
-        lit = self._lit(p) & (local.z > 0)
-        value = self.power / self._area * self.law.density(local) / local.z
-        return mi.Spectrum(dr.select(lit, value, 0))
+        value = self.power / self._annulus.area * self.law.density(local) / local.z
+        return mi.Spectrum(dr.select(local.z > 0, value, 0))
 
     # What Mitsuba's own integrators ask: all LEDs together
 
     def eval(self, si, active=True):
-        return self._radiance(si.p, si.to_world(si.wi)) & active
+        return self._radiance(si.to_world(si.wi)) & self._lit(si.p) & active
 
     def sample_position(self, time, sample, active=True):
         faces = self.faces
@@ -135,11 +148,11 @@ class AnnularLed(mi.Emitter):
         ps.p = self.sample_point(index, mi.Point2f(reused, sample.y))
         ps.n = faces.frame.n
         ps.time = time
-        ps.pdf = dr.rcp(faces.count * self._area)
-        return ps, dr.select(active, faces.count * self._area, 0)
+        ps.pdf = dr.rcp(faces.count * self._annulus.area)
+        return ps, dr.select(active, faces.count * self._annulus.area, 0)
 
     def pdf_position(self, ps, active=True):
-        return dr.select(self._lit(ps.p) & active, dr.rcp(self.faces.count * self._area), 0)
+        return dr.select(self._lit(ps.p) & active, dr.rcp(self.faces.count * self._annulus.area), 0)
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
         ps, _ = self.sample_position(time, sample2, active)
@@ -158,19 +171,18 @@ class AnnularLed(mi.Emitter):
         active &= cos_theta > 0
         ds.pdf = dr.select(active, ps.pdf * distance_squared / cos_theta, 0)
         ds.emitter = mi.EmitterPtr(self)
-        radiance = self._radiance(ps.p, -ds.d)
-        return ds, dr.select(active, radiance / ds.pdf, 0)
+        return ds, dr.select(active, self._radiance(-ds.d) / ds.pdf, 0)
 
     def pdf_direction(self, it, ds, active=True):
         cos_theta = -dr.dot(ds.d, ds.n)
         active &= (cos_theta > 0) & self._lit(ds.p)
-        return dr.select(active, dr.square(ds.dist) / (cos_theta * self.faces.count * self._area), 0)
+        return dr.select(active, dr.square(ds.dist) / (cos_theta * self.faces.count * self._annulus.area), 0)
 
     def eval_direction(self, it, ds, active=True):
-        return self._radiance(ds.p, -ds.d) & active
+        return self._radiance(-ds.d) & self._lit(ds.p) & active
 
     def sample_wavelengths(self, si, sample, active=True):
-        return dr.zeros(mi.Color0f), self._radiance(si.p, si.to_world(si.wi)) & active
+        return dr.zeros(mi.Color0f), self.eval(si, active)
 
     def bbox(self):
         return self.get_shape().bbox()
@@ -179,7 +191,69 @@ class AnnularLed(mi.Emitter):
         callback.put("power", self.power, +mi.ParamFlags.Differentiable)
 
     def to_string(self) -> str:
-        return f"AnnularLed[power = {self.power[0]:g} W, size = {self.side:g}, hole = {self.hole_side:g}]"
+        size = f"{self.outline}, size = {self.side:g}, hole = {self.hole_side:g}"
+        return f"AnnularLed[power = {self.power[0]:g} W at {self.wavelength:g} nm, {size}]"
+
+
+class _Annulus(Protocol):
+    """The emitting area of one LED, round its centre, in world lengths.
+
+    Both outlines map the unit square so that areas and neighbourhoods are kept: the first coordinate goes from the
+    hole to the rim, the second once round. Points spread evenly over the square stay so.
+    """
+
+    outer: mi.Float
+    area: mi.Float
+
+    def sample(self, sample: mi.Point2f) -> mi.Point2f:
+        """A point uniform on the area for a point uniform on the unit square."""
+
+    def contains(self, offset: mi.Point2f) -> mi.Bool:
+        """Whether a point lies on the area."""
+
+
+class _SquareAnnulus:
+    """Between two concentric squares of half-sides ``inner`` and ``outer``."""
+
+    def __init__(self, outer: float, inner: float) -> None:
+        self.outer, self.inner = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, inner)
+        self.area = dr.opaque(mi.Float, 4 * (outer**2 - inner**2))
+
+    def sample(self, sample: mi.Point2f) -> mi.Point2f:
+        half = dr.sqrt(dr.lerp(dr.square(self.inner), dr.square(self.outer), sample.x))
+        perimeter = 4 * sample.y
+        edge = dr.minimum(dr.floor(perimeter), 3)
+        along = 2 * (perimeter - edge) - 1
+        x = dr.select(edge == 0, 1, dr.select(edge == 2, -1, dr.select(edge == 1, -along, along)))
+        y = dr.select(edge == 1, 1, dr.select(edge == 3, -1, dr.select(edge == 0, along, -along)))
+        return mi.Point2f(half * x, half * y)
+
+    def contains(self, offset: mi.Point2f) -> mi.Bool:
+        half = dr.maximum(dr.abs(offset.x), dr.abs(offset.y))
+        return (half <= self.outer) & (half >= self.inner)
+
+
+class _CircularAnnulus:
+    """Between two concentric circles of radii ``inner`` and ``outer``."""
+
+    def __init__(self, outer: float, inner: float) -> None:
+        self.outer, self.inner = dr.opaque(mi.Float, outer), dr.opaque(mi.Float, inner)
+        self.area = dr.opaque(mi.Float, math.pi * (outer**2 - inner**2))
+
+    def sample(self, sample: mi.Point2f) -> mi.Point2f:
+        radius = dr.sqrt(dr.lerp(dr.square(self.inner), dr.square(self.outer), sample.x))
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * sample.y)
+        return mi.Point2f(radius * cos_phi, radius * sin_phi)
+
+    def contains(self, offset: mi.Point2f) -> mi.Bool:
+        radius = dr.norm(offset)
+        return (radius <= self.outer) & (radius >= self.inner)
+
+
+_ANNULI: dict[str, type[_SquareAnnulus] | type[_CircularAnnulus]] = {
+    "square": _SquareAnnulus,
+    "circular": _CircularAnnulus,
+}
 
 
 def _pick(sample: mi.Float, count: int) -> tuple[mi.UInt32, mi.Float]:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from typing import Protocol
+
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import FaceGrid, faces_on
-from mitsuba_taxel.optics.parameters import number
+from mitsuba_taxel.optics.parameters import choice, number
 from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.optics.tables import Interpolant, read_angular_table, refine
+
+RESPONSES = ("ideal", "cosine_power", "tabulated")
+
+_E_OVER_HC = 1.602176634e-19 / (6.62607015e-34 * 299792458) * 1e-9  # A/W per nm, from the exact constants of the SI
 
 
 class Phototransistor(mi.Sensor):
@@ -28,6 +37,27 @@ class Phototransistor(mi.Sensor):
        - |float|
        - Extent along y, in mm. (Default: 0.3)
 
+     * - response
+       - |string|
+       - How the reading of a parallel beam depends on its angle theta against the normal: :monosp:`ideal`
+         (cos(theta), the area that faces the beam), :monosp:`cosine_power` (cos(theta)**exponent) or
+         :monosp:`tabulated`. (Default: :monosp:`ideal`)
+
+     * - exponent
+       - |float|
+       - 1 to 1e4, for :monosp:`cosine_power` only; 1 is ideal. (Default: 1)
+
+     * - file
+       - |string|
+       - CSV file with two columns, for :monosp:`tabulated` only: angle in degrees, from 0 to at most 90 and
+         increasing, and relative response to a parallel beam, as data sheets show it (it includes the cosine). It is
+         linear between rows, zero beyond the last, and normalised to 1 at 0 degrees. Empty lines and what follows a #
+         do not count.
+
+     * - quantum_efficiency
+       - |float|
+       - Electrons per photon on the axis, above 0 and at most 1, for the `responsivity`. (Default: 1)
+
      * - film
        - |film|
        - One phototransistor's irradiance map; it must have a box filter. (Default: one pixel)
@@ -40,6 +70,10 @@ class Phototransistor(mi.Sensor):
     in W/mm²; with several phototransistors the film holds one block of pixels for each, row by row, and a reading
     is the mean of its block times the area.
 
+    A reading is *effective* power in W: light is weighted by the response relative to that of an ideal
+    phototransistor, which is 1 on the axis. Times :monosp:`responsivity(wavelength_nm)`, in A/W, it is a current. A
+    table beside the scene's XML file is found by its name.
+
     Mitsuba merges sensors that are the same in every parameter: to load a scene that holds two such sensors with
     :monosp:`mi.load_file` or :monosp:`mi.load_dict`, pass :monosp:`optimize=False`. `Scene.load` needs nothing.
 
@@ -47,12 +81,14 @@ class Phototransistor(mi.Sensor):
         .. code-tab:: xml
 
             <shape type="rectangle">
-                <sensor type="phototransistor"> <float name="width" value="0.3"/> </sensor>
+                <sensor type="phototransistor">
+                    <string name="response" value="cosine_power"/> <float name="exponent" value="2"/>
+                </sensor>
             </shape>
 
         .. code-tab:: python
 
-            'type': 'phototransistor', 'width': 0.3
+            'type': 'phototransistor', 'response': 'cosine_power', 'exponent': 2
     """
 
     def __init__(self, props: mi.Properties) -> None:
@@ -65,6 +101,8 @@ class Phototransistor(mi.Sensor):
         super().__init__(props)
         self.width = number(props, "width", 0.52, above=0)
         self.depth = number(props, "depth", 0.3, above=0)
+        self.angular_response = _read_response(props)
+        self.quantum_efficiency = number(props, "quantum_efficiency", 1.0, above=0, maximum=1)
         if self.film().rfilter().radius() > 0.5 + 1e-3:
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         self.block = tuple(int(n) for n in self.film().size())
@@ -76,6 +114,21 @@ class Phototransistor(mi.Sensor):
         parameters = mi.traverse(self.film())
         parameters["size"] = mi.ScalarVector2u(columns * self.block[0], rows * self.block[1])
         parameters.update()
+
+    def responsivity(self, wavelength_nm: float) -> float:
+        """Photocurrent per effective power [A/W]: R = eta e lambda / (h c).
+
+        Source: section 2.1.1 of Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile
+        Sensor, with the exact constants of the SI.
+
+        Raises
+        ------
+        InputError
+            if the wavelength, in nm, is not a finite number above 0.
+        """
+        if not 0 < wavelength_nm < math.inf:
+            raise InputError(f"wavelength_nm = {wavelength_nm:g} is not allowed: a finite number above 0 is needed.")
+        return self.quantum_efficiency * _E_OVER_HC * wavelength_nm
 
     # What `taxel_tracer` asks: one phototransistor at a time
 
@@ -90,6 +143,13 @@ class Phototransistor(mi.Sensor):
     def normal(self) -> mi.Vector3f:
         """The direction in which the light-sensitive side looks."""
         return self.faces.frame.n
+
+    def response(self, cosine: mi.Float) -> mi.Float:
+        """Response to light that comes in at an angle of cosine (0, 1] against the normal, relative to the ideal one.
+
+        The response to a parallel beam divided by the cosine: 1 on the axis, and 1 everywhere if ideal.
+        """
+        return self.angular_response(cosine)
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]:
         """A point uniform on phototransistor ``index``, and its offset from the centre."""
@@ -124,8 +184,9 @@ class Phototransistor(mi.Sensor):
         ps.n = self.normal
         ps.time = time
         si = mi.SurfaceInteraction3f(ps, dr.zeros(mi.Color0f))
-        ray = si.spawn_ray(faces.frame.to_world(mi.warp.square_to_cosine_hemisphere(sample3)))
-        return ray, mi.Spectrum(dr.pi) & active
+        local = mi.warp.square_to_cosine_hemisphere(sample3)
+        ray = si.spawn_ray(faces.frame.to_world(local))
+        return ray, mi.Spectrum(dr.pi * self.response(local.z)) & active
 
     def sample_ray_differential(self, time, sample1, sample2, sample3, active=True):
         ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
@@ -148,7 +209,7 @@ class Phototransistor(mi.Sensor):
         active &= cos_theta > 0
         area = faces.count * faces.area
         ds.pdf = dr.select(active, distance_squared / (cos_theta * area), 0)
-        return ds, mi.Spectrum(dr.select(active, dr.rcp(ds.pdf * area), 0))
+        return ds, mi.Spectrum(dr.select(active, self.response(cos_theta) / (ds.pdf * area), 0))
 
     def pdf_direction(self, it, ds, active=True):
         cos_theta = -dr.dot(ds.d, ds.n)
@@ -157,10 +218,63 @@ class Phototransistor(mi.Sensor):
         )
 
     def eval(self, si, active=True):
-        return mi.Spectrum(dr.rcp(self.faces.count * self.faces.area)) & active
+        cos_theta = dr.dot(si.to_world(si.wi), self.normal)
+        value = self.response(cos_theta) / (self.faces.count * self.faces.area)
+        return mi.Spectrum(value) & (active & (cos_theta > 0))
 
     def bbox(self):
         return self.get_shape().bbox()
 
     def to_string(self) -> str:
         return f"Phototransistor[width = {self.width:g}, depth = {self.depth:g}]"
+
+
+class _AngularResponse(Protocol):
+    """Response relative to an ideal phototransistor, finite for every cosine of at most 1."""
+
+    def __call__(self, cosine: mi.Float) -> mi.Float: ...
+
+
+class _Ideal:
+    """The same from every side."""
+
+    def __call__(self, cosine: mi.Float) -> mi.Float:
+        return mi.Float(1)
+
+
+class _CosinePower:
+    """cos(theta)**(exponent - 1)."""
+
+    def __init__(self, exponent: float) -> None:
+        self.excess = dr.opaque(mi.Float, exponent - 1)
+
+    def __call__(self, cosine: mi.Float) -> mi.Float:
+        return dr.power(dr.clip(cosine, 1e-30, 1), self.excess)
+
+
+class _Tabulated:
+    """Table over cos(theta); the cosine is taken to be at least 1e-6, for tables that are not zero at 90 degrees."""
+
+    def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
+        angles, responses = refine(angles, responses / responses[0])
+        self.to_beam = Interpolant(np.radians(angles), responses)
+
+    def __call__(self, cosine: mi.Float) -> mi.Float:
+        return self.to_beam(dr.safe_acos(cosine)) / dr.maximum(cosine, 1e-6)
+
+
+def _read_response(props: mi.Properties) -> _AngularResponse:
+    """The response that ``response`` names, with its own parameter ``exponent`` or ``file``."""
+    response = choice(props, "response", "ideal", RESPONSES)
+    if response == "ideal":
+        return _Ideal()
+    if response == "cosine_power":
+        return _CosinePower(number(props, "exponent", 1.0, minimum=1, maximum=1e4))
+    angles, responses = read_angular_table(props)
+    smallest = 1e-6 * responses.max()
+    if responses[0] < smallest or responses[0] == 0:
+        raise InputError(
+            f"file = {props['file']!r}: the value {responses[0]:g} at 0 degrees is not allowed: above 0, and at least "
+            f"a millionth of the largest, {smallest:g}, is needed."
+        )
+    return _Tabulated(angles, responses)

@@ -26,9 +26,20 @@ def chi2(mi, domain, sample, density, dimensions=2, samples=400_000, resolution=
     assert test.run(SIGNIFICANCE, quiet=True), test.messages
 
 
-@pytest.mark.parametrize("law", ["uniform_solid_angle", "lambertian"])
-@pytest.mark.parametrize("cone_angle", [20.0, 88.0])
-def test_emission_law(llvm_mono, law, cone_angle):
+@pytest.mark.parametrize(
+    "law, parameters",
+    [
+        ("uniform_solid_angle", {"cone_angle": 20.0}),
+        ("uniform_solid_angle", {"cone_angle": 88.0}),
+        ("lambertian", {}),
+        ("cosine_power", {"exponent": 0.0}),
+        ("cosine_power", {"exponent": 0.5}),
+        ("cosine_power", {"exponent": 30.0}),
+        ("tabulated", {"table": "0,1\n20,0.9\n30,0.6\n50,0.1\n90,0\n"}),
+        ("tabulated", {"table": "0,0.2\n40,1\n70,0\n80,0.1\n"}),
+    ],
+)
+def test_emission_law(llvm_mono, tmp_path, law, parameters):
     mi = llvm_mono
     from mitsuba.chi2 import SphericalDomain
 
@@ -36,8 +47,11 @@ def test_emission_law(llvm_mono, law, cone_angle):
 
     props = mi.Properties("annular_led")
     props["law"] = law
-    if law != "lambertian":
-        props["cone_angle"] = cone_angle
+    for name, value in parameters.items():
+        if name == "table":
+            (tmp_path / "led.csv").write_text(value)
+            name, value = "file", str(tmp_path / "led.csv")
+        props[name] = value
     law = read_law(props)
     chi2(mi, SphericalDomain(), law.sample, law.density)
 
@@ -111,7 +125,7 @@ def test_led_lights_its_annulus_uniformly(llvm_mono, hole):
     chi2(mi, domain, offset, density, resolution=50)
 
 
-@pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian"])
+@pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian", "cosine_power"])
 @pytest.mark.parametrize("strategy, power", [("hits", 1.0), ("hits", 0.25), ("both", 1.0)])
 def test_led_emits_its_power(llvm_mono, agree, law, strategy, power):
     """A phototransistor that all but covers the sky of the LED receives all of it."""
