@@ -1,4 +1,4 @@
-"""One wall model for each region of the pad."""
+"""One wall model for each region of a pad or a photo-reflector."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.optics.regions import ALL_REGIONS
 
 
 class Region(mi.BSDF):
@@ -22,9 +22,13 @@ class Region(mi.BSDF):
        - |bsdf|
        - What covers each region of the pad. (Default: absorbing)
 
+     * - body, led, phototransistor
+       - |bsdf|
+       - What covers the package of a photo-reflector and its two faces. (Default: absorbing)
+
     Picks one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh that it covers, which
-    holds the codes roof = 1, side = 2, bottom = 3, top = 4, outer = 5. A `deformable_pad` and the PLY files written
-    from it carry that attribute. Other codes absorb.
+    holds the codes roof = 1, side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A
+    `deformable_pad`, the PLY files written from it and a `photo_reflector` carry that attribute. Other codes absorb.
 
     .. tabs::
         .. code-tab:: xml
@@ -43,24 +47,43 @@ class Region(mi.BSDF):
         super().__init__(props)
         self.walls = {}
         for name, value in props.objects():
-            if name not in REGIONS:
-                raise InputError(f"region: {name!r} is not a region of the pad: allowed are {', '.join(REGIONS)}.")
+            if name not in ALL_REGIONS:
+                raise InputError(f"region: {name!r} is not a region: allowed are {', '.join(ALL_REGIONS)}.")
             if not isinstance(value, mi.BSDF):
                 raise InputError(f"region: {name} must be a BSDF.")
             self.walls[name] = value
         if not self.walls:
-            raise InputError(f"region: it holds no BSDF: name at least one of {', '.join(REGIONS)}.")
+            raise InputError(f"region: it holds no BSDF: name at least one of {', '.join(ALL_REGIONS)}.")
         components = [flag for wall in self.walls.values() for flag in _components(wall)]
         self.m_components = components
         self.m_flags = 0
         for flag in components:
             self.m_flags |= flag
 
+    @property
+    def needs_wavelength(self) -> bool:
+        """Whether any of the walls does; see `wall`."""
+        return bool(self._walls_with_table())
+
+    def set_wavelength(self, nm: float) -> None:
+        """Tell the walls that need it the wavelength of the LEDs, in nm.
+
+        Raises
+        ------
+        InputError
+            if the table of one of them does not reach that wavelength.
+        """
+        for wall in self._walls_with_table():
+            wall.set_wavelength(nm)
+
+    def _walls_with_table(self) -> list[mi.BSDF]:
+        return [wall for wall in self.walls.values() if getattr(wall, "needs_wavelength", False)]
+
     def _each(self, si, active):
         """Each wall, with the lanes of ``active`` whose hit lies in its region."""
         code = si.shape.eval_attribute_1("face_region", si, active)
         for name, wall in self.walls.items():
-            yield wall, mi.Bool(active) & (dr.abs(code - REGIONS[name]) < 0.5)
+            yield wall, mi.Bool(active) & (dr.abs(code - ALL_REGIONS[name]) < 0.5)
 
     def sample(self, ctx, si, sample1, sample2, active=True):
         bs, weight = dr.zeros(mi.BSDFSample3f), mi.Spectrum(0)
@@ -89,6 +112,12 @@ class Region(mi.BSDF):
             value = dr.select(here, wall_value, value)
             density = dr.select(here, wall_density, density)
         return value, density
+
+    def eval_diffuse_reflectance(self, si, active=True):
+        reflectance = mi.Spectrum(0)
+        for wall, here in self._each(si, active):
+            reflectance = dr.select(here, wall.eval_diffuse_reflectance(si, here), reflectance)
+        return reflectance
 
     def traverse(self, callback) -> None:
         for name, wall in self.walls.items():

@@ -1,4 +1,4 @@
-"""A wall of a cell or a plate: mirror, Lambertian, isotropic or absorbing."""
+"""A wall of a cell or a plate: mirror, rough mirror, Lambertian, isotropic, a mixture of them, or absorbing."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ import mitsuba as mi
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parameters import choice, number
+from mitsuba_taxel.optics.reflectance import ReflectanceTable
+from mitsuba_taxel.optics.scattering import Absorbing, Isotropic, Lambertian, Mirror, Mixed, RoughMirror, Scattering
 
-SCATTERING = ("mirror", "lambertian", "isotropic", "absorbing")
+SCATTERING = ("mirror", "lambertian", "isotropic", "absorbing", "mixed", "rough_mirror")
+SMALLEST_SLOPE = 0.01
+"""Least rms slope in degrees: Mitsuba widens what is below 0.004 (its alpha is at least 1e-4), and rounding blurs
+slopes by some 1e-7 / cos(theta)."""
+
+_ONLY_FOR = {"rms_slope": "rough_mirror", "specular": "mixed", "lambertian": "mixed", "isotropic": "mixed"}
 
 
 class Wall(mi.BSDF):
@@ -23,15 +30,39 @@ class Wall(mi.BSDF):
      * - scattering
        - |string|
        - :monosp:`mirror`, :monosp:`lambertian` (cosine law), :monosp:`isotropic` (equal probability per solid
-         angle) or :monosp:`absorbing`. (Default: :monosp:`lambertian`)
+         angle), :monosp:`absorbing`, :monosp:`mixed` or :monosp:`rough_mirror`. (Default: :monosp:`lambertian`)
 
      * - reflectance
        - |float|
        - Share of the light that comes back, 0 to 1; not for :monosp:`absorbing`. (Default: 1)
 
-    An opaque surface that does the same on both sides. The isotropic wall is not reciprocal: light that comes in
-    from any direction leaves uniformly over the hemisphere, f = reflectance / (2 pi cos(theta_o)). Traced from the
-    light its weight is constant; traced from a detector it carries 1 / (2 cos(theta)), which has no bounded variance.
+     * - reflectance_table
+       - |string|
+       - Instead of :monosp:`reflectance`: a CSV file of wavelength in nm, increasing, and reflectance, 0 to 1.
+         (Default: none)
+
+     * - specular, lambertian, isotropic
+       - |float|
+       - For :monosp:`mixed`: how much of the reflected light each law gets, 0 to 1; together they make 1.
+         (Default: 0, 0, 0)
+
+     * - rms_slope
+       - |float|
+       - For :monosp:`rough_mirror`: angle whose tangent is the root mean square slope along either axis of the wall
+         (not of both together), in degrees, from 0.01 to 45.
+
+    An opaque surface that does the same on both sides. What is not reflected is absorbed. The isotropic wall is not
+    reciprocal: light that comes in from any direction leaves uniformly over the hemisphere,
+    f = reflectance / (2 pi cos(theta_o)). Traced from the light its weight is constant; traced from a detector it
+    carries 1 / (2 cos(theta)), which has no bounded variance. The same holds for the isotropic share of a mixed wall.
+
+    The rough mirror has facets whose slopes along x and along y are Gaussian, each with the root mean square
+    tan(rms_slope): Beckmann's distribution with alpha = sqrt(2) tan(rms_slope). Facets hide each other (Smith), and
+    light that would meet a second facet is lost: such a wall returns less than its reflectance, and much less if it is
+    as rough as 45 degrees.
+
+    A table is interpolated linearly at the wavelength of the LEDs, which whoever measures must first set; measuring
+    through mitsuba_taxel does so.
 
     .. tabs::
         .. code-tab:: xml
@@ -48,76 +79,130 @@ class Wall(mi.BSDF):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self.scattering = choice(props, "scattering", "lambertian", SCATTERING)
-        if self.scattering == "absorbing" and "reflectance" in props:
-            raise InputError("reflectance is not allowed for scattering = 'absorbing', which reflects nothing.")
-        reflectance = 0.0
-        if self.scattering != "absorbing":
-            reflectance = number(props, "reflectance", 1.0, minimum=0, maximum=1)
-        self.reflectance = dr.opaque(mi.Float, reflectance)
-        self.m_flags = self._flags()
-        self.m_components = [self.m_flags]
+        for name, owner in _ONLY_FOR.items():
+            if name in props and self.scattering != owner:
+                raise InputError(f"{name} is not allowed for scattering = {self.scattering!r}, only for {owner!r}.")
+        self.law = self._read_law(props)
+        self.table: ReflectanceTable | None = None
+        self.reflectance: mi.Float | None = None
+        self._read_reflectance(props)
+        self.m_components = self.law.components
+        self.m_flags = 0
+        for flags in self.law.components:
+            self.m_flags |= flags
 
-    def _flags(self) -> int:
-        sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
-        if self.scattering == "mirror":
-            return +mi.BSDFFlags.DeltaReflection | sides
-        if self.scattering == "absorbing":
-            return +mi.BSDFFlags.Empty | sides
-        return +mi.BSDFFlags.DiffuseReflection | sides
+    def _read_law(self, props: mi.Properties) -> Scattering:
+        if self.scattering == "mixed":
+            return Mixed(*_read_shares(props))
+        if self.scattering == "rough_mirror":
+            return RoughMirror(_read_slope(props))
+        laws: dict[str, type[Scattering]] = {
+            "mirror": Mirror,
+            "lambertian": Lambertian,
+            "isotropic": Isotropic,
+            "absorbing": Absorbing,
+        }
+        return laws[self.scattering]()
+
+    def _read_reflectance(self, props: mi.Properties) -> None:
+        given = [name for name in ("reflectance", "reflectance_table") if name in props]
+        if self.scattering == "absorbing" and given:
+            raise InputError(f"{given[0]} is not allowed for scattering = 'absorbing', which reflects nothing.")
+        if len(given) == 2:
+            raise InputError("reflectance and reflectance_table exclude each other: one of them is needed.")
+        if given == ["reflectance_table"]:
+            self.table = ReflectanceTable(props.get("reflectance_table"))
+        elif self.scattering == "absorbing":
+            self.reflectance = dr.opaque(mi.Float, 0.0)
+        else:
+            self.reflectance = dr.opaque(mi.Float, number(props, "reflectance", 1.0, minimum=0, maximum=1))
+
+    @property
+    def needs_wavelength(self) -> bool:
+        """Whether the reflectance is known only once :meth:`set_wavelength` has been called."""
+        return self.table is not None
+
+    def set_wavelength(self, nm: float) -> None:
+        """Take the reflectance at a wavelength in nm from the table of a wall that has one.
+
+        Raises
+        ------
+        InputError
+            if the table does not reach that wavelength.
+        """
+        assert self.table is not None
+        self.reflectance = dr.opaque(mi.Float, self.table.at(nm))
 
     def sample(self, ctx, si, sample1, sample2, active=True):
+        drawn = self.law.sample(_above(si.wi), sample1, sample2, _from_light(ctx))
+        active = mi.Bool(active) & (si.wi.z != 0) & (drawn.density > 0)
         bs = dr.zeros(mi.BSDFSample3f)
-        cos_in = dr.abs(si.wi.z)
-        active = mi.Bool(active) & (cos_in > 0)
+        bs.wo = mi.Vector3f(drawn.direction.x, drawn.direction.y, dr.mulsign(drawn.direction.z, si.wi.z))
+        bs.pdf = dr.select(active, drawn.density, 0)
         bs.eta = 1
-        if self.scattering == "absorbing":
-            return bs, mi.Spectrum(0)
-        bs.sampled_type = mi.UInt32(self.m_flags)
-        if self.scattering == "mirror":
-            bs.wo = mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
-            bs.pdf = dr.select(active, 1, 0)
-            return bs, mi.Spectrum(self.reflectance) & active
-        uniform = self._uniform(ctx)
-        square_to = mi.warp.square_to_uniform_hemisphere if uniform else mi.warp.square_to_cosine_hemisphere
-        bs.wo = square_to(sample2)
-        cos_out = bs.wo.z
-        bs.pdf = dr.select(active, dr.inv_two_pi if uniform else dr.inv_pi * cos_out, 0)
-        bs.wo.z = dr.mulsign(cos_out, si.wi.z)
-        weight = mi.Float(self.reflectance)
-        if self.scattering == "isotropic" and not uniform:
-            weight /= 2 * cos_in
-        return bs, mi.Spectrum(weight) & (active & (bs.pdf > 0))
+        bs.sampled_component = mi.UInt32(drawn.component)
+        for i, flags in enumerate(self.law.components):
+            bs.sampled_type = dr.select(bs.sampled_component == i, flags, bs.sampled_type)
+        return bs, mi.Spectrum(self._known_reflectance() * drawn.weight) & active
 
     def eval(self, ctx, si, wo, active=True):
-        cos_in, cos_out, active = self._cosines(si, wo, active)
-        if self.scattering == "lambertian":
-            value = dr.inv_pi * cos_out
-        elif self.scattering == "isotropic":
-            value = mi.Float(dr.inv_two_pi) if self._uniform(ctx) else dr.inv_two_pi * cos_out / cos_in
-        else:
-            return mi.Spectrum(0)
-        return mi.Spectrum(self.reflectance * value) & active
+        return self.eval_pdf(ctx, si, wo, active)[0]
 
     def pdf(self, ctx, si, wo, active=True):
-        _, cos_out, active = self._cosines(si, wo, active)
-        if self.scattering in ("mirror", "absorbing"):
-            return mi.Float(0)
-        density = mi.Float(dr.inv_two_pi) if self._uniform(ctx) else dr.inv_pi * cos_out
-        return dr.select(active, density, 0)
+        return self.eval_pdf(ctx, si, wo, active)[1]
 
     def eval_pdf(self, ctx, si, wo, active=True):
-        return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
+        active = mi.Bool(active) & (si.wi.z * wo.z > 0)
+        value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
+        return mi.Spectrum(self._known_reflectance() * value) & active, dr.select(active, density, 0)
 
-    def _uniform(self, ctx: mi.BSDFContext) -> bool:
-        """Whether directions are drawn uniformly: only an isotropic wall met by light does so."""
-        return self.scattering == "isotropic" and ctx.mode == mi.TransportMode.Importance
+    def eval_diffuse_reflectance(self, si, active=True):
+        """Share of the light that comes back otherwise than from a mirror."""
+        return mi.Spectrum(self._known_reflectance() * self.law.smooth_share()) & mi.Bool(active)
 
-    @staticmethod
-    def _cosines(si, wo, active):
-        return dr.abs(si.wi.z), dr.abs(wo.z), mi.Bool(active) & (si.wi.z * wo.z > 0)
+    def _known_reflectance(self) -> mi.Float:
+        if self.reflectance is None:
+            raise InputError(
+                "wall: reflectance_table needs the wavelength of the LEDs, which measuring through mitsuba_taxel sets."
+            )
+        return self.reflectance
 
     def traverse(self, callback) -> None:
-        callback.put("reflectance", self.reflectance, +mi.ParamFlags.Differentiable)
+        if self.reflectance is not None:
+            callback.put("reflectance", self.reflectance, +mi.ParamFlags.Differentiable)
 
     def to_string(self) -> str:
-        return f"Wall[scattering = {self.scattering}, reflectance = {self.reflectance[0]:g}]"
+        reflectance = "not known yet" if self.reflectance is None else f"{self.reflectance[0]:g}"
+        return f"Wall[scattering = {self.scattering}, reflectance = {reflectance}]"
+
+
+def _read_shares(props: mi.Properties) -> tuple[float, float, float]:
+    specular = number(props, "specular", 0.0, minimum=0, maximum=1)
+    lambertian = number(props, "lambertian", 0.0, minimum=0, maximum=1)
+    isotropic = number(props, "isotropic", 0.0, minimum=0, maximum=1)
+    total = specular + lambertian + isotropic
+    if abs(total - 1) > 1e-6:
+        raise InputError(
+            f"specular = {specular:g}, lambertian = {lambertian:g}, isotropic = {isotropic:g} are not allowed: "
+            f"their sum is {total:.8g} and must be 1, as they share the reflected light."
+        )
+    return specular, lambertian, isotropic
+
+
+def _read_slope(props: mi.Properties) -> float:
+    slope = number(props, "rms_slope", above=0, maximum=45)
+    if slope < SMALLEST_SLOPE:
+        raise InputError(
+            f"rms_slope = {slope:g} is not allowed: at least {SMALLEST_SLOPE:g} degrees is needed; "
+            "use scattering = 'mirror' for less."
+        )
+    return slope
+
+
+def _above(direction: mi.Vector3f) -> mi.Vector3f:
+    """The direction, mirrored to the front of the wall if it is behind."""
+    return mi.Vector3f(direction.x, direction.y, dr.abs(direction.z))
+
+
+def _from_light(ctx: mi.BSDFContext) -> bool:
+    return ctx.mode == mi.TransportMode.Importance

@@ -9,9 +9,13 @@ import numpy as np
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import FaceGrid, similarity_scale
-from mitsuba_taxel.optics.mesh_adapter import initialize_mesh
+from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import number, whole_number
 from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.optics.regions import BODY_REGIONS
+
+_ROUNDING = 1e-6
+"""Relative error of lengths that Mitsuba keeps in single precision, as it does the components of vectors."""
 
 
 class PhotoReflector(mi.Mesh):
@@ -55,10 +59,12 @@ class PhotoReflector(mi.Mesh):
 
      * - (nested)
        - |bsdf|
-       - What the package is made of. (Default: absorbing)
+       - What the package is made of: a `region` that says so for :monosp:`body`, :monosp:`led` and
+         :monosp:`phototransistor`, or any other BSDF, which then covers the body alone. (Default: absorbing)
 
     Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two
-    faces. Defaults are those of the NJL5908AR.
+    faces, and the face attribute :monosp:`face_region` tells the three apart. Faces of which nothing is said absorb;
+    the dark centre of an LED belongs to its face. Defaults are those of the NJL5908AR.
 
     .. tabs::
         .. code-tab:: xml
@@ -81,15 +87,17 @@ class PhotoReflector(mi.Mesh):
         self.spacing = number(props, "spacing", 0.9, minimum=0)
         self.body = np.array(props.get("body", mi.ScalarVector3f(1.46, 1.06, 0.5)), dtype=float)
         if not np.all(np.isfinite(self.body) & (self.body > 0)):
-            raise InputError(f"body = {tuple(self.body)} is not allowed: three finite numbers above 0 are needed.")
+            raise InputError(f"body = {_words(self.body)} is not allowed: three finite numbers above 0 are needed.")
         self.to_world = props.get("to_world", mi.ScalarTransform4f())
         similarity_scale(np.array(self.to_world.matrix, dtype=float))
         led, detector = self._nested(props)
         self.sizes = {"led": (led.side, led.side), "phototransistor": (detector.width, detector.depth)}
         self._check_layout()
-        if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
-            props["bsdf"] = make_plugin("wall", scattering="absorbing")
-        initialize_mesh(self, props, *self._geometry())
+        _cover_the_body(props)
+        vertices, triangles = _body(self.body, *self._cuts())
+        initialize_mesh(self, props, *self._repeat(vertices, triangles))
+        regions = self._regions(vertices[triangles].mean(axis=1))
+        add_face_attribute(self, "region", np.tile(regions, self.rows * self.columns))
         detector.spread_film(self.rows, self.columns)
 
     @staticmethod
@@ -111,17 +119,18 @@ class PhotoReflector(mi.Mesh):
         (led_x, led_y), (detector_x, detector_y) = self.sizes["led"], self.sizes["phototransistor"]
         closest = 0.5 * (led_x + detector_x)
         furthest = length - max(led_x, detector_x)
-        if not closest <= self.spacing <= furthest + 1e-9:
+        slack = 1 + _ROUNDING
+        if not closest / slack <= self.spacing <= furthest * slack:
             raise InputError(
                 f"spacing = {self.spacing:g} is not allowed: from {closest:g} (LED and phototransistor touch) "
                 f"to {furthest:g} (the edge of the body) is needed."
             )
-        if max(led_y, detector_y) > width:
+        if max(led_y, detector_y) > width * slack:
             raise InputError(
-                f"body = {tuple(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}."
+                f"body = {_words(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}."
             )
         closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
-        if self.pitch < closest_pitch:
+        if self.pitch < closest_pitch / slack:
             raise InputError(
                 f"pitch = {self.pitch:g} is not allowed: at least {closest_pitch:g} is needed, or bodies overlap."
             )
@@ -132,9 +141,17 @@ class PhotoReflector(mi.Mesh):
         centre = (side * self.spacing, 0.0, self.body[2])
         return FaceGrid(self.to_world, centre, self.sizes[name], self.rows, self.columns, self.pitch)
 
-    def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) in the world and triangles (T, 3) of all bodies."""
-        vertices, triangles = _body(self.body, *self._cuts())
+    def _regions(self, centroids: np.ndarray) -> np.ndarray:
+        """Codes (T,) of the regions of one body's triangles, given their centroids (T, 3) in mm."""
+        codes = np.full(len(centroids), BODY_REGIONS["body"])
+        on_top = centroids[:, 2] > self.body[2] * (1 - 1e-6)
+        for side, name in ((-0.5, "led"), (0.5, "phototransistor")):
+            offset = np.abs(centroids[:, :2] - (side * self.spacing, 0.0))
+            codes[on_top & np.all(offset < 0.5 * np.array(self.sizes[name]), axis=1)] = BODY_REGIONS[name]
+        return codes
+
+    def _repeat(self, vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) in the world and triangles (T, 3) of all bodies, given those of one."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         shift = np.zeros((self.rows * self.columns, 1, 3))
         shift[:, 0, 0] = (column.ravel() - (self.columns - 1) / 2) * self.pitch
@@ -160,6 +177,20 @@ class PhotoReflector(mi.Mesh):
 
     def to_string(self) -> str:
         return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {self.spacing:g}]"
+
+
+def _words(vector: np.ndarray) -> str:
+    return ", ".join(f"{component:g}" for component in vector)
+
+
+def _cover_the_body(props: mi.Properties) -> None:
+    """Let a BSDF that tells no regions apart cover the body alone, and absorbing faces be all there is by default."""
+    covers = [(name, value) for name, value in props.objects() if isinstance(value, mi.BSDF)]
+    for name, cover in covers:
+        if not hasattr(cover, "walls"):
+            props[name] = make_plugin("region", body=cover)
+    if not covers:
+        props["bsdf"] = make_plugin("wall", scattering="absorbing")
 
 
 def _distinct(values: np.ndarray) -> np.ndarray:

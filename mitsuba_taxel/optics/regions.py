@@ -1,0 +1,11 @@
+"""What the regions of a surface are called, and their codes in the face attribute ``face_region`` of its mesh."""
+
+from __future__ import annotations
+
+from mitsuba_taxel.pads import REGIONS
+
+BODY_REGIONS = {"body": 6, "led": 7, "phototransistor": 8}
+"""Codes of the regions of a photo-reflector's surface."""
+
+ALL_REGIONS = {**REGIONS, **BODY_REGIONS}
+"""Codes of every region that a mesh of ours may have."""
