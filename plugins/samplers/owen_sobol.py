@@ -7,6 +7,7 @@ from functools import lru_cache
 import drjit as dr
 import mitsuba as mi
 
+from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parameters import whole_number
 from mitsuba_taxel.optics.sobol import DIMENSIONS, sobol_points
 
@@ -50,22 +51,42 @@ class OwenSobol(mi.Sampler):
         super().__init__(props)
         count = whole_number(props, "sample_count", 1024, minimum=1, maximum=MOST_POINTS)
         self.base_seed = whole_number(props, "seed", 0, minimum=0, maximum=2**32 - 1)
+        self.first = (0, 0)
         self.set_sample_count(count)
 
     def set_sample_count(self, spp: int) -> None:
         self.count = 1 << max(int(spp) - 1, 0).bit_length()
         super().set_sample_count(self.count)
 
+    def place(self, first_point: int, first_sequence: int) -> None:
+        """Say where the next :meth:`seed` begins: a run goes on where another has stopped, point for point.
+
+        Parameters
+        ----------
+        first_point : number of the first point of each sequence: 0, or a multiple of the sample count
+        first_sequence : number of the first sequence
+        """
+        if first_point % self.count:
+            raise InputError(f"first_point = {first_point} is not allowed: a multiple of {self.count} is needed.")
+        if first_point + self.count > MOST_POINTS:
+            raise InputError(f"owen_sobol: {first_point + self.count} points are more than the {MOST_POINTS} it has.")
+        self.first = (first_point, first_sequence)
+
     def seed(self, seed: mi.UInt32 | int, wavefront_size: int = 0xFFFFFFFF) -> None:
         super().seed(seed, wavefront_size)
-        self.points = _table(self.count, mi.variant())
-        self.stride = dr.opaque(mi.UInt32, self.count)
-        self.empty_bits = dr.opaque(mi.UInt32, 33 - self.count.bit_length())
+        first_point, first_sequence = self.first
+        size = 1 << (first_point + self.count - 1).bit_length()
+        self.points = _table(size, mi.variant())
+        self.stride = dr.opaque(mi.UInt32, size)
+        self.first_bits = dr.opaque(mi.UInt32, max(1, min(8, size.bit_length() - 1)))
         lane = dr.arange(mi.UInt32, self.wavefront_size())
-        sequence = lane >> dr.opaque(mi.UInt32, self.count.bit_length() - 1)
-        self.index = lane & (self.stride - 1)
-        key = mi.UInt32(seed) + dr.opaque(mi.UInt32, self.base_seed)
-        self.sequence_seed = mi.sample_tea_32(key, sequence)[0]
+        self.index = dr.opaque(mi.UInt32, first_point) + (lane & dr.opaque(mi.UInt32, self.count - 1))
+        bits = dr.opaque(mi.UInt32, self.count.bit_length() - 1)
+        self.sequence = dr.opaque(mi.UInt32, first_sequence) + (lane >> bits)
+        # A whole number is kept out of the kernel, so that another seed needs no new one.
+        seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF) if isinstance(seed, int) else mi.UInt32(seed)
+        key = seed + dr.opaque(mi.UInt32, self.base_seed)
+        self.sequence_seed = mi.sample_tea_32(key, self.sequence)[0]
         self.dimension = mi.UInt32(0)
 
     def next_1d(self, active=True):
@@ -93,7 +114,7 @@ class OwenSobol(mi.Sampler):
 
     def clone(self) -> OwenSobol:
         twin = self.fork()
-        for name in ("points", "stride", "empty_bits", "index", "sequence_seed", "dimension"):
+        for name in ("points", "stride", "first", "first_bits", "index", "sequence", "sequence_seed", "dimension"):
             if hasattr(self, name):
                 setattr(twin, name, getattr(self, name))
         return twin
@@ -107,10 +128,17 @@ class OwenSobol(mi.Sampler):
         return f"OwenSobol[sample_count = {self.count}, seed = {self.base_seed}]"
 
     def _shuffled(self, group: mi.UInt32) -> mi.UInt32:
-        """The point index under a nested uniform permutation of the whole set, a new one for each group."""
-        reverse = dr.brev(self.index) >> self.empty_bits
-        reverse = _laine_karras(reverse, _hash(self.sequence_seed + group)) & (self.stride - 1)
-        return dr.brev(reverse) >> self.empty_bits
+        """The point index under a nested uniform permutation, a new one for each group.
+
+        Points 0 to 255, 256 to 511, 512 to 1023 and so on are each permuted among themselves, so that the points of a
+        run keep their places when it goes on.
+        """
+        bits = dr.maximum(31 - dr.lzcnt(self.index | 1), self.first_bits)
+        start = dr.select(self.index >> self.first_bits == 0, 0, mi.UInt32(1) << bits)
+        unused = 32 - bits
+        reverse = dr.brev(self.index - start) >> unused
+        reverse = _laine_karras(reverse, _hash(self.sequence_seed + group)) & ((mi.UInt32(1) << bits) - 1)
+        return (start + (dr.brev(reverse) >> unused)) & (self.stride - 1)
 
 
 def _laine_karras(bits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:

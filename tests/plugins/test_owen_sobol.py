@@ -78,3 +78,36 @@ def test_sample_count_is_rounded_up(llvm_mono, count, rounded):
 def test_seed_decides(llvm_mono):
     assert np.array_equal(sequences(llvm_mono, 64, 2, 3, seed=5), sequences(llvm_mono, 64, 2, 3, seed=5))
     assert not np.array_equal(sequences(llvm_mono, 64, 2, 3, seed=5), sequences(llvm_mono, 64, 2, 3, seed=6))
+
+
+@pytest.mark.parametrize("start", [256, 2048])
+def test_a_run_goes_on_where_it_has_stopped(llvm_mono, start):
+    """Points 0 to n and n to 2 n, drawn apart, are those of one run of 2 n, beyond the 24 dimensions as well."""
+    dimensions = 2 * DIMENSIONS + 1
+    whole = sequences(llvm_mono, 2 * start, 3, dimensions)
+    assert np.array_equal(sequences(llvm_mono, start, 3, dimensions), whole[:, :start])
+    sampler = llvm_mono.load_dict({"type": "owen_sobol", "sample_count": start})
+    sampler.place(start, 1)
+    sampler.seed(1, 2 * start)
+    rest = np.stack([sampler.next_1d().numpy() for _ in range(dimensions)], axis=-1).reshape(2, start, -1)
+    assert np.array_equal(rest, whole[1:, start:])
+
+
+def test_dimensions_beyond_the_first_set_are_independent_of_it(llvm_mono):
+    """A dimension and its re-use are not correlated, over replicates (Student, chance 1e-5), nor the same by halves."""
+    from scipy import stats
+
+    samples = sequences(llvm_mono, 1024, 256, DIMENSIONS + 1)[:, :, [0, DIMENSIONS]] - 0.5
+    for product in (samples.prod(axis=2), np.sign(samples).prod(axis=2)):
+        per_replicate = product.mean(axis=1)
+        assert stats.ttest_1samp(per_replicate, 0).pvalue > 1e-5
+        assert per_replicate.std() < 4 / np.sqrt(1024)
+
+
+@pytest.mark.parametrize("first, count", [(3, 2), (1 << 20, 1)])
+def test_bad_places_are_refused(llvm_mono, first, count):
+    from mitsuba_taxel import InputError
+
+    sampler = llvm_mono.load_dict({"type": "owen_sobol", "sample_count": count})
+    with pytest.raises(InputError, match="first_point|more than"):
+        sampler.place(first, 0)
