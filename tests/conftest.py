@@ -12,9 +12,9 @@ FALSE_ALARM_RATE = 1e-4
 @pytest.fixture
 def llvm_mono():
     """The default variant, whatever an earlier test has set."""
-    import mitsuba as mi
+    import mitsuba_taxel  # noqa: F401  (first: it chooses the LLVM)
 
-    import mitsuba_taxel  # noqa: F401  (chooses the LLVM)
+    import mitsuba as mi  # isort: skip
 
     mi.set_variant("llvm_ad_mono")
     return mi

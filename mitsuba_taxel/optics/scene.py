@@ -41,6 +41,7 @@ class Scene:
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
         self.parameters = {**self.defaults, **given}
+        self.names_integrator = True  # known once the scene has been loaded
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
@@ -68,6 +69,7 @@ class Scene:
             config = _parser_config(activate_variant())
             try:
                 state = self._parse(config)
+                self.names_integrator = any(node.type == mi.ObjectType.Integrator for node in state.nodes)
                 mi.parser.transform_all(config, state)
                 return mi.parser.instantiate(config, state)
             except RuntimeError as error:

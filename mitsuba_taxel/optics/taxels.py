@@ -40,13 +40,13 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     sensors = scene.sensors()
     for emitter in leds:
         if not hasattr(emitter, "sample_direction_of_emission"):
-            raise InputError(f"taxel_tracer: every emitter must be an annular_led, not a {emitter.class_name()}.")
+            raise InputError(f"every emitter must be an annular_led, not a {emitter.class_name()}.")
     for sensor in sensors:
         if not hasattr(sensor, "spread_film"):
-            raise InputError(f"taxel_tracer: every sensor must be a phototransistor, not a {sensor.class_name()}.")
+            raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
+    if not leds or not sensors:
+        raise InputError(f"the scene holds {len(leds)} LEDs and {len(sensors)} phototransistors: at least one of each.")
     counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
     if counts[0] != counts[1] or len(leds) != len(sensors):
-        raise InputError(
-            f"taxel_tracer: the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own."
-        )
+        raise InputError(f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own.")
     return [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]

@@ -125,6 +125,17 @@ class AnnularLed(mi.Emitter):
         """Share of the power per solid angle [1/sr] in world direction ``d``."""
         return self.law.density(self.faces.frame.to_local(d))
 
+    @property
+    def area(self) -> mi.Float:
+        """Emitting area of one LED [mm²]."""
+        assert self.faces  # found when first asked for, and the annulus with them
+        return self._annulus.area
+
+    def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool:
+        """Whether the surface point ``p`` lies on the emitting annulus of LED ``index``."""
+        nearest, _ = self.faces.locate(p)
+        return self._lit(p) & (nearest == index)
+
     def _lit(self, p: mi.Point3f) -> mi.Bool:
         _, offset = self.faces.locate(p)
         height = dr.abs(self.faces.frame.to_local(p - self.faces.origin).z)

@@ -61,6 +61,8 @@ def test_every_plugin_file_registers_its_name(llvm_mono):
         "phototransistor",
         "photo_reflector",
         "region",
+        "analog_tracer",
+        "taxel_path",
         "taxel_tracer",
         "wall",
     }

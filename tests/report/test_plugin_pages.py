@@ -25,14 +25,18 @@ def test_page_is_complete(name):
 
 def test_rows_of_a_table():
     page = plugin_page("wall")
-    assert [row[:2] for row in page.parameters] == [("scattering", "string"), ("reflectance", "float")]
+    assert [row[:2] for row in page.parameters] == [
+        ("scattering", "string"),
+        ("reflectance", "float"),
+        ("reflectance_table", "string"),
+        ("specular, lambertian, isotropic", "float"),
+        ("rms_slope", "float"),
+    ]
     assert page.parameters[1][2].endswith("(Default: 1)")
 
 
 def test_no_plugin_is_imported():
-    code = (
-        "import sys; from mitsuba_taxel.report.plugin_pages import *; list(map(plugin_page, plugin_names()));"
-    )
+    code = "import sys; from mitsuba_taxel.report.plugin_pages import *; list(map(plugin_page, plugin_names()));"
     code += "print([name for name in sys.modules if name.startswith('mitsuba_taxel.plugins.')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

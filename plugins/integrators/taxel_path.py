@@ -1,0 +1,155 @@
+"""Light traced back from each taxel's phototransistor to its own LED."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics import tracing
+from mitsuba_taxel.optics.emission import UniformPolarAngle
+from mitsuba_taxel.optics.parameters import whole_number
+from mitsuba_taxel.optics.tracing import leave, splat
+from mitsuba_taxel.optics.walls import is_bounded_from_detector, walls_of
+
+_MOST_REFLECTIONS = 1 << 17
+
+
+class TaxelPath(mi.CppADIntegrator):
+    r"""
+    .. _integrator-taxel_path:
+
+    Taxel path tracer (:monosp:`taxel_path`)
+    ----------------------------------------
+
+    .. pluginparameters::
+
+     * - max_depth
+       - |int|
+       - Most reflections on a path; -1 for no limit but the 131072 after which a path that nothing absorbs is left.
+         (Default: -1)
+
+     * - rr_depth
+       - |int|
+       - Reflections after which paths of little weight may end by Russian roulette. (Default: 8)
+
+    Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that happen to
+    arrive there count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, for less
+    where the light is simple: plates that are not close, walls that scatter little. It refuses what would give a
+    weight without bound: isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose
+    intensity has no bound on the axis.
+
+    .. tabs::
+        .. code-tab:: xml
+
+            <integrator type="taxel_path"/>
+
+        .. code-tab:: python
+
+            'type': 'taxel_path'
+    """
+
+    def __init__(self, props: mi.Properties) -> None:
+        super().__init__(props)
+        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=_MOST_REFLECTIONS)
+        self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
+
+    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
+        """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
+        return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
+
+    @dr.syntax
+    def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
+        """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
+        refuse_unbounded(scene, pair.led)
+        led, sensor = pair.led, pair.sensor
+        clearance = tracing.clearance_of(pair)
+        carrier = mi.ShapePtr(led.get_shape())
+        context = mi.BSDFContext(mi.TransportMode.Radiance)
+        most_reflections = dr.opaque(mi.UInt32, _MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
+
+        y, offset = sensor.sample_point(index, sampler.next_2d())
+        local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
+        direction = sensor.faces.frame.to_world(local)
+        target = mi.Point3f(led.sample_point(led_index, sampler.next_2d()))
+        vertex, normal = mi.Point3f(y), mi.Normal3f(sensor.normal)
+        result = dr.zeros(mi.Float, dr.width(index))
+        if dr.hint(not pair.coplanar, mode="scalar"):
+            result += self._straight_across(scene, pair, vertex, target, clearance)
+
+        throughput = dr.pi * sensor.faces.area * sensor.response(local.z) + result * 0
+        full = mi.Float(throughput)
+        density = mi.warp.square_to_cosine_hemisphere_pdf(local)
+        specular = mi.Bool(False)
+        depth = mi.UInt32(0)
+        active = (throughput > 0) & (local.z > 0)
+        while active:
+            ray = leave(vertex, normal, direction, clearance)
+            si = scene.ray_intersect(ray, active)
+            active &= si.is_valid()
+
+            # Hits; from the phototransistor itself only connections look straight at the LED
+            cosine = -dr.dot(direction, led.faces.frame.n)
+            here = active & (depth > 0) & (si.shape == carrier) & led.contains(led_index, si.p) & (cosine > 0)
+            connection = dr.squared_norm(si.p - vertex) / (density * cosine * led.area)
+            weight = dr.select(specular, 1, dr.rcp(1 + dr.square(connection)))
+            radiance = led.power * led.density_of_direction(-direction) / (led.area * cosine)
+            result += dr.select(here, throughput * radiance * weight, 0)
+
+            active &= depth < most_reflections
+            vertex, normal = mi.Point3f(si.p), mi.Normal3f(si.n)
+            bsdf = si.bsdf(ray)
+
+            # Connection to a point of the LED
+            to_target = target - vertex
+            distance_squared = dr.squared_norm(to_target)
+            wo = to_target * dr.rsqrt(distance_squared)
+            cosine = -dr.dot(wo, led.faces.frame.n)
+            intensity = led.power * led.density_of_direction(-wo)
+            value, bsdf_density = bsdf.eval_pdf(context, si, si.to_local(wo), active)
+            visible = active & (cosine > 0) & (intensity > 0) & (value[0] > 0)
+            visible &= ~scene.ray_test(leave(vertex, normal, wo, clearance, target), visible)
+            hit = bsdf_density * led.area * cosine / distance_squared
+            value = throughput * value[0] * intensity / (distance_squared * (1 + dr.square(hit)))
+            result += dr.select(visible, value, 0)
+
+            bs, weight = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
+            direction = si.to_world(bs.wo)
+            density = mi.Float(bs.pdf)
+            specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+            throughput *= weight[0]
+            depth += 1
+            active &= throughput > 0
+            survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / full, 1), 1)
+            active &= sampler.next_1d(active) < survival
+            throughput /= survival
+        splat(sensor, index, offset, result, pixels)
+        return result
+
+    @staticmethod
+    def _straight_across(scene, pair, y, target, clearance):
+        """Power [W] that goes from the LED to the phototransistor without a reflection."""
+        led, sensor = pair.led, pair.sensor
+        to_target = target - y
+        distance_squared = dr.squared_norm(to_target)
+        wo = to_target * dr.rsqrt(distance_squared)
+        cosine = dr.dot(wo, sensor.normal)
+        visible = (cosine > 0) & (dr.dot(wo, led.faces.frame.n) < 0)
+        visible &= ~scene.ray_test(leave(y, mi.Normal3f(sensor.normal), wo, clearance, target), visible)
+        value = led.power * led.density_of_direction(-wo) * sensor.faces.area * cosine / distance_squared
+        return dr.select(visible, value * sensor.response(cosine), 0)
+
+    def to_string(self) -> str:
+        return f"TaxelPath[max_depth = {self.max_depth}]"
+
+
+def refuse_unbounded(scene, led) -> None:
+    """Raise an InputError where a weight of a path from the detector would have no bound."""
+    if not all(map(is_bounded_from_detector, walls_of(scene))):
+        raise InputError(
+            "taxel_path: an isotropic wall gives paths from the detector a weight without bound: use taxel_tracer."
+        )
+    if isinstance(led.law, UniformPolarAngle):
+        raise InputError(
+            "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer."
+        )
