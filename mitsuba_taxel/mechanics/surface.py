@@ -7,7 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.finish import Finish, fine_subdivision
 from mitsuba_taxel.mechanics.path import State
+from mitsuba_taxel.mechanics.relief import Relief, SmoothSurface, displacement_gradient
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -30,16 +32,35 @@ class Surface:
     cell: np.ndarray
 
 
-def tessellate(state: State, subdivision: int = 12) -> Surface:
+def tessellate(state: State, subdivision: int = 12, finish: Finish | None = None) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
     The faces of cells are cut into ``subdivision`` ** 2 triangles each, the others into 4, as their mid-edge nodes
-    need, or into a fan where they touch a cell, so that the surface is closed.
+    need, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is laid on the faces of
+    the undeformed cells, cut as fine as it needs, and carried by the deformation: see :class:`Relief`.
+
+    Raises
+    ------
+    InputError
+        if the finish needs more than `MOST_TRIANGLES`.
     """
-    deformed = state.mesh.points + state.displacement
-    cut = _cut(state.mesh, subdivision)
-    vertices = np.einsum("vk,vkj->vj", cut.weights, deformed[cut.nodes])
-    return Surface(vertices, cut.triangles, state.mesh.face_region[cut.faces], state.mesh.face_cell[cut.faces])
+    mesh = state.mesh
+    if finish is not None:
+        subdivision = fine_subdivision(mesh, finish, subdivision)
+    cut = _cut(mesh, subdivision)
+    vertices, triangles, faces = cut.at_vertices(mesh.points + state.displacement), cut.triangles, cut.faces
+    if finish is not None:
+        relief = _relief(mesh, subdivision, finish)
+        gradient = displacement_gradient(mesh, state.displacement)
+        vertices = relief.carried(vertices, cut.at_vertices(gradient.reshape(-1, 9)).reshape(-1, 3, 3))
+        triangles, faces = relief.triangles, faces[relief.parents]
+    return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces])
+
+
+@lru_cache(maxsize=2)  # the states of a path share their mesh
+def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish) -> Relief:
+    cut = _cut(mesh, subdivision)
+    return finish.relief(SmoothSurface(cut.at_vertices(mesh.points), cut.triangles, mesh.face_region[cut.faces]))
 
 
 @dataclass(frozen=True)
@@ -50,6 +71,10 @@ class _Cut:
     weights: np.ndarray
     triangles: np.ndarray
     faces: np.ndarray
+
+    def at_vertices(self, values: np.ndarray) -> np.ndarray:
+        """(V, C) values at the vertices from those at the nodes of the mesh (N, C)."""
+        return sum(self.weights[:, k, None] * values[self.nodes[:, k]] for k in range(6))
 
 
 @lru_cache(maxsize=4)  # the states of a path share their mesh

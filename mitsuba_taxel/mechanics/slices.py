@@ -1,0 +1,157 @@
+"""Triangles cut along equidistant parallel planes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SNAP = 1e-4
+"""Vertices as near to a plane as this, relative to the distance of the planes, count as lying on it."""
+
+
+@dataclass(frozen=True)
+class Slices:
+    """What planes leave of a mesh.
+
+    Attributes
+    ----------
+    low, high, fraction : (V,) the vertices of the mesh that a vertex lies between, and how far from the first
+    height : (V,) of each vertex, in distances of the planes; whole on a plane
+    triangles : (T, 3) vertex numbers; the vertices of the mesh keep theirs
+    parents : (T,) the triangle of the mesh that each is a piece of
+    band : (T,) number of the plane below each piece of a chosen triangle
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    fraction: np.ndarray
+    height: np.ndarray
+    triangles: np.ndarray
+    parents: np.ndarray
+    band: np.ndarray
+
+
+def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Slices:
+    """Cut the ``chosen`` (T,) triangles (T, 3) where ``height`` (V,), linear on each, is a whole number.
+
+    The other triangles are split only where they share an edge with a chosen one, so that a closed mesh stays closed.
+    A triangle all of whose height is one whole number belongs to the band above it.
+    """
+    whole = np.rint(height)
+    height = np.where(np.abs(height - whole) < SNAP, whole, height)
+    crossings = _Crossings(height)
+    inner = np.flatnonzero(chosen)
+    pieces, parents, band = _bands(height, triangles[inner], crossings)
+    outer = np.flatnonzero(~chosen)
+    split, sources = _split_beside(height, triangles[outer], triangles[inner], crossings)
+    pieces, low, high, plane = crossings.resolve(np.concatenate([pieces, split]))
+    proper = (pieces != np.roll(pieces, 1, axis=1)).all(axis=1)
+
+    fraction = (plane - height[low]) / (height[high] - height[low])
+    own, zeros = np.arange(len(height)), np.zeros(len(height))
+    return Slices(
+        np.concatenate([own, low]),
+        np.concatenate([own, high]),
+        np.concatenate([zeros, fraction]),
+        np.concatenate([height, plane]),
+        pieces[proper],
+        np.concatenate([inner[parents], outer[sources]])[proper],
+        np.concatenate([band, np.zeros(len(sources), dtype=np.int64)])[proper],
+    )
+
+
+class _Crossings:
+    """Numbers the points where edges meet planes, one point for all triangles at an edge."""
+
+    def __init__(self, height: np.ndarray) -> None:
+        self.height = height
+        self.first_plane = int(np.floor(height.min()))
+        self.planes = int(np.ceil(height.max())) - self.first_plane + 1
+
+    def between(self, low: np.ndarray, high: np.ndarray, plane: np.ndarray) -> np.ndarray:
+        """Where the edges from ``low`` up to ``high`` meet a plane: a vertex if there is one, else -1 - its key."""
+        key = (low * len(self.height) + high) * self.planes + (plane - self.first_plane)
+        inside = np.where(plane >= self.height[high], high, -1 - key)
+        return np.where(plane <= self.height[low], low, inside)
+
+    def resolve(self, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """``pieces`` with numbers in place of keys; lower end, upper end and plane of each new vertex."""
+        new = pieces < 0
+        keys, number = np.unique(-1 - pieces[new], return_inverse=True)
+        pieces = pieces.copy()
+        pieces[new] = len(self.height) + number
+        edge, plane = np.divmod(keys, self.planes)
+        low, high = np.divmod(edge, len(self.height))
+        return pieces, low, high, plane + self.first_plane
+
+
+def _bands(
+    height: np.ndarray, triangles: np.ndarray, crossings: _Crossings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pieces of triangles between planes, as vertices and keys, some with repeated vertices; parents and bands."""
+    order = np.argsort(height[triangles], axis=1, kind="stable")
+    turned = (order[:, 1] - order[:, 0]) % 3 == 2
+    corners = np.take_along_axis(triangles, order, axis=1).astype(np.int64)
+    lowest, highest = height[corners[:, 0]], height[corners[:, 2]]
+    first = np.floor(lowest).astype(np.int64)
+    count = np.maximum(np.ceil(highest).astype(np.int64) - first, 1)
+    parents, step = _repeated(count)
+    low, middle, high = corners[parents].T
+    band = first[parents] + step
+
+    def on_long_side(plane: np.ndarray) -> np.ndarray:
+        return crossings.between(low, high, plane)
+
+    def on_short_sides(plane: np.ndarray) -> np.ndarray:
+        below = plane < height[middle]
+        return crossings.between(np.where(below, low, middle), np.where(below, middle, high), plane)
+
+    left, right = (on_long_side(band), on_long_side(band + 1)), (on_short_sides(band), on_short_sides(band + 1))
+    # A piece without the middle corner is a quadrilateral: its upper right corner takes the middle's place.
+    apex = np.where((band < height[middle]) & (height[middle] < band + 1), middle, right[1])
+    parts = [(left[0], right[0], apex), (left[0], apex, left[1]), (apex, right[1], left[1])]
+    pieces = np.concatenate([np.stack(part, axis=1) for part in parts])
+    flip = np.tile(turned[parents], 3)
+    pieces[flip] = pieces[flip][:, ::-1]
+    return pieces, np.tile(parents, 3), np.tile(band, 3)
+
+
+def _split_beside(
+    height: np.ndarray, triangles: np.ndarray, cut: np.ndarray, crossings: _Crossings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles with their edges shared with ``cut`` ones split at the planes, and the triangle each is part of."""
+    triangles = triangles.astype(np.int64)
+    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
+    ends = np.sort(height[edges], axis=2)
+    planes = np.ceil(ends[..., 1]) - np.floor(ends[..., 0]) - 1
+    beside = np.isin(_edge_keys(triangles, len(height)), _edge_keys(cut, len(height)))
+    count = np.where(beside, np.maximum(planes, 0), 0).astype(np.int64)
+    assert (np.count_nonzero(count, axis=1) <= 1).all(), "a triangle has two sides along those that are cut"
+    side = count.argmax(axis=1)
+    rows = np.arange(len(triangles))
+    a, b, apex = (triangles[rows, (side + k) % 3] for k in range(3))
+    sources, step = _repeated(count[rows, side] + 1)
+    a, b, apex = a[sources], b[sources], apex[sources]
+    rising = height[a] <= height[b]
+    low, high = np.where(rising, a, b), np.where(rising, b, a)
+    start = np.where(rising, np.floor(height[a]), np.ceil(height[a])).astype(np.int64)
+    direction = np.where(rising, 1, -1)
+    last = step == count[sources, side[sources]]
+
+    def along(number: np.ndarray) -> np.ndarray:
+        return crossings.between(low, high, start + direction * number)
+
+    return np.stack([along(step), np.where(last, b, along(step + 1)), apex], axis=1), sources
+
+
+def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
+    """(T, 3) a number for each side, the same in both directions."""
+    ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
+    return np.minimum(*ends) * vertices + np.maximum(*ends)
+
+
+def _repeated(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each row's number as often as ``count`` says, and how often it came before."""
+    rows = np.repeat(np.arange(len(count)), count)
+    return rows, np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)

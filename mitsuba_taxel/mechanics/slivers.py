@@ -1,0 +1,101 @@
+"""Triangles without area taken out of a closed mesh, which stays closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SHORT = 1e-7
+"""Distance in mm under which vertices are at one place."""
+FLAT = 1e-12
+"""Height in mm under which a triangle has no area: far below SHORT, lest what is cut off one is flat again."""
+MOST_ROUNDS = 100
+"""Seven are usual; what should be left then is as harmless as it is small."""
+
+
+def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles of a closed mesh that are left when those without area are gone, and which they were.
+
+    Vertices at one place become one. A triangle whose corner lies on its longest side makes room by exchanging that
+    side with the triangle beyond it, which is so split at that corner.
+
+    Parameters
+    ----------
+    points : (V, 3) mm
+    triangles : (T, 3)
+    """
+    origin = np.arange(len(triangles))
+    for _ in range(MOST_ROUNDS):
+        side = np.linalg.norm(points[triangles] - points[np.roll(triangles, -1, axis=1)], axis=2)
+        if (side < SHORT).any():
+            triangles, kept = _merged(triangles, side < SHORT, len(points))
+            origin = origin[kept]
+            continue
+        a, b, c = (points[triangles[:, k]] for k in range(3))
+        flat = np.linalg.norm(np.cross(b - a, c - a), axis=1) < FLAT * side.max(axis=1)
+        if not flat.any():
+            break
+        triangles, origin = _exchanged(triangles, origin, flat, side.argmax(axis=1), side.max(axis=1))
+    return triangles, origin
+
+
+def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles with the ends of ``short`` (T, 3) sides made one, and which are left."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    row, k = np.nonzero(short)
+    start, end = triangles[row, k], triangles[row, (k + 1) % 3]
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(vertices, vertices))
+    label = connected_components(graph, directed=False)[1]
+    first = np.full(label.max() + 1, vertices)
+    np.minimum.at(first, label, np.arange(vertices))
+    merged = first[label][triangles]
+    kept = np.flatnonzero((merged != np.roll(merged, 1, axis=1)).all(axis=1))
+    kept = kept[_without_pairs(merged[kept])]
+    return merged[kept], kept
+
+
+def _without_pairs(triangles: np.ndarray) -> np.ndarray:
+    """Which triangles are left when two with the same corners, back to back, cancel each other."""
+    corners = np.sort(triangles, axis=1)
+    order = np.lexsort(corners.T)
+    same = np.zeros(len(order) + 1, dtype=bool)
+    same[1:-1] = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
+    return np.sort(order[~(same[1:] | same[:-1])])
+
+
+def _exchanged(
+    triangles: np.ndarray, origin: np.ndarray, flat: np.ndarray, longest: np.ndarray, length: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Exchange the longest side of ``flat`` triangles with the triangle beyond, as many as do not disturb each other.
+
+    Of several at one triangle, the longest goes first.
+    """
+    rows = np.flatnonzero(flat)
+    rows = rows[np.argsort(-length[rows], kind="stable")]
+    k = longest[rows]
+    a, b, c = (triangles[rows, (k + j) % 3] for j in range(3))
+    beyond, opposite = _neighbours(triangles, a, b)
+    rank = np.arange(len(rows))
+    first = np.full(len(triangles), len(rows))
+    np.minimum.at(first, rows, rank)
+    np.minimum.at(first, beyond, rank)
+    free = (first[rows] == rank) & (first[beyond] == rank)
+    rows, beyond, opposite, a, b, c = (part[free] for part in (rows, beyond, opposite, a, b, c))
+    triangles, origin = triangles.copy(), origin.copy()
+    triangles[rows] = np.stack([a, opposite, c], axis=1)
+    triangles[beyond] = np.stack([opposite, b, c], axis=1)
+    origin[rows] = origin[beyond]
+    return triangles, origin
+
+
+def _neighbours(triangles: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The triangle that has each side (b, a), and its third corner."""
+    size = int(triangles.max()) + 1
+    sides = triangles.astype(np.int64) * size + np.roll(triangles, -1, axis=1)
+    wanted = b.astype(np.int64) * size + a
+    candidates = np.flatnonzero(np.isin(sides, wanted).ravel())
+    candidates = candidates[np.argsort(sides.ravel()[candidates])]
+    found = candidates[np.searchsorted(sides.ravel()[candidates], wanted)]
+    row, k = np.divmod(found, 3)
+    return row, triangles[row, (k + 2) % 3]
