@@ -6,31 +6,45 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mitsuba_taxel.optics.audit import EnergyAudit, energy_audit
     from mitsuba_taxel.optics.objects import PadSensor, PhotoReflector, Wall
-    from mitsuba_taxel.optics.readings import Readings, measure, points_for
+    from mitsuba_taxel.optics.ray_paths import RayPaths, sample_paths
+    from mitsuba_taxel.optics.readings import Crosstalk, Readings, crosstalk, measure, points_for
     from mitsuba_taxel.optics.scene import Scene, find_scene, write_xml
 
 _LAZY = {
+    "Crosstalk": "readings",
+    "EnergyAudit": "audit",
     "PadSensor": "objects",
     "PhotoReflector": "objects",
+    "RayPaths": "ray_paths",
     "Readings": "readings",
     "Scene": "scene",
     "Wall": "objects",
+    "crosstalk": "readings",
+    "energy_audit": "audit",
     "find_scene": "scene",
     "measure": "readings",
     "points_for": "readings",
+    "sample_paths": "ray_paths",
     "write_xml": "scene",
 }
 
 __all__ = [
+    "Crosstalk",
+    "EnergyAudit",
     "PadSensor",
     "PhotoReflector",
+    "RayPaths",
     "Readings",
     "Scene",
     "Wall",
+    "crosstalk",
+    "energy_audit",
     "find_scene",
     "measure",
     "points_for",
+    "sample_paths",
     "write_xml",
 ]
 

@@ -83,7 +83,9 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
         raise InputError(
             f"{name}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
         )
-    matrix = np.array(mi.traverse(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
+    # Entry by entry: to gather them into one array would run a kernel, which cannot be while another is recorded.
+    rows = mi.traverse(shape)["to_world"].matrix
+    matrix = np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
     return _face_on_rectangle(matrix, name, size)
 
 

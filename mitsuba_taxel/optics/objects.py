@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mitsuba_taxel.mechanics import NeoHookean
+from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.pads import Pad
 
@@ -85,6 +85,7 @@ class PadSensor:
     force : total force (Fx, Fy, Fz) on the top, in N; compression is Fz < 0
     photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
     roof, side : what covers the cells
+    finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
     """
 
     pad: Pad = field(default_factory=Pad)
@@ -93,6 +94,7 @@ class PadSensor:
     photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
     roof: Wall = ISOTROPIC
     side: Wall = ABSORBING
+    finish: LayerSteps | Grooves | RandomRoughness | None = None
 
     def scene(self) -> Scene:
         """The scene, ready to measure, write or load."""
@@ -121,6 +123,7 @@ class PadSensor:
                 "youngs_modulus": self.material.youngs_modulus,
                 "poisson_ratio": self.material.poisson_ratio,
                 "force": mi.ScalarVector3f(*map(float, self.force)),
+                **_finish_parameters(self.finish),
                 "walls": {"type": "region", "roof": self.roof.to_dict(), "side": self.side.to_dict()},
             },
             "photo_reflector": reflector,
@@ -131,3 +134,23 @@ class PadSensor:
             },
         }
         return Scene(description)
+
+
+def _finish_parameters(finish: LayerSteps | Grooves | RandomRoughness | None) -> dict[str, Any]:
+    """The parameters of the plugin `deformable_pad` that stand for a finish."""
+    import mitsuba as mi
+
+    if finish is None:
+        return {}
+    refinement = {"finish_refinement": float(finish.refinement)}
+    if isinstance(finish, LayerSteps):
+        direction = mi.ScalarVector3f(*finish.direction)
+        own = {"finish": "layer_steps", "layer_height": float(finish.layer_height), "print_direction": direction}
+    elif isinstance(finish, Grooves):
+        direction = mi.ScalarVector3f(*finish.direction)
+        own = {"finish": "grooves", "groove_pitch": float(finish.pitch), "groove_depth": float(finish.depth)}
+        own["groove_direction"] = direction
+    else:
+        own = {"finish": "random", "rms_height": float(finish.rms_height)}
+        own.update(correlation_length=float(finish.correlation_length), roughness_seed=finish.seed)
+    return own | refinement

@@ -285,6 +285,7 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
 
 def _render(scene: Any, points: int, seed: int):
     """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit."""
+    import drjit as dr
     import mitsuba as mi
 
     columns, images = [], []
@@ -292,7 +293,8 @@ def _render(scene: Any, points: int, seed: int):
         if not hasattr(sensor, "spread_film"):
             raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
         faces = sensor.faces
-        seeds = [_derived_seed(seed, replicate) for replicate in range(REPLICATES)]
+        # Kept out of the kernel, which would otherwise be compiled anew for each of them.
+        seeds = [dr.opaque(mi.UInt32, _derived_seed(seed, replicate)) for replicate in range(REPLICATES)]
         renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
         maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
         blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])

@@ -21,7 +21,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.optics.guide import Guide
-from mitsuba_taxel.optics.tracing import leave
+from mitsuba_taxel.optics.tracing import leave, release
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
 """World direction -> what leaves that way per unit that arrives [1/sr, cosine included], and its density [1/sr]."""
@@ -84,7 +84,7 @@ class Techniques:
         if not self.meetings:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
             return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 7)
-        ray = leave(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
+        ray = release(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
         valid = si.is_valid() & (local.z > 0)
         distance_squared = dr.squared_norm(si.p - y)
@@ -175,8 +175,8 @@ class Techniques:
         """Chance that the guide draws the direction that leaves ``si``: none where the wall is not of the guide."""
         return dr.select(self._member(si, active), self.guide.share, 0) if self.guide is not None else mi.Float(0)
 
-    def target(self, sample: mi.Point2f) -> mi.Point3f:
-        """A point that the guide draws."""
+    def target(self, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point that the guide draws, and the triangle that it lies on."""
         assert self.guide is not None
         return self.guide.sample(self.index, sample)
 

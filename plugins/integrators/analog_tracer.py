@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.optics import tracing
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import leave, splat
+from mitsuba_taxel.optics.tracing import leave, release, splat
 
 _MOST_REFLECTIONS = 1 << 17
 
@@ -67,8 +67,8 @@ class AnalogTracer(mi.CppADIntegrator):
         result = dr.zeros(mi.Float, dr.width(index))
         depth = mi.UInt32(0)
         active = mi.Bool(led.power > 0) | (index < 0)
+        ray = release(vertex, normal, direction, clearance)
         while active:
-            ray = leave(vertex, normal, direction, clearance)
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             inside, offset = sensor.contains(index, si.p)
@@ -83,6 +83,7 @@ class AnalogTracer(mi.CppADIntegrator):
             active &= random.next_float32() < weight[0]
             vertex, normal = mi.Point3f(si.p), mi.Normal3f(si.n)
             direction = si.to_world(bs.wo)
+            ray = leave(vertex, normal, direction, clearance)
             depth += 1
             active &= depth < _MOST_REFLECTIONS
         return result

@@ -9,7 +9,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import tracing
 from mitsuba_taxel.optics.emission import UniformPolarAngle
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import leave, splat
+from mitsuba_taxel.optics.tracing import leave, release, splat
 from mitsuba_taxel.optics.walls import is_bounded_from_detector, walls_of
 
 _MOST_REFLECTIONS = 1 << 17
@@ -83,8 +83,8 @@ class TaxelPath(mi.CppADIntegrator):
         specular = mi.Bool(False)
         depth = mi.UInt32(0)
         active = (throughput > 0) & (local.z > 0)
+        ray = release(vertex, normal, direction, clearance)
         while active:
-            ray = leave(vertex, normal, direction, clearance)
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
 
@@ -118,6 +118,7 @@ class TaxelPath(mi.CppADIntegrator):
             density = mi.Float(bs.pdf)
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             throughput *= weight[0]
+            ray = leave(vertex, normal, direction, clearance)
             depth += 1
             active &= throughput > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / full, 1), 1)

@@ -9,10 +9,11 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.optics import tracing
+from mitsuba_taxel.optics.aim import aim_for
 from mitsuba_taxel.optics.guide import guide_for
 from mitsuba_taxel.optics.parameters import choice, whole_number
 from mitsuba_taxel.optics.techniques import Techniques, Vertex
-from mitsuba_taxel.optics.tracing import leave, splat
+from mitsuba_taxel.optics.tracing import leave, release, splat
 
 STRATEGIES = ("all", "connections", "meetings", "hits")
 _MOST_REFLECTIONS = 1 << 17
@@ -70,9 +71,14 @@ class TaxelTracer(mi.CppADIntegrator):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
         return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
 
-    @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
+        aim = aim_for(self, scene, pair)
+        return self.sample_aimed(scene, pair, index, led_index, sampler, pixels, aim)
+
+    @dr.syntax
+    def sample_aimed(self, scene, pair, index, led_index, sampler, pixels, aim):
+        """As :meth:`sample_paths`, with the directions of emission drawn from ``aim``, if there is one."""
         led, sensor = pair.led, pair.sensor
         clearance = tracing.clearance_of(pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
@@ -81,7 +87,10 @@ class TaxelTracer(mi.CppADIntegrator):
         result = dr.zeros(mi.Float, dr.width(index))
         power = mi.Float(led.power) + result
         source = led.sample_point(led_index, sampler.next_2d())
-        direction = led.sample_direction_of_emission(sampler.next_2d())
+        sample, overdrawn = sampler.next_2d(), mi.Float(1)
+        if dr.hint(aim is not None, mode="scalar"):
+            sample, overdrawn = aim.sample(led_index, sample)
+        direction = led.sample_direction_of_emission(sample)
         view = techniques.look(sampler.next_2d(), sampler.next_2d())
         vertex = Vertex(mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Float(0))
         emit = partial(_emit, led)
@@ -91,19 +100,22 @@ class TaxelTracer(mi.CppADIntegrator):
         splat(sensor, index, view.offset, value, pixels)
         result += value
 
-        # The ray under way: how it was drawn, and what it carries before it is divided by its density
+        # The ray under way: how it was drawn, and what it carries before it is divided by its density. The weights take
+        # an LED's rays to be drawn after the law alone: any densities will do there, as long as all techniques agree.
         density = led.density_of_direction(direction)
-        carried = power * density
+        carried = power * density / overdrawn
+        ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
         reach = mi.Float(dr.inf)  # distance of the point that the guide has drawn
+        target = mi.UInt32(0)  # its triangle
         depth = mi.UInt32(0)
         active = carried > 0
         while active:
-            ray = leave(vertex.p, vertex.n, direction, clearance)
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             distance = dr.norm(si.p - vertex.p)
-            active &= (reach == dr.inf) | (dr.abs(distance - reach) <= 0.05 * reach)
+            # A point that the guide has drawn counts only if it is seen; rounding may end on the triangle next to it.
+            active &= (reach == dr.inf) | (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
             drawn = techniques.drawn(density, vertex.guided, vertex.p, si, direction, active)
             throughput = carried / dr.select(specular, density, drawn)
 
@@ -134,7 +146,8 @@ class TaxelTracer(mi.CppADIntegrator):
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             reach = mi.Float(dr.inf)
             if dr.hint(techniques.guide is not None, mode="scalar"):
-                to_target = techniques.target(sample) - vertex.p
+                point, target = techniques.target(sample)
+                to_target = point - vertex.p
                 target_distance = dr.norm(to_target)
                 towards = to_target / target_distance
                 value, target_density = scatter(towards)
@@ -143,6 +156,7 @@ class TaxelTracer(mi.CppADIntegrator):
                 carried = dr.select(by_guide, throughput * value, carried)
                 specular &= ~by_guide
                 reach = dr.select(by_guide, target_distance, reach)
+            ray = leave(vertex.p, vertex.n, direction, clearance)
             depth += 1
             active &= carried > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / power, 1), 1)

@@ -1,0 +1,95 @@
+"""Drawing one of many members by a walk down a tree that keeps neighbouring random numbers together.
+
+A tree of depth d has 2**d leaves and is stored as the shares of its 2**d inner nodes, counted from 1: the share of
+what lies below a node that lies on its left. The two coordinates of a sample decide in turns, the first one first.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+
+def descend(shares: mi.Float, depth: int, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
+    """The leaf that a sample leads to, and what is left of the sample, uniform again.
+
+    Parameters
+    ----------
+    shares : (trees * 2**depth,) shares of the inner nodes, tree after tree
+    tree : number of the tree to walk down
+    """
+    rest = [sample.x, sample.y]
+    node = mi.UInt32(1)
+    for level in range(depth):
+        share = dr.gather(mi.Float, shares, (tree << depth) + node)
+        x = rest[level % 2]
+        right = x >= share
+        x = dr.select(right, (x - share) / (1 - share), x / share)
+        rest[level % 2] = dr.clip(x, 0, dr.one_minus_epsilon(mi.Float))
+        node = 2 * node + dr.select(right, mi.UInt32(1), mi.UInt32(0))
+    return node - (1 << depth), mi.Point2f(*rest)
+
+
+def shares_of_grid(weight: np.ndarray) -> np.ndarray:
+    """(T, n * n) shares of trees over grids of ``weight`` (T, n, n), n a power of two; columns are split first."""
+    trees, side, _ = weight.shape
+    shares = np.ones((trees, side * side), np.float32)
+    rows, columns = 1, 1
+    for level in range(2 * (side.bit_length() - 1)):
+        columns, rows = (2 * columns, rows) if level % 2 == 0 else (columns, 2 * rows)
+        part = weight.reshape(trees, rows, side // rows, columns, side // columns).sum(axis=(2, 4))
+        node = _interleaved(rows, columns, level + 1)
+        below = np.zeros((trees, 2 << level))
+        below[:, node] = part
+        whole = below[:, 0::2] + below[:, 1::2]
+        shares[:, 1 << level : 2 << level] = np.divide(below[:, 0::2], whole, out=np.ones_like(whole), where=whole > 0)
+    return shares
+
+
+def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
+    """(rows, columns) place at its level of the node over each block of the grid: column bits and row bits in turns."""
+    row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    place = np.zeros_like(row)
+    row_bits, column_bits = rows.bit_length() - 1, columns.bit_length() - 1
+    for level in range(levels):
+        if level % 2 == 0:
+            column_bits -= 1
+            bit = column >> column_bits & 1
+        else:
+            row_bits -= 1
+            bit = row >> row_bits & 1
+        place = 2 * place + bit
+    return place
+
+
+def shares_of_members(position: np.ndarray, weight: np.ndarray, tree: np.ndarray, trees: int):
+    """Trees over scattered members, halved by number along the two axes in turns.
+
+    Parameters
+    ----------
+    position, weight, tree : (M, 2) places, (M,) positive weights and (M,) numbers of trees of the members
+
+    Returns
+    -------
+    shares : (trees, 2**depth); leaves : (trees, 2**depth) number of the member in each leaf
+    """
+    depth = max(1, int(np.bincount(tree).max() - 1).bit_length())
+    shares, leaves = np.ones((trees, 1 << depth), np.float32), np.zeros((trees, 1 << depth), np.uint32)
+    ranks = np.argsort(np.argsort(position, axis=0), axis=0)
+    node = np.ones(len(weight), dtype=np.int64)
+    for level in range(depth):
+        place = (tree << level) + node - (1 << level)  # one number for each node of this level
+        order = np.argsort(place * len(weight) + ranks[:, level % 2])
+        count = np.bincount(place, minlength=trees << level)
+        first = np.cumsum(count) - count
+        rank = np.empty_like(node)
+        rank[order] = np.arange(len(weight)) - first[place[order]]
+        right = rank >= count[place] // 2
+        whole = np.bincount(place, weight, trees << level)
+        left = np.bincount(place[~right], weight[~right], trees << level)
+        share = np.divide(left, whole, out=np.ones_like(left), where=whole > 0)
+        shares[:, 1 << level : 2 << level] = share.reshape(trees, -1)
+        node = 2 * node + right
+    leaves[tree, node - (1 << depth)] = np.arange(len(weight))
+    return shares, leaves
