@@ -16,7 +16,7 @@ import click
 
 from .options import debug_option
 
-COMMANDS = ("render", "sweep", "deform", "plugins", "doctor")
+COMMANDS = ("render", "rays", "sweep", "deform", "plugins", "doctor")
 
 
 class _Commands(click.Group):

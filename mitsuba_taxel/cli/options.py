@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,24 @@ class _Share(click.ParamType):
         if not 0 < share < 1:
             self.fail(f"{value!r} is not allowed: above 0 and below 100% is needed.", param, ctx)
         return share
+
+
+class _Duration(click.ParamType):
+    """A time above 0, in s: plain seconds, or with a unit as 500ms, 60s, 2min."""
+
+    name = "time"
+    units = {"ms": 1e-3, "min": 60.0, "s": 1.0, "": 1.0}
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        text = str(value).strip()
+        unit = next(unit for unit in self.units if text.endswith(unit))
+        try:
+            seconds = float(text.removesuffix(unit)) * self.units[unit]
+        except ValueError:
+            self.fail(f"{value!r} is not a time such as 60s, 500ms, 2min or plain seconds.", param, ctx)
+        if not 0 < seconds < math.inf:
+            self.fail(f"{value!r} is not allowed: a finite time above 0 is needed.", param, ctx)
+        return seconds
 
 
 def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -68,6 +87,11 @@ points_option = click.option(
     "--points",
     type=click.IntRange(min=1),
     help="Points per randomisation and taxel, in place of a target error.",
+)
+time_budget_option = click.option(
+    "--time-budget",
+    type=_Duration(),
+    help="Time for the light, as 60s, 500ms or 2min; it ends there, or at the target error or points if given.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(

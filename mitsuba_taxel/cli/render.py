@@ -13,6 +13,7 @@ from .options import (
     points_option,
     seed_option,
     target_error_option,
+    time_budget_option,
 )
 
 
@@ -21,10 +22,11 @@ from .options import (
 @defines_option
 @target_error_option
 @points_option
+@time_budget_option
 @seed_option
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="MAP.exr", help="Write an irradiance map."
-)
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="MAP.exr", help="Write an irradiance map.")
+@click.option("--audit", is_flag=True, help="Also account for the light: absorbed where, detected, escaped.")
+@click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @json_option
 @debug_option
 def command(
@@ -32,26 +34,39 @@ def command(
     defines: dict[str, str],
     target_error: float | None,
     points: int | None,
+    time_budget: float | None,
     seed: int,
     output: Path | None,
+    audit: bool,
+    crosstalk: bool,
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
-    from mitsuba_taxel.optics import Scene, measure
+    from mitsuba_taxel import optics
     from mitsuba_taxel.studies.files import check_new_file
 
-    from .tables import print_readings, progress_bar
+    from . import tables
 
     if output is not None:
         check_new_file(output, ".exr")
-    with progress_bar("pads and light"):
-        readings = measure(
-            Scene.from_file(scene, **defines),
+    description = optics.Scene.from_file(scene, **defines)
+    with tables.progress_bar("pads and light"):
+        readings = optics.measure(
+            description,
             target_error=target_error,
             points=points,
+            time_budget=time_budget,
             seed=seed,
             irradiance=output is not None,
         )
+    matrix = book = None
+    if crosstalk:
+        with tables.progress_bar("crosstalk"):
+            matrix = optics.crosstalk(description, points=readings.points, seed=seed)
+    if audit:
+        number = {} if points is None else {"points": points}
+        with tables.progress_bar("energy audit") as progress:
+            book = optics.energy_audit(description, seed=seed, progress=progress, **number)
     if output is not None:
         from mitsuba_taxel.report.maps import write_irradiance
 
@@ -59,20 +74,45 @@ def command(
     if as_json:
         import json
 
-        click.echo(json.dumps(readings_as_json(readings)))
-    else:
-        print_readings(readings)
+        click.echo(json.dumps(readings_as_json(readings) | crosstalk_as_json(matrix) | audit_as_json(book)))
+        return
+    tables.print_readings(readings)
+    if matrix is not None:
+        tables.print_crosstalk(matrix)
+    if book is not None:
+        tables.print_audit(book)
 
 
 def readings_as_json(readings) -> dict[str, object]:
     """The object that ``--json`` prints."""
+    columns = {
+        "taxel": readings.taxel,
+        "power_W": readings.power,
+        "standard_error_W": readings.standard_error,
+    }
+    if readings.photocurrent is not None:
+        columns["photocurrent_A"] = readings.photocurrent
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return {
-        "readings": [
-            {"taxel": int(taxel), "power_W": float(power), "standard_error_W": float(error)}
-            for taxel, power, error in zip(
-                readings.taxel, readings.power, readings.standard_error, strict=True
-            )
-        ],
+        "readings": [dict(zip(columns, row, strict=True)) for row in rows],
         "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
         "parameters": dict(readings.parameters),
     }
+
+
+def crosstalk_as_json(matrix) -> dict[str, object]:
+    """What ``--crosstalk`` adds to it: rows are LEDs, columns phototransistors."""
+    if matrix is None:
+        return {}
+    power, error = matrix.power.tolist(), matrix.standard_error.tolist()
+    return {"crosstalk": {"power_W": power, "standard_error_W": error, "points": matrix.points}}
+
+
+def audit_as_json(audit) -> dict[str, object]:
+    """What ``--audit`` adds to it: shares of the emitted power."""
+    if audit is None:
+        return {}
+    rows = zip(audit.places, audit.share.tolist(), audit.standard_error.tolist(), strict=True)
+    keys = ("place", "share", "standard_error")
+    shares = [dict(zip(keys, row, strict=True)) for row in rows]
+    return {"audit": {"shares": shares, "total": audit.total, "points": audit.points}}

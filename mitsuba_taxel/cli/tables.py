@@ -37,16 +37,17 @@ def _show(table: Table) -> None:
 
 
 def print_readings(readings) -> None:
-    """Power and standard error per taxel, what they mean, and the time by stage."""
-    print_table(
-        ("taxel", "power [W]", "standard error [W]", "relative"),
-        (
-            (str(taxel), f"{power:.6e}", f"{error:.1e}", f"{error / power:.2%}" if power > 0 else "-")
-            for taxel, power, error in zip(
-                readings.taxel, readings.power, readings.standard_error, strict=True
-            )
-        ),
-    )
+    """Power, standard error and photocurrent per taxel, what they mean, and the time by stage."""
+    headings = ["taxel", "power [W]", "standard error [W]", "relative"]
+    rows = [
+        [str(taxel), f"{power:.6e}", f"{error:.1e}", f"{error / power:.2%}" if power > 0 else "-"]
+        for taxel, power, error in zip(readings.taxel, readings.power, readings.standard_error, strict=True)
+    ]
+    if readings.photocurrent is not None:
+        headings.append("photocurrent [A]")
+        for row, current in zip(rows, readings.photocurrent, strict=True):
+            row.append(f"{current:.6e}")
+    print_table(headings, rows)
     print(
         f"Standard error: 1 sigma of the light alone, from {len(readings.replicates)} randomisations "
         f"of {readings.points} points per taxel, seed {readings.seed}."
@@ -54,6 +55,32 @@ def print_readings(readings) -> None:
     for note in readings.notes:
         print(note)
     print(stage_line(readings.seconds))
+
+
+def print_crosstalk(crosstalk) -> None:
+    """The power that each LED brings to each phototransistor, each with its standard error."""
+    taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]
+    print("\nCrosstalk: power [W] from each LED (row) on each phototransistor (column), +- standard error")
+    print_table(
+        ("LED", *taxels),
+        (
+            (led, *(f"{power:.3e} +- {error:.0e}" if power else "0" for power, error in zip(*row, strict=True)))
+            for led, *row in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+        ),
+    )
+
+
+def print_audit(audit) -> None:
+    """Where the emitted light went."""
+    print("\nEnergy audit: share of the power that all LEDs emit")
+    rows = zip(audit.places, audit.share, audit.standard_error, strict=True)
+    print_table(
+        ("place", "share", "standard error"),
+        [
+            *((place, f"{share:.6f}", f"{error:.1e}") for place, share, error in rows),
+            ("total", f"{audit.total:.6f}", f"{audit.total_error:.1e}"),
+        ],
+    )
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:

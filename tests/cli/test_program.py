@@ -49,7 +49,8 @@ def test_render_table(taxel):
     done = taxel("render", *PLATE, "--points", 256)
     assert done.returncode == 0 and done.stderr == ""
     heading, row, *rest = done.stdout.splitlines()
-    assert heading.split()[:3] == ["taxel", "power", "[W]"] and row.split()[0] == "1"
+    assert heading.split()[:3] == ["taxel", "power", "[W]"] and heading.endswith("photocurrent [A]")
+    assert row.split()[0] == "1" and float(row.split()[-1]) == pytest.approx(0.746 * float(row.split()[1]), rel=1e-3)
     assert "32 randomisations of 256 points" in rest[0] and rest[-1].startswith("Seconds: ")
 
 
@@ -59,16 +60,14 @@ def test_render_json_is_one_object(taxel):
     answer = json.loads(done.stdout)
     assert list(answer) == ["readings", "seconds", "parameters"]
     (reading,) = answer["readings"]
-    assert list(reading) == ["taxel", "power_W", "standard_error_W"] and reading["taxel"] == 1
+    assert list(reading) == ["taxel", "power_W", "standard_error_W", "photocurrent_A"] and reading["taxel"] == 1
     assert 0 < reading["standard_error_W"] < reading["power_W"] < 1
     assert {"load", "optics"} <= set(answer["seconds"])
     assert answer["parameters"]["z"] == "0.7" and answer["parameters"]["hole"] == "0"
 
 
 def test_target_error_in_percent_or_as_a_share(taxel):
-    answers = [
-        json.loads(taxel("render", *PLATE, "--target-error", x, "--json").stdout) for x in ("0.2%", "0.002")
-    ]
+    answers = [json.loads(taxel("render", *PLATE, "--target-error", x, "--json").stdout) for x in ("0.2%", "0.002")]
     assert answers[0]["readings"] == answers[1]["readings"]
     (reading,) = answers[0]["readings"]
     assert reading["standard_error_W"] < 0.002 * reading["power_W"]
@@ -80,6 +79,41 @@ def test_another_seed_gives_another_estimate(taxel):
         for seed in (0, 0, 1)
     ]
     assert readings[0] == readings[1] != readings[2]
+
+
+def test_audit_and_crosstalk_follow_the_readings(taxel):
+    done = taxel("render", *PLATE, "--points", 256, "--audit", "--crosstalk")
+    assert done.returncode == 0 and done.stderr == ""
+    _, matrix, book = done.stdout.split("\n\n")
+    assert matrix.splitlines()[1].split() == ["LED", "1"] and matrix.splitlines()[2].split()[2] == "+-"
+    names = [line.rsplit(maxsplit=2)[0] for line in book.splitlines()[2:]]
+    surfaces = ["photo_reflector body", "photo_reflector led", "rectangle"]
+    assert names == [*surfaces, "detected", "escaped", "lost by single scattering", "unfinished", "total"]
+    assert book.splitlines()[-1].split()[1] == "1.000000"
+
+
+def test_audit_and_crosstalk_in_json(taxel):
+    done = taxel("render", *PLATE, "--points", 256, "--audit", "--crosstalk", "--json")
+    answer = json.loads(done.stdout)
+    assert list(answer) == ["readings", "seconds", "parameters", "crosstalk", "audit"]
+    assert answer["crosstalk"]["power_W"][0][0] == pytest.approx(answer["readings"][0]["power_W"], rel=0.01)
+    audit = answer["audit"]
+    assert sum(row["share"] for row in audit["shares"]) == pytest.approx(audit["total"]) == pytest.approx(1)
+    assert all(list(row) == ["place", "share", "standard_error"] for row in audit["shares"])
+
+
+def test_time_budget_ends_a_run(taxel):
+    done = taxel("render", *PLATE, "--points", 1 << 20, "--time-budget", "1ms")
+    assert done.returncode == 0 and "time budget" in done.stdout
+
+
+def test_rays_as_picture_and_polylines(taxel, tmp_path):
+    done = taxel("rays", *PLATE, "--count", 20, "-o", "rays.svg", "--vtk", "rays.vtk", "--json")
+    assert done.returncode == 0 and done.stderr == ""
+    answer = json.loads(done.stdout)
+    assert (answer["taxel"], answer["paths"], answer["reached"]) == (1, 20, 10)
+    assert answer["files"] == ["rays.svg", "rays.vtk"] and sorted(os.listdir(tmp_path)) == answer["files"]
+    assert "LINES 20 " in (tmp_path / "rays.vtk").read_text()
 
 
 def test_map_has_channel_units_and_parameters(taxel, tmp_path):
