@@ -1,0 +1,73 @@
+"""What is measured: shipped scenes with their parameters, and what a Lambertian LED under each kind of roof reads."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel import Scene  # before anything imports mitsuba: it chooses the LLVM
+from mitsuba_taxel.optics import find_scene
+
+LED_SIDE = 0.25
+DETECTOR = (0.52, 0.3)
+
+Estimator = Callable[[int, int], np.ndarray]
+"""(samples per taxel, seed) -> (T,) power on each taxel's phototransistor, in W; all LEDs emit 1 W."""
+
+
+class Unsuitable(Exception):
+    """A system cannot do a case; the message says why."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A shipped scene with values for its parameters; lengths in mm, forces in N."""
+
+    name: str
+    scene: str
+    parameters: dict[str, object]
+
+    @property
+    def single_bounce(self) -> bool:
+        """Whether the scene is the flat plate, where light is reflected once."""
+        return self.scene == "plate.xml"
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the roof scatters uniformly over the hemisphere; it obeys the cosine law otherwise."""
+        return self.parameters["scattering"] == "isotropic"
+
+    def load(self, integrator: str, sampler: str | None = None) -> Any:
+        """The ``mi.Scene`` with an integrator, and unless None a sampler, of the given plugin names."""
+        text = find_scene(self.scene).read_text().replace('type="taxel_tracer"', f'type="{integrator}"')
+        if sampler is not None:
+            nested = f'<sensor type="phototransistor"> <sampler type="{sampler}"/> </sensor>'
+            text = text.replace('<sensor type="phototransistor"/>', nested)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / self.scene
+            file.write_text(text)
+            return Scene.from_file(file, **self.parameters).load()
+
+
+def _plate(z: float) -> Case:
+    values = {"z": z, "spacing": 0.7, "hole": 0, "law": "lambertian", "scattering": "lambertian"}
+    return Case(f"plate-{z:g}", "plate.xml", values)
+
+
+def _pad(scattering: str, fz: float) -> Case:
+    values = {"cell": "hemispheric", "fz": fz, "hole": 0, "law": "lambertian", "scattering": scattering}
+    return Case(f"pad-{scattering}{fz:g}" if fz else f"pad-{scattering}", "pad.xml", values)
+
+
+CASES = {
+    case.name: case
+    for case in (
+        *(_plate(z) for z in (1.05, 0.3, 0.1)),
+        *(_pad(scattering, fz) for scattering in ("lambertian", "isotropic") for fz in (0, -10)),
+    )
+}

@@ -1,0 +1,101 @@
+"""Repeated runs of one system on one case, and what they say: accuracy, agreement with the truth, figure of merit."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from cases import Case, Estimator
+from peers import mitsuba_stock
+from quadrature import plate_power
+from scipy import stats
+
+FALSE_ALARM_RATE = 1e-4
+"""Chance that a row is said to disagree with the truth although it does not."""
+_MOST_SAMPLES = 1 << 25
+_TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # apart from those of the runs
+
+
+@dataclass(frozen=True)
+class Truth:
+    """(T,) power on each taxel in W and its standard error, 0 where it comes from quadrature."""
+
+    power: np.ndarray
+    error: np.ndarray
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the runs of one system on one case gave.
+
+    Attributes
+    ----------
+    error : relative standard error of one run, root mean square over taxels
+    bias : mean relative deviation of all runs and taxels from the truth
+    z : the bias in standard errors, of runs and truth together
+    agrees : whether ``z`` passes a t-test at :data:`FALSE_ALARM_RATE`
+    seconds : wall time of one run
+    """
+
+    error: float
+    bias: float
+    z: float
+    agrees: bool
+    seconds: float
+
+    @property
+    def figure_of_merit(self) -> float:
+        """1 / (relative variance x seconds), in 1/s."""
+        return 1 / (self.error**2 * self.seconds)
+
+
+def samples_for(estimate: Estimator, seconds: float) -> int:
+    """The samples, a power of two, with which a warm run lasts about so long."""
+    samples = 1 << 10
+    while True:
+        estimate(samples, _TRIAL_SEEDS)
+        quickest = min(_timed(estimate, samples, _TRIAL_SEEDS + trial)[0] for trial in (1, 2, 3))
+        if quickest > seconds / math.sqrt(2) or samples >= _MOST_SAMPLES:
+            return samples
+        samples *= 2 if quickest > seconds / 16 else 8
+
+
+def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result:
+    """Run a warm estimator with ``runs`` seeds.
+
+    The variance is about the truth where that is exact, so that runs which share an error do not hide it, and about
+    the mean of the runs elsewhere.
+    """
+    timed = [_timed(estimate, samples, seed) for seed in range(runs)]
+    deviation = np.array([power for _, power in timed]) / truth.power - 1
+    exact = not truth.error.any()
+    variance = np.mean(deviation**2) if exact else np.mean(deviation.var(axis=0, ddof=1))
+    means = deviation.mean(axis=1)
+    truth_error = np.linalg.norm(truth.error / truth.power) / len(truth.power)
+    z = means.mean() / math.hypot(means.std(ddof=1) / math.sqrt(runs), truth_error)
+    agrees = abs(z) < stats.t.isf(FALSE_ALARM_RATE / 2, runs - 1)
+    seconds = sum(elapsed for elapsed, _ in timed) / runs
+    return Result(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
+
+
+def truth_of(case: Case, seconds: float) -> Truth:
+    """Quadrature for the plate; for pads the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
+
+    Under an isotropic roof paths from the phototransistor have no bounded variance: `ptracer`, from the LED, there.
+    """
+    if case.single_bounce:
+        power = plate_power(float(case.parameters["z"]), float(case.parameters["spacing"]))
+        return Truth(np.array([power]), np.zeros(1))
+    estimate = mitsuba_stock.prepare(case, "ptracer" if case.isotropic else "path", "multijitter")
+    runs = 32
+    samples = samples_for(estimate, seconds / runs)
+    powers = np.array([estimate(samples, _TRUTH_SEEDS + run) for run in range(runs)])
+    return Truth(powers.mean(axis=0), powers.std(axis=0, ddof=1) / math.sqrt(runs))
+
+
+def _timed(estimate: Estimator, samples: int, seed: int) -> tuple[float, np.ndarray]:
+    start = time.perf_counter()
+    power = estimate(samples, seed)
+    return time.perf_counter() - start, power

@@ -1,0 +1,130 @@
+"""How long readings take as a user meets them, and how near the tracer comes to the raw rate of intersections.
+
+Run it as ``python benchmarks/speed.py [--target-error 0.001]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mitsuba_taxel  # noqa: F401  (chooses the LLVM, before drjit loads one)
+
+# isort: split
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from cases import CASES
+
+from mitsuba_taxel import Scene, measure
+from mitsuba_taxel.optics.readings import MOST_POINTS, REPLICATES
+from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.pads import CELL_SHAPES
+
+RAYS = 1 << 22
+
+
+def main() -> None:
+    """Measure and print all three."""
+    parser = argparse.ArgumentParser(description="Times of readings, and rays per second.")
+    parser.add_argument("--target-error", type=float, default=1e-3, help="relative, of the worst of nine taxels")
+    target = parser.parse_args().target_error
+    for cell in CELL_SHAPES:
+        points, error, seconds = nine_taxels(cell, target)
+        print(f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}", flush=True)
+    print(f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s", flush=True)
+    for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
+        gc.collect()
+        traced, raw = ray_rates(CASES[name].load("taxel_tracer"))
+        print(f"{name}: {traced:.3g} rays/s traced, {raw:.3g} rays/s intersected alone: {traced / raw:.0%}", flush=True)
+
+
+def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
+    """Fewest points (a power of two) that reach the error on a loaded `pad.xml`, the error reached, and seconds."""
+    gc.collect()  # a live scene adds its plugins to the kernels of every other
+    scene = Scene.from_file("pad.xml", cell=cell).load()
+    points = 256
+    while (error := measure(scene, points=points).relative_error) > target_error and points < MOST_POINTS:
+        points *= 2
+    return points, error, _seconds(lambda: measure(scene, points=points))
+
+
+def first_answer() -> float:
+    """Seconds of the command ``taxel render plate.xml``, after one run that leaves its kernels in the cache."""
+    command = [sys.executable, "-c", "from taxel_cli import main; main()", "render", "plate.xml"]
+
+    def run() -> None:
+        subprocess.run(command, check=True, capture_output=True)
+
+    run()
+    return _seconds(run)
+
+
+def ray_rates(scene: Any) -> tuple[float, float]:
+    """Rays per second (intersections and shadow rays) of `taxel_tracer`, and of ``ray_intersect`` on random rays.
+
+    The random rays start uniformly in the scene's bounding box, in uniform directions: none is like its neighbour.
+    """
+    (pair,) = taxels_of(scene)
+    points = RAYS // (REPLICATES * pair.count * 8)
+    counting = _CountingScene(scene)
+    scene.integrator().trace(counting, pair, points, 0, REPLICATES)
+    traced = counting.rays / _seconds(lambda: scene.integrator().trace(scene, pair, points, 0, REPLICATES))
+
+    rng = np.random.default_rng(0)
+    box = scene.bbox()
+    low, high = np.array(box.min), np.array(box.max)
+    origin = mi.Point3f(*(mi.Float(c) for c in (low + rng.random((RAYS, 3)) * (high - low)).T.astype(np.float32)))
+    direction = dr.normalize(mi.Vector3f(*(mi.Float(c) for c in rng.standard_normal((RAYS, 3)).T.astype(np.float32))))
+    ray = mi.Ray3f(origin, direction)
+    dr.eval(ray)
+
+    def intersect() -> None:
+        dr.eval(scene.ray_intersect(ray).t)
+        dr.sync_thread()
+
+    intersect()
+    return traced, RAYS / _seconds(intersect)
+
+
+class _CountingScene:
+    """A scene that counts the rays asked of it, also inside recorded loops."""
+
+    def __init__(self, scene: Any) -> None:
+        self._scene = scene
+        self._count = dr.zeros(mi.UInt32, 1)
+
+    @property
+    def rays(self) -> int:
+        return int(self._count[0])
+
+    def ray_intersect(self, ray: Any, active: Any) -> Any:
+        dr.scatter_add(self._count, 1, 0, active)
+        return self._scene.ray_intersect(ray, active)
+
+    def ray_test(self, ray: Any, active: Any) -> Any:
+        dr.scatter_add(self._count, 1, 0, active)
+        return self._scene.ray_test(ray, active)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._scene, name)
+
+
+def _seconds(run: Callable[[], object]) -> float:
+    """Median wall time of five runs."""
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+if __name__ == "__main__":
+    main()
