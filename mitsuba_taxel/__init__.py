@@ -19,34 +19,60 @@ check_llvm()
 register_for_every_variant()
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics import NeoHookean
-    from mitsuba_taxel.optics import PadSensor, PhotoReflector, Readings, Scene, Wall, measure, write_xml
+    from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
+    from mitsuba_taxel.optics import (
+        AnnularLed,
+        PadSensor,
+        PhotoReflector,
+        Phototransistor,
+        Readings,
+        Scene,
+        Wall,
+        crosstalk,
+        energy_audit,
+        measure,
+        write_xml,
+    )
     from mitsuba_taxel.pads import Pad
     from mitsuba_taxel.studies import sweep
 
 _LAZY = {
+    "AnnularLed": "mitsuba_taxel.optics",
+    "Grooves": "mitsuba_taxel.mechanics",
+    "LayerSteps": "mitsuba_taxel.mechanics",
     "NeoHookean": "mitsuba_taxel.mechanics",
     "Pad": "mitsuba_taxel.pads",
     "PadSensor": "mitsuba_taxel.optics",
     "PhotoReflector": "mitsuba_taxel.optics",
+    "Phototransistor": "mitsuba_taxel.optics",
+    "RandomRoughness": "mitsuba_taxel.mechanics",
     "Readings": "mitsuba_taxel.optics",
     "Scene": "mitsuba_taxel.optics",
     "Wall": "mitsuba_taxel.optics",
+    "crosstalk": "mitsuba_taxel.optics",
+    "energy_audit": "mitsuba_taxel.optics",
     "measure": "mitsuba_taxel.optics",
     "sweep": "mitsuba_taxel.studies",
     "write_xml": "mitsuba_taxel.optics",
 }
 
 __all__ = [
+    "AnnularLed",
     "ComputationError",
+    "Grooves",
     "InputError",
+    "LayerSteps",
     "NeoHookean",
     "Pad",
     "PadSensor",
     "PhotoReflector",
+    "Phototransistor",
+    "RandomRoughness",
     "Readings",
     "Scene",
     "Wall",
+    "crosstalk",
+    "energy_audit",
     "measure",
     "sweep",
     "write_xml",

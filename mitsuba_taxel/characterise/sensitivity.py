@@ -79,10 +79,7 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     for force in FORCES:
         if force in study.dims and study.sizes[force] > 1:
             slopes = sensitivity(study, force)
-            names = {
-                str(name): f"{name}_{'N' if name == 'max_slope_at' else 'W_per_N'}"
-                for name in slopes.data_vars
-            }
+            names = {str(name): f"{name}_{'N' if name == 'max_slope_at' else 'W_per_N'}" for name in slopes.data_vars}
             table = slopes.to_dataframe().reset_index().rename(columns=names)
             others = [str(dim) for dim in slopes.max_slope.dims]
             tables.append(table[[*others, *names.values()]].assign(force=force))

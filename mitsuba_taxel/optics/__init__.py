@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mitsuba_taxel.optics.audit import EnergyAudit, energy_audit
-    from mitsuba_taxel.optics.objects import PadSensor, PhotoReflector, Wall
+    from mitsuba_taxel.optics.objects import AnnularLed, PhotoReflector, Phototransistor, Wall
+    from mitsuba_taxel.optics.pad_sensor import PadSensor
     from mitsuba_taxel.optics.ray_paths import RayPaths, sample_paths
     from mitsuba_taxel.optics.readings import Crosstalk, Readings, crosstalk, measure, points_for
     from mitsuba_taxel.optics.scene import Scene, find_scene, write_xml
 
 _LAZY = {
+    "AnnularLed": "objects",
     "Crosstalk": "readings",
     "EnergyAudit": "audit",
-    "PadSensor": "objects",
+    "PadSensor": "pad_sensor",
     "PhotoReflector": "objects",
+    "Phototransistor": "objects",
     "RayPaths": "ray_paths",
     "Readings": "readings",
     "Scene": "scene",
@@ -31,10 +34,12 @@ _LAZY = {
 }
 
 __all__ = [
+    "AnnularLed",
     "Crosstalk",
     "EnergyAudit",
     "PadSensor",
     "PhotoReflector",
+    "Phototransistor",
     "RayPaths",
     "Readings",
     "Scene",

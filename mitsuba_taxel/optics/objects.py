@@ -1,74 +1,39 @@
-"""The parts of a sensor as Python objects, and the scene that they make."""
+"""The optical parts of a sensor as Python objects: walls, LEDs, phototransistors.
+
+They say what the plugins of the same names say, in the same words. What is None is left to the plugin; what is not
+allowed is refused when the scene is loaded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
-
-from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
-from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.pads import Pad
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall: ``scattering`` is mirror, lambertian, isotropic or absorbing; ``reflectance`` from 0 to 1."""
-
-    scattering: str = "lambertian"
-    reflectance: float = 1.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """The `wall` plugin as a Mitsuba dictionary."""
-        if self.scattering == "absorbing":
-            return {"type": "wall", "scattering": "absorbing"}
-        return {"type": "wall", "scattering": self.scattering, "reflectance": float(self.reflectance)}
-
-
-@dataclass(frozen=True)
-class PhotoReflector:
-    """An array of photo-reflectors, as the plugins take it; the defaults are those of the NJL5908AR.
+    """A wall of a cell, a plate or a package, as the plugin `wall`.
 
     Parameters
     ----------
-    rows, columns, pitch : the array and the distance between neighbours in mm
-    spacing : distance in mm between the centres of LED and phototransistor, along x
-    power, law : what an LED emits, in W, and how; see the plugin `annular_led`
-    size, hole : sides in mm of the LED's emitting square and of its dark centre
-    width, depth : extent in mm of a phototransistor along x and y
-
-    What is not allowed is refused when the scene is loaded.
+    scattering : mirror, lambertian, isotropic, absorbing, mixed or rough_mirror
+    reflectance : share of the light that comes back, 0 to 1
+    reflectance_table : instead of it, a CSV file of wavelength in nm and reflectance
+    specular, lambertian, isotropic : shares of the reflected light of a mixed wall, of sum 1
+    rms_slope : root mean square slope of a rough mirror, in degrees
     """
 
-    rows: int = 1
-    columns: int = 1
-    pitch: float = 3.55
-    spacing: float = 0.9
-    power: float = 1.0
-    size: float = 0.25
-    hole: float = 0.1
-    law: str = "uniform_solid_angle"
-    width: float = 0.52
-    depth: float = 0.3
+    scattering: str = "lambertian"
+    reflectance: float | None = None
+    reflectance_table: str | None = None
+    specular: float | None = None
+    lambertian: float | None = None
+    isotropic: float | None = None
+    rms_slope: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The `photo_reflector` plugin with its LED and phototransistor as a Mitsuba dictionary."""
-        led = {
-            "type": "annular_led",
-            "power": self.power,
-            "size": self.size,
-            "hole": self.hole,
-            "law": self.law,
-        }
-        return {
-            "type": "photo_reflector",
-            "rows": self.rows,
-            "columns": self.columns,
-            "pitch": self.pitch,
-            "spacing": self.spacing,
-            "led": led,
-            "phototransistor": {"type": "phototransistor", "width": self.width, "depth": self.depth},
-        }
+        """The plugin as a Mitsuba dictionary."""
+        return {"type": "wall", **_given(self)}
 
 
 ABSORBING = Wall("absorbing")
@@ -76,81 +41,95 @@ ISOTROPIC = Wall("isotropic")
 
 
 @dataclass(frozen=True)
-class PadSensor:
-    """A pad on a board with one photo-reflector in each cell.
+class AnnularLed:
+    """What each LED emits, as the plugin `annular_led`.
 
     Parameters
     ----------
-    pad, material : the silicone
-    force : total force (Fx, Fy, Fz) on the top, in N; compression is Fz < 0
-    photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
-    roof, side : what covers the cells
-    finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
+    power : W
+    shape : square or circular
+    size, hole : sides or diameters in mm of the emitting area and of its dark centre
+    wavelength : nm
+    law : uniform_solid_angle, uniform_polar_angle, lambertian, cosine_power or tabulated
+    cone_angle : half-angle of the two uniform laws, in degrees
+    exponent : of the law cosine_power
+    file : of the law tabulated: CSV of degrees and relative radiant intensity
     """
 
-    pad: Pad = field(default_factory=Pad)
-    material: NeoHookean = field(default_factory=NeoHookean)
-    force: Sequence[float] = (0.0, 0.0, 0.0)
-    photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
-    roof: Wall = ISOTROPIC
-    side: Wall = ABSORBING
-    finish: LayerSteps | Grooves | RandomRoughness | None = None
+    power: float | None = None
+    shape: str | None = None
+    size: float | None = None
+    hole: float | None = None
+    wavelength: float | None = None
+    law: str | None = None
+    cone_angle: float | None = None
+    exponent: float | None = None
+    file: str | None = None
 
-    def scene(self) -> Scene:
-        """The scene, ready to measure, write or load."""
-        import mitsuba as mi
+    def to_dict(self) -> dict[str, Any]:
+        """The plugin as a Mitsuba dictionary."""
+        return {"type": "annular_led", **_given(self)}
 
-        from mitsuba_taxel.backend import activate_variant
 
-        activate_variant()
-        pad = self.pad
-        reflector = self.photo_reflector.to_dict()
-        reflector.update(rows=pad.rows, columns=pad.columns, pitch=pad.pitch)
-        extent = max(pad.extent[:2])
-        description = {
-            "type": "scene",
-            "integrator": {"type": "taxel_tracer"},
-            "pad": {
-                "type": "deformable_pad",
-                "cell": pad.cell,
-                "rows": pad.rows,
-                "columns": pad.columns,
-                "pitch": pad.pitch,
-                "wall": pad.wall,
-                "height": pad.height,
-                "cell_size": pad.cell_size,
-                "cell_height": pad.top_of_cell,
-                "youngs_modulus": self.material.youngs_modulus,
-                "poisson_ratio": self.material.poisson_ratio,
-                "force": mi.ScalarVector3f(*map(float, self.force)),
-                **_finish_parameters(self.finish),
-                "walls": {"type": "region", "roof": self.roof.to_dict(), "side": self.side.to_dict()},
-            },
-            "photo_reflector": reflector,
-            "board": {
-                "type": "rectangle",
-                "to_world": mi.ScalarTransform4f().scale(extent),
-                "bsdf": ABSORBING.to_dict(),
-            },
+@dataclass(frozen=True)
+class Phototransistor:
+    """What each phototransistor responds to, as the plugin `phototransistor`.
+
+    Parameters
+    ----------
+    width, depth : extent in mm along x and y
+    response : ideal, cosine_power or tabulated
+    exponent : of the response cosine_power
+    file : of the response tabulated: CSV of degrees and relative response
+    quantum_efficiency : 0 to 1
+    """
+
+    width: float | None = None
+    depth: float | None = None
+    response: str | None = None
+    exponent: float | None = None
+    file: str | None = None
+    quantum_efficiency: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plugin as a Mitsuba dictionary."""
+        return {"type": "phototransistor", **_given(self)}
+
+
+@dataclass(frozen=True)
+class PhotoReflector:
+    """An array of photo-reflectors, as the plugin `photo_reflector`; the defaults are those of the NJL5908AR.
+
+    Parameters
+    ----------
+    rows, columns, pitch : the array and the distance between neighbours in mm
+    spacing : distance in mm between the centres of LED and phototransistor, along x
+    led, phototransistor : one of each, repeated in every body
+    body : wall of the package around the two
+    """
+
+    rows: int = 1
+    columns: int = 1
+    pitch: float = 3.55
+    spacing: float = 0.9
+    led: AnnularLed = field(default_factory=AnnularLed)
+    phototransistor: Phototransistor = field(default_factory=Phototransistor)
+    body: Wall = ABSORBING
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plugin, with its LED and phototransistor, as a Mitsuba dictionary."""
+        return {
+            "type": "photo_reflector",
+            "rows": self.rows,
+            "columns": self.columns,
+            "pitch": self.pitch,
+            "spacing": self.spacing,
+            "led": self.led.to_dict(),
+            "phototransistor": self.phototransistor.to_dict(),
+            "body_wall": self.body.to_dict(),
         }
-        return Scene(description)
 
 
-def _finish_parameters(finish: LayerSteps | Grooves | RandomRoughness | None) -> dict[str, Any]:
-    """The parameters of the plugin `deformable_pad` that stand for a finish."""
-    import mitsuba as mi
-
-    if finish is None:
-        return {}
-    refinement = {"finish_refinement": float(finish.refinement)}
-    if isinstance(finish, LayerSteps):
-        direction = mi.ScalarVector3f(*finish.direction)
-        own = {"finish": "layer_steps", "layer_height": float(finish.layer_height), "print_direction": direction}
-    elif isinstance(finish, Grooves):
-        direction = mi.ScalarVector3f(*finish.direction)
-        own = {"finish": "grooves", "groove_pitch": float(finish.pitch), "groove_depth": float(finish.depth)}
-        own["groove_direction"] = direction
-    else:
-        own = {"finish": "random", "rms_height": float(finish.rms_height)}
-        own.update(correlation_length=float(finish.correlation_length), roughness_seed=finish.seed)
-    return own | refinement
+def _given(part: Any) -> dict[str, Any]:
+    """The fields of a part that are not left to the plugin."""
+    return {name: value for name, value in asdict(part).items() if value is not None}

@@ -56,9 +56,7 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
                 values = (f"{name} = {panel[name].item()}" for name in others)
                 axes[lines * row, column].set_title(", ".join(values))
         for row in range(rows):
-            axes[row, 0].set_ylabel(
-                "difference from the taxels' mean [W]" if row % lines else "optical power [W]"
-            )
+            axes[row, 0].set_ylabel("difference from the taxels' mean [W]" if row % lines else "optical power [W]")
         figure.supxlabel(_label(study[curve], curve))
         left_out = panels.sizes["panel"] - count
         figure.suptitle(study.attrs["scene"] + (f" ({left_out} more panels left out)" if left_out else ""))

@@ -86,9 +86,7 @@ def _rows(table: str) -> tuple[tuple[str, str, str], ...]:
 
 
 def _xml(tabs: str) -> str:
-    found = re.search(
-        r"\.\. code-tab:: xml\n(.*?)(?:^ *\.\. code-tab::|\Z)", tabs, flags=re.MULTILINE | re.DOTALL
-    )
+    found = re.search(r"\.\. code-tab:: xml\n(.*?)(?:^ *\.\. code-tab::|\Z)", tabs, flags=re.MULTILINE | re.DOTALL)
     return textwrap.dedent(found[1]).strip() if found else ""
 
 

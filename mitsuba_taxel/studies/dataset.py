@@ -23,9 +23,7 @@ class Result(NamedTuple):
     meshes: str
 
 
-def assemble(
-    scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tuple[int, ...], Result]
-) -> xr.Dataset:
+def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tuple[int, ...], Result]) -> xr.Dataset:
     """Dataset over the varied parameters, ``taxel``, ``replicate`` and ``stage``.
 
     Parameters
@@ -60,24 +58,18 @@ def assemble(
             "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
         },
         coords={
-            **{
-                name: (name, as_numbers(words) or words, _unit(name, words)) for name, words in varied.items()
-            },
+            **{name: (name, as_numbers(words) or words, _unit(name, words)) for name, words in varied.items()},
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
         },
         attrs={
             "scene": scene.name,
             "curve": curve_parameter(varied),
-            "parameters": json.dumps(
-                {name: value for name, value in scene.parameters.items() if name not in varied}
-            ),
+            "parameters": json.dumps({name: value for name, value in scene.parameters.items() if name not in varied}),
             "versions": json.dumps(report()["versions"]),
             "seed": first.seed,
             "points": first.points,
-            "notes": "\n".join(
-                dict.fromkeys(note for result in results.values() for note in result.readings.notes)
-            ),
+            "notes": "\n".join(dict.fromkeys(note for result in results.values() for note in result.readings.notes)),
         },
     )
     return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")

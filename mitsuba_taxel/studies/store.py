@@ -27,15 +27,11 @@ def write_study(study: xr.Dataset, folder: Path) -> None:
 
 def _readings_csv(study: xr.Dataset) -> str:
     """One row per scene and taxel, after lines that start with # and tell where the numbers come from."""
-    head = [
-        f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")
-    ]
+    head = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")]
     head += [f"# {note}" for note in study.attrs["notes"].splitlines()]
     units = {name: variable.attrs.get("units") for name, variable in study.variables.items()}
     names = ["power", "standard_error", *(["mesh"] if "mesh" in study else [])]
     table = study[names].to_dataframe().reset_index()
     table = table[[*(name for name in study.power.dims), *names]]
-    table.columns = [
-        f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns
-    ]
+    table.columns = [f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns]
     return "\n".join(head) + "\n" + table.to_csv(index=False)

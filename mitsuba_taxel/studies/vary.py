@@ -66,9 +66,7 @@ def _range(name: str, text: str) -> list[str]:
     try:
         start, stop, step = (Decimal(part) for part in text.split(":"))
     except (ValueError, InvalidOperation):
-        raise InputError(
-            f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed."
-        ) from None
+        raise InputError(f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed.") from None
     if not all(isfinite(float(number)) for number in (start, stop, step)):
         raise InputError(f"{name} = {text!r} is not allowed: the numbers of a range must be finite.")
     if step == 0:
@@ -79,9 +77,7 @@ def _range(name: str, text: str) -> list[str]:
     if steps >= MOST_JOBS:
         raise InputError(f"{name} = {text!r} holds {steps + 1:.3g} values: at most {MOST_JOBS} are allowed.")
     if steps != int(steps):
-        raise InputError(
-            f"{name} = {text!r}: steps of {step} from {start} do not meet {stop}, which is included."
-        )
+        raise InputError(f"{name} = {text!r}: steps of {step} from {start} do not meet {stop}, which is included.")
     return [f"{start + i * step:f}" for i in range(int(steps) + 1)]
 
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, Wall, measure
+from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wall, measure
 from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness
 
 
 def sensor(cell, finish, fz=0.0):
     return PadSensor(
         pad=Pad(cell, rows=1, columns=1),
-        photo_reflector=PhotoReflector(law="lambertian"),
+        photo_reflector=PhotoReflector(led=AnnularLed(law="lambertian")),
         force=(0, 0, fz),
         roof=Wall("lambertian", 0.9),
         side=Wall("lambertian", 0.5),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, Wall, measure
+from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wall, measure
 from mitsuba_taxel.optics import find_scene
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
@@ -104,7 +104,7 @@ def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path):
 def test_scene_from_python_written_as_xml_reads_the_same_to_the_bit(llvm_mono, tmp_path):
     sensor = PadSensor(
         pad=Pad(cell="hemispheric", rows=1, columns=2, pitch=3.7),
-        photo_reflector=PhotoReflector(law="lambertian", spacing=0.8),
+        photo_reflector=PhotoReflector(led=AnnularLed(law="lambertian"), spacing=0.8),
         force=(0.5, 0, -1 / 3),
         roof=Wall("lambertian", 0.9),
     )

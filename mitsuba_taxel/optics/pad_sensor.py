@@ -1,0 +1,93 @@
+"""A whole sensor as one Python object, and the scene that it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
+from mitsuba_taxel.optics.objects import ABSORBING, ISOTROPIC, PhotoReflector, Wall
+from mitsuba_taxel.optics.scene import Scene
+from mitsuba_taxel.pads import Pad
+
+
+@dataclass(frozen=True)
+class PadSensor:
+    """A pad on a board with one photo-reflector in each cell.
+
+    Parameters
+    ----------
+    pad, material : the silicone
+    force : total force (Fx, Fy, Fz) on the top, in N; compression is Fz < 0
+    photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
+    roof, side : what covers the cells
+    finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
+    """
+
+    pad: Pad = field(default_factory=Pad)
+    material: NeoHookean = field(default_factory=NeoHookean)
+    force: Sequence[float] = (0.0, 0.0, 0.0)
+    photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
+    roof: Wall = ISOTROPIC
+    side: Wall = ABSORBING
+    finish: LayerSteps | Grooves | RandomRoughness | None = None
+
+    def scene(self) -> Scene:
+        """The scene, ready to measure, write or load."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.backend import activate_variant
+
+        activate_variant()
+        pad = self.pad
+        reflector = self.photo_reflector.to_dict()
+        reflector.update(rows=pad.rows, columns=pad.columns, pitch=pad.pitch)
+        extent = max(pad.extent[:2])
+        description = {
+            "type": "scene",
+            "integrator": {"type": "taxel_tracer"},
+            "pad": {
+                "type": "deformable_pad",
+                "cell": pad.cell,
+                "rows": pad.rows,
+                "columns": pad.columns,
+                "pitch": pad.pitch,
+                "wall": pad.wall,
+                "height": pad.height,
+                "cell_size": pad.cell_size,
+                "cell_height": pad.top_of_cell,
+                "youngs_modulus": self.material.youngs_modulus,
+                "poisson_ratio": self.material.poisson_ratio,
+                "force": mi.ScalarVector3f(*map(float, self.force)),
+                **_finish_parameters(self.finish),
+                "walls": {"type": "region", "roof": self.roof.to_dict(), "side": self.side.to_dict()},
+            },
+            "photo_reflector": reflector,
+            "board": {
+                "type": "rectangle",
+                "to_world": mi.ScalarTransform4f().scale(extent),
+                "bsdf": ABSORBING.to_dict(),
+            },
+        }
+        return Scene(description)
+
+
+def _finish_parameters(finish: LayerSteps | Grooves | RandomRoughness | None) -> dict[str, Any]:
+    """The parameters of the plugin `deformable_pad` that stand for a finish."""
+    import mitsuba as mi
+
+    if finish is None:
+        return {}
+    refinement = {"finish_refinement": float(finish.refinement)}
+    if isinstance(finish, LayerSteps):
+        direction = mi.ScalarVector3f(*finish.direction)
+        own = {"finish": "layer_steps", "layer_height": float(finish.layer_height), "print_direction": direction}
+    elif isinstance(finish, Grooves):
+        direction = mi.ScalarVector3f(*finish.direction)
+        own = {"finish": "grooves", "groove_pitch": float(finish.pitch), "groove_depth": float(finish.depth)}
+        own["groove_direction"] = direction
+    else:
+        own = {"finish": "random", "rms_height": float(finish.rms_height)}
+        own.update(correlation_length=float(finish.correlation_length), roughness_seed=finish.seed)
+    return own | refinement
