@@ -2,8 +2,9 @@
 
 In a domed cell about half of what the roof scatters falls on the absorbing board. Paths that are drawn from the wall
 alone end there at random, and that ends the gain of quasi-random points as well. So most of the next vertices are
-drawn uniformly over the scattering triangles of the taxel's own cell instead. Any set of triangles gives an unbiased
-estimate; only the scatter depends on it.
+drawn from the scattering triangles of the taxel's own cell instead: for Lambertian walls uniformly over their area, as
+in a sphere each part of the wall lights every other alike; for isotropic walls with a density that falls with the
+distance, as theirs does. Any density gives an unbiased estimate; only the scatter depends on it.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from mitsuba_taxel.optics.regions import ALL_REGIONS
 from mitsuba_taxel.optics.tracing import clearance_of, leave
 from mitsuba_taxel.optics.trees import descend, shares_of_members
 
-_SHARE = 0.85  # of the directions that leave a wall of the guide; the rest bounds the weights
+_SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a wall of the guide; the rest bounds the weights
 _LEAST_RETURN = 0.1  # of what the walls of the guide scatter to each other; below it a guide costs more than it gains
-_WORTHWHILE = 0.8  # of the mean square weight without a guide
+_WORTHWHILE = 0.9  # of the mean square weight without a guide
 
 
 class Guide:
@@ -34,53 +35,96 @@ class Guide:
     ----------
     mesh : the ``mi.Mesh``
     corners : (N, 3, 3) corners of all of its triangles
-    owner : (N,) taxel of each triangle, -1 for none
+    owner : (N,) taxel of each triangle, -1 for none; one that belongs to a taxel has an area
     taxels : number of taxels
+    near : whether near points are to be drawn more often than far ones
     """
 
-    def __init__(self, mesh: Any, corners: np.ndarray, owner: np.ndarray, taxels: int) -> None:
+    def __init__(self, mesh: Any, corners: np.ndarray, owner: np.ndarray, taxels: int, near: bool) -> None:
         self.mesh = mi.ShapePtr(mesh)
-        self.share = dr.opaque(mi.Float, _SHARE)
-        areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        member = np.flatnonzero((owner >= 0) & (areas > 0))
-        position = _principal_axes(corners[member].mean(axis=1), owner[member])
-        shares, leaves = shares_of_members(position, areas[member], owner[member], taxels)
+        self.share = dr.opaque(mi.Float, _NEAR_SHARE if near else _SHARE)
+        areas = _areas(corners)
+        member = np.flatnonzero(owner >= 0)
+        position = _unrolled(corners[member].mean(axis=1), owner[member])
+        shares, leaves, boxes = shares_of_members(position, areas[member], owner[member], taxels)
         self.depth = int(leaves.shape[1]).bit_length() - 1
         self.shares = mi.Float(shares.ravel())
         self.leaves = mi.UInt32(member[leaves].astype(np.uint32).ravel())
-        self.owner = mi.Int32(np.where(areas > 0, owner, -1).astype(np.int32))
+        self.owner = mi.Int32(owner.astype(np.int32))
         self.area = mi.Float(np.bincount(owner[member], areas[member], taxels))
         self.corners = mi.Float(corners.astype(np.float32).ravel())
+        self.near = near
+        all_boxes = np.zeros((len(corners), 4), np.float32)
+        all_boxes[member] = boxes
+        self.boxes = mi.Float(all_boxes.ravel())
 
-    def sample(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
+    def sample(
+        self, index: mi.UInt32, place: mi.Point2f, sample: mi.Point2f, nearness: mi.Float
+    ) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point on the triangles of taxel ``index``, as seen from ``place``, and the number of its triangle.
+
+        Parameters
+        ----------
+        place : where on the unit square the ray starts, see :meth:`place`; without meaning unless ``near``
+        sample, nearness : uniform random numbers
+        """
+        if self.near:
+            sample = place + (sample - place) * dr.minimum(2 * nearness, 1)
+        return self.uniform(index, sample)
+
+    def uniform(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
         """A point uniform over the area of the triangles of taxel ``index``, and the number of its triangle."""
         leaf, rest = descend(self.shares, self.depth, index, sample)
         triangle = dr.gather(mi.UInt32, self.leaves, (index << self.depth) + leaf)
-        a, b, c = (dr.gather(mi.Point3f, self.corners, 3 * triangle + k) for k in range(3))
+        a, b, c = self._corners(triangle)
         barycentric = mi.warp.square_to_uniform_triangle(rest)
         return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
 
+    def place(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
+        """The point of the unit square that :meth:`uniform` takes to a hit on one of the triangles."""
+        if not self.near:
+            return mi.Point2f(0)
+        a, b, c = self._corners(si.prim_index, member)
+        u, v, w = b - a, c - a, si.p - a
+        uu, uv, vv, wu, wv = dr.dot(u, u), dr.dot(u, v), dr.dot(v, v), dr.dot(w, u), dr.dot(w, v)
+        determinant = dr.maximum(uu * vv - dr.square(uv), 1e-30)
+        barycentric = mi.Point2f(vv * wu - uv * wv, uu * wv - uv * wu) / determinant
+        x = dr.clip(1 - dr.square(1 - barycentric.x), 0, 1)
+        y = dr.clip(barycentric.y / dr.maximum(1 - barycentric.x, 1e-6), 0, 1)
+        low = [dr.gather(mi.Float, self.boxes, 4 * si.prim_index + k, member) for k in range(4)]
+        return mi.Point2f(dr.fma(x, low[2], low[0]), dr.fma(y, low[3], low[1]))
+
+    def density(self, index: mi.UInt32, place: mi.Point2f, target: mi.Point2f) -> mi.Float:
+        """Probability per area that :meth:`sample` draws the point at ``target``; both as :meth:`place` has them.
+
+        With s = min(2 nearness, 1) the density of place + s (sample - place) at a distance d from ``place`` is
+        D / (2 d), where D is the distance from ``place`` to the rim of the unit square in that direction.
+        """
+        area = dr.gather(mi.Float, self.area, index)
+        density = dr.select(area > 0, dr.rcp(area), 0)
+        if not self.near:
+            return density
+        step = target - place
+        to_rim = [dr.select(step[k] > 0, (1 - place[k]) / step[k], -place[k] / step[k]) for k in range(2)]
+        reach = dr.minimum(*(dr.select(dr.abs(step[k]) > 1e-9, to_rim[k], 1e9) for k in range(2)))
+        return density * 0.5 * dr.maximum(reach, 1)
+
     def normal(self, triangle: mi.UInt32) -> mi.Vector3f:
         """Unit normal of a triangle."""
-        a, b, c = (dr.gather(mi.Point3f, self.corners, 3 * triangle + k) for k in range(3))
+        a, b, c = self._corners(triangle)
         return dr.normalize(dr.cross(b - a, c - a))
+
+    def _corners(self, triangle: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Point3f]:
+        return [dr.gather(mi.Point3f, self.corners, 3 * triangle + k, active) for k in range(3)]
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
         """Whether a hit lies on the triangles of taxel ``index``."""
         here = active & (si.shape == self.mesh)
         return here & (dr.gather(mi.Int32, self.owner, si.prim_index, here) == mi.Int32(index))
 
-    def density(self, index: mi.UInt32) -> mi.Float:
-        """Probability per area of a point of taxel ``index``; 0 where it has no triangles."""
-        area = dr.gather(mi.Float, self.area, index)
-        return dr.select(area > 0, dr.rcp(area), 0)
-
 
 def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
-    """A guide for the Lambertian walls in the cells of a pad, if enough of their light comes back to them.
-
-    Isotropic walls have none: they scatter most to the surface close by, which points drawn by area miss.
-    """
+    """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays."""
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
             parameters = mi.traverse(mesh)
@@ -97,23 +141,32 @@ def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any) -> Guide | None
     triangles = np.array(parameters["faces"]).reshape(-1, 3)
     region = np.rint(np.array(parameters["face_region"])).astype(int)
     cell = np.rint(np.array(parameters["face_cell"])).astype(int)
-    member = np.isin(region, _lambertian_regions(mesh.bsdf())) & (cell > 0)
+    walls = _regions_by_wall(mesh.bsdf())
+    corners = vertices[triangles]
+    member = np.isin(region, walls["lambertian"] or walls["isotropic"]) & (cell > 0) & (_areas(corners) > 0)
     if not member.any():
         return None
-    corners = vertices[triangles]
     taxel = _taxel_of_cells(corners.mean(axis=1)[member], cell[member], pair.led.faces)
     owner = np.full(len(triangles), -1)
     owner[member] = taxel[cell[member]]
-    guide = Guide(mesh, corners, owner, pair.count)
+    guide = Guide(mesh, corners, owner, pair.count, near=not walls["lambertian"])
     return guide if _gain(guide, scene, pair) < _WORTHWHILE else None
 
 
-def _lambertian_regions(bsdf: Any) -> list[int]:
-    """Codes of the regions that a Lambertian `wall` covers, under a `region` or a single `wall`."""
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """(N,) areas of triangles."""
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
+def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
+    """Codes of the regions that Lambertian and isotropic walls cover, under a `region` or a single `wall`."""
     walls = getattr(bsdf, "walls", None)
     if walls is None:
         walls = dict.fromkeys(ALL_REGIONS, bsdf)
-    return [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == "lambertian"]
+    return {
+        kind: [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == kind]
+        for kind in ("lambertian", "isotropic")
+    }
 
 
 def _taxel_of_cells(centres: np.ndarray, cell: np.ndarray, faces: Any) -> np.ndarray:
@@ -127,27 +180,44 @@ def _taxel_of_cells(centres: np.ndarray, cell: np.ndarray, faces: Any) -> np.nda
 def _gain(guide: Guide, scene: mi.Scene, pair: Any) -> float:
     """By how much the guide multiplies the mean square of the weight that a ray has after one more reflection.
 
-    Found by rays from points of the guide after the cosine law. In a smooth dome the ratio is about a half; where walls
-    meet in corners most light goes to walls close by, which points drawn by area miss, and the ratio exceeds 1.
+    Found by rays that points of the guide scatter. In a smooth dome the ratio is about a half; where walls meet in
+    corners most light goes to walls close by, which the guide misses, and the ratio exceeds 1.
     """
     rays = 1 << 13
     rng = mi.PCG32(rays)
     taxel = dr.arange(mi.UInt32, rays) % dr.opaque(mi.UInt32, pair.count)
-    p, triangle = guide.sample(taxel, mi.Point2f(rng.next_float32(), rng.next_float32()))
+    from_ = mi.Point2f(rng.next_float32(), rng.next_float32())
+    p, triangle = guide.uniform(taxel, from_)
     n = mi.Normal3f(guide.normal(triangle))
-    local = mi.warp.square_to_cosine_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32()))
+    sample = mi.Point2f(rng.next_float32(), rng.next_float32())
+    if guide.near:
+        local, scattered = mi.warp.square_to_uniform_hemisphere(sample), mi.Float(dr.inv_two_pi)
+    else:
+        local = mi.warp.square_to_cosine_hemisphere(sample)
+        scattered = dr.inv_pi * local.z
     d = mi.Frame3f(n).to_world(local)
     si = scene.ray_intersect(leave(mi.Point3f(p), n, d, clearance_of(pair)))
     seen = guide.contains(taxel, si, si.is_valid())
-    kernel = dr.inv_pi * local.z * dr.abs(dr.dot(si.n, d)) / (dr.square(si.t) * guide.density(taxel))
-    weight = kernel / ((1 - guide.share) * kernel + guide.share)
+    scattered *= dr.abs(dr.dot(si.n, d)) / dr.square(si.t)
+    drawn = guide.density(taxel, from_, guide.place(si, seen))
+    weight = scattered / ((1 - guide.share) * scattered + guide.share * drawn)
     without = dr.count(seen)[0]
     return float(dr.sum(dr.select(seen, weight, 0))[0]) / without if without > _LEAST_RETURN * rays else math.inf
 
 
-def _principal_axes(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """(M, 2) coordinates of points (M, 3) along the two axes in which the points of one taxel lie widest."""
+def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """(M, 2) places of points (M, 3) on a plane, such that neighbours stay neighbours.
+
+    Seen along the axis in which the points of one taxel lie narrowest, each keeps its direction from the middle, and
+    its distance from the point at the middle becomes its radius. On a sphere that is the map that keeps areas.
+    """
     count = np.maximum(np.bincount(owner), 1)
     centre = np.stack([np.bincount(owner, column) / count for column in points.T], axis=1)
     deviation = points - centre[owner]
-    return deviation @ np.linalg.eigh(deviation.T @ deviation)[1][:, :0:-1]
+    flat = deviation @ np.linalg.eigh(deviation.T @ deviation)[1][:, :0:-1]
+    radius = np.linalg.norm(flat, axis=1)
+    middle = np.zeros_like(centre)
+    inward = np.lexsort((-radius, owner))  # the last of each taxel is the one at its middle
+    middle[owner[inward]] = points[inward]
+    unrolled = np.linalg.norm(points - middle[owner], axis=1)
+    return flat * (unrolled / np.maximum(radius, 1e-30))[:, None]

@@ -35,6 +35,7 @@ class Vertex:
     n: mi.Normal3f
     throughput: mi.Float  # W
     guided: mi.Float  # chance that the guide draws the next direction
+    place: mi.Point2f  # of the vertex, as the guide has it
     inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no meeting could have made it
 
 
@@ -54,6 +55,7 @@ class View:
     solid_angle: mi.Float  # of the phototransistor, seen from z
     member: mi.Bool  # whether the guide could have drawn z
     guided: mi.Float  # chance that the guide draws the direction that leaves z
+    place: mi.Point2f  # of z, as the guide has it
 
 
 class Techniques:
@@ -83,12 +85,13 @@ class Techniques:
         d = self.sensor.faces.frame.to_world(local)
         if not self.meetings:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
-            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 7)
+            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
         ray = release(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
         valid = si.is_valid() & (local.z > 0)
         distance_squared = dr.squared_norm(si.p - y)
         cosine = dr.abs(dr.dot(si.n, d))
+        member, guided, place = self.guidance(si, valid)
         return View(
             y,
             offset,
@@ -100,8 +103,9 @@ class Techniques:
             cosine,
             dr.inv_pi * local.z * cosine / distance_squared,
             self.area * local.z / distance_squared,
-            self._member(si, valid),
-            self.guided_share(si, valid),
+            member,
+            guided,
+            place,
         )
 
     def connect(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
@@ -140,10 +144,7 @@ class Techniques:
         active &= (passed_on[0] > 0) & (cosine > 0)
         active &= ~self.scene.ray_test(leave(here.p, here.n, wo, self.clearance, view.si.p), active)
 
-        drawn = (1 - here.guided) * density
-        if self.guide is not None:
-            guide_density = self.guide.density(self.index) * distance_squared / cosine
-            drawn += dr.select(view.member, here.guided * guide_density, 0)
+        drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
         connection = drawn * cosine / (distance_squared * view.density)
         hit = connection * (1 - view.guided) * onward * view.solid_angle
         weight = self._weight((self.connections, connection), (self.hits, hit))
@@ -171,25 +172,33 @@ class Techniques:
         weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.meetings, meeting)))
         return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
 
-    def guided_share(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Float:
-        """Chance that the guide draws the direction that leaves ``si``: none where the wall is not of the guide."""
-        return dr.select(self._member(si, active), self.guide.share, 0) if self.guide is not None else mi.Float(0)
+    def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
+        """Whether the guide could have drawn ``si``, the chance that it draws what leaves there, and its place."""
+        if self.guide is None:
+            return mi.Bool(False), mi.Float(0), mi.Point2f(0)
+        member = self.guide.contains(self.index, si, active)
+        return member, dr.select(member, self.guide.share, 0), self.guide.place(si, member)
 
-    def target(self, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
+    def draw(self, here: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
         """A point that the guide draws, and the triangle that it lies on."""
         assert self.guide is not None
-        return self.guide.sample(self.index, sample)
+        return self.guide.sample(self.index, here.place, sample, nearness)
 
-    def drawn(self, density: mi.Float, guided: mi.Float, p: mi.Point3f, si, d: mi.Vector3f, active) -> mi.Float:
-        """Density [1/sr] of a ray from ``p`` to ``si``: by scattering (``density``) or by the guide."""
-        total = (1 - guided) * density
+    def drawn(
+        self, density: mi.Float, before: Vertex, member: mi.Bool, place: mi.Point2f, area_per_angle: mi.Float
+    ) -> mi.Float:
+        """Density [1/sr] of a ray from ``before``, which scattering draws with ``density``, and the guide as well.
+
+        Parameters
+        ----------
+        member, place : of the point that the ray meets
+        area_per_angle : distance squared over cosine there, mm²
+        """
+        total = (1 - before.guided) * density
         if self.guide is not None:
-            guide_density = self.guide.density(self.index) * dr.squared_norm(si.p - p) / dr.abs(dr.dot(si.n, d))
-            total += dr.select(self._member(si, active) & (guided > 0), guided * guide_density, 0)
+            guide_density = self.guide.density(self.index, before.place, place) * area_per_angle
+            total += dr.select(member, before.guided * guide_density, 0)
         return total
-
-    def _member(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        return self.guide.contains(self.index, si, active) if self.guide is not None else mi.Bool(False)
 
     @staticmethod
     def _weight(*others: tuple[bool, mi.Float]) -> mi.Float:

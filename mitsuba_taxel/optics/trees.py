@@ -73,11 +73,13 @@ def shares_of_members(position: np.ndarray, weight: np.ndarray, tree: np.ndarray
     Returns
     -------
     shares : (trees, 2**depth); leaves : (trees, 2**depth) number of the member in each leaf
+    boxes : (M, 4) the part of the unit square that leads to each member: lower corner and size
     """
     depth = max(1, int(np.bincount(tree).max() - 1).bit_length())
     shares, leaves = np.ones((trees, 1 << depth), np.float32), np.zeros((trees, 1 << depth), np.uint32)
     ranks = np.argsort(np.argsort(position, axis=0), axis=0)
     node = np.ones(len(weight), dtype=np.int64)
+    boxes = np.tile([0.0, 0.0, 1.0, 1.0], (len(weight), 1))
     for level in range(depth):
         place = (tree << level) + node - (1 << level)  # one number for each node of this level
         order = np.argsort(place * len(weight) + ranks[:, level % 2])
@@ -90,6 +92,9 @@ def shares_of_members(position: np.ndarray, weight: np.ndarray, tree: np.ndarray
         left = np.bincount(place[~right], weight[~right], trees << level)
         share = np.divide(left, whole, out=np.ones_like(left), where=whole > 0)
         shares[:, 1 << level : 2 << level] = share.reshape(trees, -1)
+        axis, own = level % 2, share[place]
+        boxes[:, axis] += np.where(right, own * boxes[:, 2 + axis], 0)
+        boxes[:, 2 + axis] *= np.where(right, 1 - own, own)
         node = 2 * node + right
     leaves[tree, node - (1 << depth)] = np.arange(len(weight))
-    return shares, leaves
+    return shares, leaves, boxes

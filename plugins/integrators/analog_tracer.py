@@ -59,7 +59,8 @@ class AnalogTracer(mi.CppADIntegrator):
         clearance = tracing.clearance_of(pair)
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
-        random = mi.PCG32(dr.width(index), sampler.sequence_seed, sampler.index)
+        random = mi.PCG32()  # given its width it would add the lane's number, and a run could not go on
+        random.seed(mi.sample_tea_32(sampler.sequence_seed, sampler.index)[0], sampler.index)
 
         vertex = mi.Point3f(led.sample_point(led_index, self._release_point(sampler)))
         normal = mi.Normal3f(led.faces.frame.n)

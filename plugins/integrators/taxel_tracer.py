@@ -92,7 +92,9 @@ class TaxelTracer(mi.CppADIntegrator):
             sample, overdrawn = aim.sample(led_index, sample)
         direction = led.sample_direction_of_emission(sample)
         view = techniques.look(sampler.next_2d(), sampler.next_2d())
-        vertex = Vertex(mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Float(0))
+        vertex = Vertex(
+            mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Point2f(0), mi.Float(0)
+        )
         emit = partial(_emit, led)
         value = techniques.meet(view, vertex, emit, (power > 0) & (most_reflections > 0))
         if dr.hint(not pair.coplanar, mode="scalar"):
@@ -114,9 +116,12 @@ class TaxelTracer(mi.CppADIntegrator):
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             distance = dr.norm(si.p - vertex.p)
+            member, guided, place = techniques.guidance(si, active)
             # A point that the guide has drawn counts only if it is seen; rounding may end on the triangle next to it.
-            active &= (reach == dr.inf) | (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
-            drawn = techniques.drawn(density, vertex.guided, vertex.p, si, direction, active)
+            found = (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
+            active &= (reach == dr.inf) | (found & member)
+            cosine = dr.abs(dr.dot(si.n, direction))
+            drawn = techniques.drawn(density, vertex, member, place, dr.square(distance) / cosine)
             throughput = carried / dr.select(specular, density, drawn)
 
             before = replace(vertex, throughput=throughput)
@@ -126,9 +131,8 @@ class TaxelTracer(mi.CppADIntegrator):
             result += value
 
             active &= depth < most_reflections
-            cosine = dr.abs(dr.dot(si.n, direction))
             inverse = dr.select(specular, 0, dr.square(distance) / (drawn * cosine))
-            vertex = Vertex(si.p, si.n, throughput, techniques.guided_share(si, active), inverse)
+            vertex = Vertex(si.p, si.n, throughput, guided, place, inverse)
             bsdf = si.bsdf(ray)
             scatter = partial(_scatter, techniques.context, si, bsdf, active)
             value = techniques.connect(view, vertex, scatter, active)
@@ -138,6 +142,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
             choice, sample = sampler.next_1d(active), sampler.next_2d(active)
             by_guide = choice < vertex.guided
+            nearness = choice / vertex.guided
             choice = (choice - vertex.guided) / (1 - vertex.guided)
             bs, weight = bsdf.sample(techniques.context, si, choice, sample, active & ~by_guide)
             direction = si.to_world(bs.wo)
@@ -146,7 +151,7 @@ class TaxelTracer(mi.CppADIntegrator):
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             reach = mi.Float(dr.inf)
             if dr.hint(techniques.guide is not None, mode="scalar"):
-                point, target = techniques.target(sample)
+                point, target = techniques.draw(vertex, sample, nearness)
                 to_target = point - vertex.p
                 target_distance = dr.norm(to_target)
                 towards = to_target / target_distance
