@@ -144,7 +144,7 @@ def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any) -> Guide | None
     walls = _regions_by_wall(mesh.bsdf())
     corners = vertices[triangles]
     member = np.isin(region, walls["lambertian"] or walls["isotropic"]) & (cell > 0) & (_areas(corners) > 0)
-    if not member.any():
+    if not member.any() or _is_flat(corners[member], cell[member]):
         return None
     taxel = _taxel_of_cells(corners.mean(axis=1)[member], cell[member], pair.led.faces)
     owner = np.full(len(triangles), -1)
@@ -156,6 +156,14 @@ def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any) -> Guide | None
 def _areas(corners: np.ndarray) -> np.ndarray:
     """(N,) areas of triangles."""
     return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
+def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
+    """Whether the triangles of each cell face one way, within some ten degrees: they cannot see much of each other."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.bincount(cell, np.linalg.norm(normals, axis=1))
+    resultant = np.linalg.norm([np.bincount(cell, column) for column in normals.T], axis=0)
+    return bool(np.all(resultant >= 0.98 * total))
 
 
 def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:

@@ -119,7 +119,7 @@ def measure(
 
     Parameters
     ----------
-    scene : a :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``
+    scene : a :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or what :func:`prepare` returned
     target_error : relative standard error that the worst taxel should reach (default 0.005, if there is neither
         ``points`` nor ``time_budget``). Pilot runs with other random numbers choose how many points that takes; they
         do not enter the result.

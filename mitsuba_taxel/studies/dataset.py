@@ -54,6 +54,7 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
                 {"units": "W", "long_name": "1 sigma of power (light)"},
             ),
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
+            **_responsivity(first),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
         },
@@ -73,6 +74,13 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
         },
     )
     return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
+
+
+def _responsivity(readings: Readings) -> dict[str, tuple]:
+    if readings.responsivity is None:
+        return {}
+    about = {"units": "A/W", "long_name": "photocurrent per optical power"}
+    return {"responsivity": ("taxel", readings.responsivity, about)}
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:

@@ -13,7 +13,7 @@ import xarray as xr
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Scene, find_scene, measure, points_for
-from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR, check_request
+from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR, check_request, prepare
 from mitsuba_taxel.studies.dataset import Result, assemble
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
 from mitsuba_taxel.studies.files import make_empty_folder
@@ -120,19 +120,19 @@ def _points_for_all(
 def _read(scene: Scene, points: int, seed: int, folder: Path | None, meshes: dict[str, str]) -> Result:
     """One job: its readings; its pads are written unless an earlier job did (``meshes``: key -> file)."""
     with stages.record() as seconds:
-        loaded = scene.load()
-        readings = measure(loaded, points=points, seed=seed)
+        ready = prepare(scene)
+        readings = measure(ready, points=points, seed=seed)
         names = []
         if folder is not None:
             with stages.stage("meshes"):
-                for pad in deformed_pads(loaded):
+                for pad in deformed_pads(ready.scene):
                     key = mesh_key(pad)
                     if key not in meshes:
                         meshes[key] = f"meshes/pad_{len(meshes) + 1:04d}.ply"
                         (folder / "meshes").mkdir(exist_ok=True)
                         write_mesh(pad, folder / meshes[key])
                     names.append(meshes[key])
-    del loaded
+    del ready
     gc.collect()  # a scene that lives on adds its plugins to the kernels of the next one
     return Result(readings, seconds, " ".join(names))
 
