@@ -26,11 +26,20 @@ class Unsuitable(Exception):
 
 @dataclass(frozen=True)
 class Case:
-    """A shipped scene with values for its parameters; lengths in mm, forces in N."""
+    """A shipped scene with values for its parameters; lengths in mm, forces in N.
+
+    ``response`` is XML that says what the phototransistor responds to, if it is not ideal.
+    """
 
     name: str
     scene: str
     parameters: dict[str, object]
+    response: str = ""
+
+    def require_ideal(self) -> None:
+        """Raise where a peer that knows no angular response cannot do the case."""
+        if self.response:
+            raise Unsuitable("the phototransistor's angular response was not modelled for it")
 
     @property
     def single_bounce(self) -> bool:
@@ -45,9 +54,8 @@ class Case:
     def load(self, integrator: str, sampler: str | None = None) -> Any:
         """The ``mi.Scene`` with an integrator, and unless None a sampler, of the given plugin names."""
         text = find_scene(self.scene).read_text().replace('type="taxel_tracer"', f'type="{integrator}"')
-        if sampler is not None:
-            nested = f'<sensor type="phototransistor"> <sampler type="{sampler}"/> </sensor>'
-            text = text.replace('<sensor type="phototransistor"/>', nested)
+        nested = self.response + (f'<sampler type="{sampler}"/>' if sampler else "")
+        text = text.replace('<sensor type="phototransistor"/>', f'<sensor type="phototransistor">{nested}</sensor>')
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / self.scene
             file.write_text(text)
@@ -59,6 +67,11 @@ def _plate(z: float) -> Case:
     return Case(f"plate-{z:g}", "plate.xml", values)
 
 
+def _narrow() -> Case:
+    response = '<string name="response" value="cosine_power"/> <float name="exponent" value="50"/>'
+    return Case("narrow", "plate.xml", _plate(1.05).parameters, response)
+
+
 def _pad(scattering: str, fz: float) -> Case:
     values = {"cell": "hemispheric", "fz": fz, "hole": 0, "law": "lambertian", "scattering": scattering}
     return Case(f"pad-{scattering}{fz:g}" if fz else f"pad-{scattering}", "pad.xml", values)
@@ -68,6 +81,7 @@ CASES = {
     case.name: case
     for case in (
         *(_plate(z) for z in (1.05, 0.3, 0.1)),
+        _narrow(),
         *(_pad(scattering, fz) for scattering in ("lambertian", "isotropic") for fz in (0, -10)),
     )
 }

@@ -29,6 +29,7 @@ class Geometry:
 
 def prepare(case: Case) -> Estimator:
     """Triangles are taken from the loaded scene; tracing uses nothing of Mitsuba."""
+    case.require_ideal()
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 

@@ -11,6 +11,7 @@ IMPORTANT = 0.8
 
 def prepare(case: Case) -> Estimator:
     """The plate as a Lambertian mesh, the LED as an emitting one, the phototransistor as a pixel aimed at the plate."""
+    case.require_ideal()
     from raysect.core import translate
     from raysect.core.math.random import seed as set_seed
     from raysect.optical import ConstantSF, World
