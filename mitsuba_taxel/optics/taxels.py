@@ -26,7 +26,7 @@ class TaxelPair:
     @property
     def coplanar(self) -> bool:
         """Whether LEDs and phototransistors lie in one plane, so that no light goes straight across."""
-        return self.led.get_shape() is self.sensor.get_shape()
+        return self.led.get_shape().ptr == self.sensor.get_shape().ptr  # wrappers in Python may differ
 
 
 def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
