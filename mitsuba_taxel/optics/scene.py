@@ -165,8 +165,16 @@ def _parser_config(variant: str) -> Any:
 
 
 def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
-    """What Mitsuba says of a scene that it cannot build, as one line without traceback or source location."""
+    """What Mitsuba says of a scene that it cannot build, as one line without traceback or source location.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        if that is what stopped a plugin: Mitsuba passes it on as an error like any other.
+    """
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines[-1].startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
     for kind in (ComputationError, InputError):
         if lines[-1].startswith(f"{kind.__name__}: "):
             return kind(lines[-1].removeprefix(f"{kind.__name__}: "))

@@ -253,3 +253,14 @@ def test_plugins_leave_the_file_resolver_alone(llvm_mono, monkeypatch):
     shapes = f'<shape type="photo_reflector">{BOTH}</shape> <shape type="deformable_pad"/>'
     scene = llvm_mono.load_string(f'<scene version="3.9.0">{shapes}</scene>')
     assert len(scene.shapes()) == 2
+
+
+def test_interrupting_a_plugin_interrupts_the_load(llvm_mono):
+    """Mitsuba turns an interrupt in a plugin's constructor into an error; it must not be taken for bad input."""
+
+    def interrupted(props):
+        raise KeyboardInterrupt
+
+    llvm_mono.register_bsdf("interrupted", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        Scene({"type": "scene", "plate": {"type": "rectangle", "bsdf": {"type": "interrupted"}}}).load()
