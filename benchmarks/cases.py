@@ -28,17 +28,17 @@ class Unsuitable(Exception):
 class Case:
     """A shipped scene with values for its parameters; lengths in mm, forces in N.
 
-    ``response`` is XML that says what the phototransistor responds to, if it is not ideal.
+    ``exponent`` is that of the phototransistor's response, a power of the cosine; 1 is ideal.
     """
 
     name: str
     scene: str
     parameters: dict[str, object]
-    response: str = ""
+    exponent: float = 1
 
     def require_ideal(self) -> None:
         """Raise where a peer that knows no angular response cannot do the case."""
-        if self.response:
+        if self.exponent != 1:
             raise Unsuitable("the phototransistor's angular response was not modelled for it")
 
     @property
@@ -54,7 +54,8 @@ class Case:
     def load(self, integrator: str, sampler: str | None = None) -> Any:
         """The ``mi.Scene`` with an integrator, and unless None a sampler, of the given plugin names."""
         text = find_scene(self.scene).read_text().replace('type="taxel_tracer"', f'type="{integrator}"')
-        nested = self.response + (f'<sampler type="{sampler}"/>' if sampler else "")
+        response = f'<string name="response" value="cosine_power"/> <float name="exponent" value="{self.exponent}"/>'
+        nested = response + (f'<sampler type="{sampler}"/>' if sampler else "")
         text = text.replace('<sensor type="phototransistor"/>', f'<sensor type="phototransistor">{nested}</sensor>')
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / self.scene
@@ -68,8 +69,7 @@ def _plate(z: float) -> Case:
 
 
 def _narrow() -> Case:
-    response = '<string name="response" value="cosine_power"/> <float name="exponent" value="50"/>'
-    return Case("narrow", "plate.xml", _plate(1.05).parameters, response)
+    return Case("narrow", "plate.xml", _plate(1.05).parameters, exponent=50)
 
 
 def _pad(scattering: str, fz: float) -> Case:

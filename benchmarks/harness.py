@@ -81,12 +81,13 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result
 
 
 def truth_of(case: Case, seconds: float) -> Truth:
-    """Quadrature for the plate; elsewhere the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
+    """Quadrature for the plate; for pads the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
 
     Under an isotropic roof paths from the phototransistor have no bounded variance: `ptracer`, from the LED, there.
     """
-    if case.single_bounce and not case.response:
-        power = plate_power(float(case.parameters["z"]), float(case.parameters["spacing"]))
+    if case.single_bounce:
+        z, spacing = (float(case.parameters[name]) for name in ("z", "spacing"))
+        power = plate_power(z, spacing, exponent=case.exponent)
         return Truth(np.array([power]), np.zeros(1))
     estimate = mitsuba_stock.prepare(case, "ptracer" if case.isotropic else "path", "multijitter")
     runs = 32

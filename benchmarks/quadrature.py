@@ -6,7 +6,7 @@ import numpy as np
 from cases import DETECTOR, LED_SIDE
 
 
-def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int = 80) -> float:
+def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int = 80, exponent: float = 1) -> float:
     """Power in W per W emitted, for a Lambertian LED and one reflection off a Lambertian plate of reflectance 1.
 
     The share of the light leaving a point of the plate that reaches a parallel rectangle is the closed-form
@@ -19,6 +19,7 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     spacing : distance of the LED's centre from the phototransistor's, along x, mm
     side : of the plate, mm
     panels : along each side
+    exponent : of the cosine in the phototransistor's response to a parallel beam, 1 if ideal
     """
     nodes, weights = np.polynomial.legendre.leggauss(8)
     step = side / panels
@@ -26,7 +27,9 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     x = (middle[:, None] + 0.5 * step * nodes).ravel()
     w = np.tile(0.5 * step * weights, panels)
     led = configuration_factor(x[:, None] + 0.5 * spacing, x, LED_SIDE, LED_SIDE, z)
-    detector = configuration_factor(x[:, None] - 0.5 * spacing, x, *DETECTOR, z)
+    place = (x[:, None] - 0.5 * spacing, x)
+    ideal = exponent == 1
+    detector = configuration_factor(*place, *DETECTOR, z) if ideal else response_factor(*place, *DETECTOR, z, exponent)
     return float(w @ (led * detector) @ w / LED_SIDE**2)
 
 
@@ -38,6 +41,17 @@ def configuration_factor(x, y, width: float, depth: float, z: float) -> np.ndarr
     """
     signs = [(sx, sy) for sx in (-1, 1) for sy in (-1, 1)]
     return sum(sx * sy * _to_corner((sx * 0.5 * width - x) / z, (sy * 0.5 * depth - y) / z) for sx, sy in signs)
+
+
+def response_factor(x, y, width: float, depth: float, z: float, exponent: float) -> np.ndarray:
+    """As :func:`configuration_factor`, weighted with cos**(exponent - 1); Gauss-Legendre, 20 x 20 nodes."""
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))
+    for node_x, weight_x in zip(nodes, weights, strict=True):
+        for node_y, weight_y in zip(nodes, weights, strict=True):
+            square = (x - 0.5 * width * node_x) ** 2 + (y - 0.5 * depth * node_y) ** 2 + z**2
+            total += weight_x * weight_y * (z**2 / square) ** (0.5 * (exponent + 1)) / square
+    return total * 0.25 * width * depth / np.pi
 
 
 def _to_corner(a, b) -> np.ndarray:

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mitsuba_taxel  # noqa: F401  (chooses the LLVM, before drjit loads one)
@@ -25,6 +26,7 @@ from cases import CASES
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.optics.readings import MOST_POINTS, REPLICATES
 from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.optics.tracing import trace
 from mitsuba_taxel.pads import CELL_SHAPES
 
 RAYS = 1 << 22
@@ -74,8 +76,10 @@ def ray_rates(scene: Any) -> tuple[float, float]:
     (pair,) = taxels_of(scene)
     points = RAYS // (REPLICATES * pair.count * 8)
     counting = _CountingScene(scene)
-    scene.integrator().trace(counting, pair, points, 0, REPLICATES)
-    traced = counting.rays / _seconds(lambda: scene.integrator().trace(scene, pair, points, 0, REPLICATES))
+    run = partial(trace, scene.integrator(), pair=pair, points=points, seed=0, replicates=REPLICATES)
+    run(scene=scene)  # finds the guide, whose rays do not count
+    run(scene=counting)
+    traced = counting.rays / _seconds(lambda: run(scene=scene))
 
     rng = np.random.default_rng(0)
     box = scene.bbox()
@@ -104,8 +108,8 @@ class _CountingScene:
     def rays(self) -> int:
         return int(self._count[0])
 
-    def ray_intersect(self, ray: Any, active: Any) -> Any:
-        dr.scatter_add(self._count, 1, 0, active)
+    def ray_intersect(self, ray: Any, active: Any = True) -> Any:
+        dr.scatter_add(self._count, 1, 0, mi.Bool(active) & dr.isfinite(ray.o.x))  # as wide as the ray
         return self._scene.ray_intersect(ray, active)
 
     def ray_test(self, ray: Any, active: Any) -> Any:

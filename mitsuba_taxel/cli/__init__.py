@@ -80,7 +80,7 @@ def _describe(error: Exception) -> tuple[str, int]:
 
 
 def _comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt is behind an error: one that falls into the recording of a kernel comes as a RuntimeError."""
+    """Whether an interrupt is behind an error: where it falls into the recording of a kernel it is wrapped in one."""
     return error is not None and (isinstance(error, KeyboardInterrupt) or _comes_from_interrupt(error.__cause__))
 
 

@@ -27,6 +27,13 @@ def test_quadrature_has_converged_near_contact(monkeypatch):
     assert plate_power(0.1, panels=40) == pytest.approx(plate_power(0.1), rel=1e-9)
 
 
+def test_quadrature_of_a_response_tends_to_the_closed_form(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    from quadrature import plate_power
+
+    assert plate_power(0.7, exponent=1 + 1e-9) == pytest.approx(plate_power(0.7), rel=1e-7)
+
+
 def test_quick_benchmark_of_ours_alone_agrees_with_the_truth(tmp_path):
     table = tmp_path / "table.csv"
     command = [sys.executable, FOLDER / "optics.py", "--quick", "--peers", "--csv", table]
