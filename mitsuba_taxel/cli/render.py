@@ -97,6 +97,7 @@ def readings_as_json(readings) -> dict[str, object]:
         "readings": [dict(zip(columns, row, strict=True)) for row in rows],
         "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
         "parameters": dict(readings.parameters),
+        "notes": readings.notes,
     }
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.tables import read_columns
 
 _NAME = "reflectance_table"
 
@@ -28,7 +26,7 @@ class ReflectanceTable:
         if not isinstance(file, str):
             raise InputError(f"{_NAME} = {file!r} is not allowed: the name of a CSV file is needed.")
         self.file = file
-        self.wavelengths, self.reflectances = _read_two_columns(file).T
+        self.wavelengths, self.reflectances = read_columns(_NAME, file, fewest=1).T
         self._check()
 
     def at(self, nm: float) -> float:
@@ -56,23 +54,3 @@ class ReflectanceTable:
                 f"{_NAME} = {self.file!r}: row {row + 1}, {self.wavelengths[row]:g}, {self.reflectances[row]:g}, "
                 "is not allowed: finite wavelengths in nm that increase and reflectances from 0 to 1 are needed."
             )
-
-
-def _read_two_columns(file: str) -> np.ndarray:
-    """The numbers in a CSV file of two columns, (n, 2) with n of at least 1."""
-    try:
-        text = Path(str(mi.file_resolver().resolve(file))).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{_NAME} = {file!r} cannot be read ({error.strerror}): a CSV file is needed.") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{_NAME} = {file!r} is no text: a CSV file is needed.") from error
-    lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
-    try:
-        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
-    except ValueError as error:
-        raise InputError(f"{_NAME} = {file!r} is not allowed: two columns of numbers are needed ({error}).") from error
-    if table.shape[1] != 2 or len(table) == 0:
-        raise InputError(
-            f"{_NAME} = {file!r} has {table.shape[1]} columns and {len(table)} rows: 2 columns are needed."
-        )
-    return table

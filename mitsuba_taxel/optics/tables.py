@@ -1,4 +1,4 @@
-"""Quantities tabulated against the polar angle: read from a CSV file, looked up inside kernels."""
+"""Tables in CSV files, and quantities tabulated against the polar angle, looked up inside kernels."""
 
 from __future__ import annotations
 
@@ -83,29 +83,30 @@ def read_angular_table(props: Any) -> tuple[np.ndarray, np.ndarray]:
     if not isinstance(file, str):
         given = "file is missing" if file is None else f"file = {file!r} is not allowed"
         raise InputError(f"{given}: the name of a CSV file with columns angle in degrees, value is needed.")
-    table = _read_columns(file)
-    angles, values = table.T
+    angles, values = read_columns("file", file, fewest=2).T
     _check_angles(file, angles)
     _check_values(file, values)
     return angles, values
 
 
-def _read_columns(file: str) -> np.ndarray:
+def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
+    """The numbers in a CSV file of two columns that a parameter names, (n, 2) with n from ``fewest`` to ``NODES``."""
+    given = f"{parameter} = {file!r}"
     try:
         text = Path(str(mi.file_resolver().resolve(file))).read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(f"file = {file!r} cannot be read ({error.strerror}): a CSV file is needed.") from error
+        raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"file = {file!r} is no text: a CSV file is needed.") from error
+        raise InputError(f"{given} is no text: a CSV file is needed.") from error
     lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
     except ValueError as error:
-        raise InputError(f"file = {file!r} is not allowed: two columns of numbers are needed ({error}).") from error
+        raise InputError(f"{given} is not allowed: two columns of numbers are needed ({error}).") from error
     rows, columns = table.shape
-    if columns != 2 or not 2 <= rows <= NODES:
+    if columns != 2 or not fewest <= rows <= NODES:
         raise InputError(
-            f"file = {file!r} has {rows} rows and {columns} columns: from 2 to {NODES} rows and 2 columns are needed."
+            f"{given} has {rows} rows and {columns} columns: from {fewest} to {NODES} rows and 2 columns are needed."
         )
     return table
 

@@ -64,7 +64,8 @@ class Phototransistor(mi.Sensor):
 
      * - sampler
        - |sampler|
-       - Where the random numbers come from. (Default: :monosp:`owen_sobol`)
+       - Where the random numbers come from; `taxel_tracer` and its kin need the default.
+         (Default: :monosp:`owen_sobol`)
 
     Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. A pixel of its film is irradiance
     in W/mm²; with several phototransistors the film holds one block of pixels for each, row by row, and a reading

@@ -58,7 +58,7 @@ def test_render_json_is_one_object(taxel):
     done = taxel("render", *PLATE, "--points", 256, "--json")
     assert done.returncode == 0 and done.stderr == ""
     answer = json.loads(done.stdout)
-    assert list(answer) == ["readings", "seconds", "parameters"]
+    assert list(answer) == ["readings", "seconds", "parameters", "notes"]
     (reading,) = answer["readings"]
     assert list(reading) == ["taxel", "power_W", "standard_error_W", "photocurrent_A"] and reading["taxel"] == 1
     assert 0 < reading["standard_error_W"] < reading["power_W"] < 1
@@ -95,7 +95,7 @@ def test_audit_and_crosstalk_follow_the_readings(taxel):
 def test_audit_and_crosstalk_in_json(taxel):
     done = taxel("render", *PLATE, "--points", 256, "--audit", "--crosstalk", "--json")
     answer = json.loads(done.stdout)
-    assert list(answer) == ["readings", "seconds", "parameters", "crosstalk", "audit"]
+    assert list(answer) == ["readings", "seconds", "parameters", "notes", "crosstalk", "audit"]
     assert answer["crosstalk"]["power_W"][0][0] == pytest.approx(answer["readings"][0]["power_W"], rel=0.01)
     audit = answer["audit"]
     assert sum(row["share"] for row in audit["shares"]) == pytest.approx(audit["total"]) == pytest.approx(1)
