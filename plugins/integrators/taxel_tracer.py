@@ -47,9 +47,9 @@ class TaxelTracer(mi.CppADIntegrator):
     Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the
     same taxel only, so that no work goes into LEDs that a phototransistor is not read against. Connections, meetings
     and hits are combined by multiple importance sampling with the power heuristic (E. Veach, 1997, chapters 9 and
-    10), so that mirrors, diffuse walls and narrow gaps are all seen well. Between the Lambertian walls of a cell paths are
-    guided to where they can be scattered again. `annular_led` and `phototransistor` pair up in the order in which the
-    scene lists them.
+    10), so that mirrors, diffuse walls and narrow gaps are all seen well. Between the diffuse walls of a cell paths
+    are guided to where they can be scattered again, and where there are mirrors, a pilot run shows where to aim.
+    `annular_led` and `phototransistor` pair up in the order in which the scene lists them.
 
     .. tabs::
         .. code-tab:: xml
