@@ -35,9 +35,9 @@ class TaxelPath(mi.CppADIntegrator):
 
     Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that happen to
     arrive there count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, for less
-    where the light is simple: plates that are not close, walls that scatter little. It refuses what would give a
-    weight without bound: isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose
-    intensity has no bound on the axis.
+    where the phototransistor has a narrow angular response. It refuses what would give a weight without bound:
+    isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose intensity has no bound
+    on the axis.
 
     .. tabs::
         .. code-tab:: xml
