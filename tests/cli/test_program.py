@@ -16,15 +16,9 @@ import taxel_cli
 PLATE = ("plate.xml", "-D", "scattering=lambertian", "-D", "hole=0")
 
 
-def test_help_is_quick(taxel):
-    taxel("--help")  # the first one may compile bytecode
-    seconds = []
-    for _ in range(3):
-        start = time.perf_counter()
-        done = taxel("--help")
-        seconds.append(time.perf_counter() - start)
+def test_help_lists_the_commands(taxel):
+    done = taxel("--help")
     assert done.returncode == 0 and "sweep" in done.stdout
-    assert min(seconds) < 0.3
 
 
 def test_help_imports_nothing_heavy():
