@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Callable
@@ -18,21 +17,18 @@ import numpy as np
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.ray_paths import Step, emit, follow, landed
-from mitsuba_taxel.optics.readings import REPLICATES, prepare
+from mitsuba_taxel.optics.readings import MOST_POINTS, REPLICATES, prepare, standard_error
 from mitsuba_taxel.optics.regions import ALL_REGIONS
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.optics.taxels import TaxelPair, taxels_of
-from mitsuba_taxel.optics.tracing import clearance_of
+from mitsuba_taxel.optics.tracing import LARGEST_WAVEFRONT, MOST_REFLECTIONS, clearance_of
 from mitsuba_taxel.optics.walls import set_wavelength
 
 DEFAULT_POINTS = 4096
-MOST_POINTS = 1 << 20
 ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")
 """Where light goes besides the surfaces."""
 
-_MOST_REFLECTIONS = 1 << 17
 _WEIGHTED_REFLECTIONS = 8
-_LARGEST_WAVEFRONT = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -64,7 +60,7 @@ class EnergyAudit:
     @property
     def standard_error(self) -> np.ndarray:
         """(P,) one standard deviation of :attr:`share`, from the scatter of the replicates."""
-        return self.replicates.std(axis=0, ddof=1) / math.sqrt(len(self.replicates))
+        return standard_error(self.replicates)
 
     @property
     def total(self) -> float:
@@ -74,7 +70,7 @@ class EnergyAudit:
     @property
     def total_error(self) -> float:
         """One standard deviation of :attr:`total`."""
-        return float(self.replicates.sum(axis=1).std(ddof=1) / math.sqrt(len(self.replicates)))
+        return float(standard_error(self.replicates.sum(axis=1)))
 
 
 def energy_audit(
@@ -114,7 +110,7 @@ def energy_audit(
     if not emitted > 0:
         raise InputError("the scene holds no annular_led that shines: there is no power to account for.")
     limit = getattr(ready.integrator, "max_depth", -1)
-    limit = _MOST_REFLECTIONS if limit < 0 else limit
+    limit = MOST_REFLECTIONS if limit < 0 else limit
     surfaces = _Surfaces(ready.scene)
     replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress)
     return EnergyAudit(*surfaces.sort(replicates / emitted), points, seed)
@@ -129,7 +125,7 @@ def _trace_all(
     sums = dr.zeros(mi.Float64, REPLICATES * (len(surfaces.places) + len(ENDS)))
     dr.make_opaque(sums)
     total = REPLICATES * sum(pair.count for pair in pairs)
-    at_once = max(1, _LARGEST_WAVEFRONT // points)
+    at_once = max(1, LARGEST_WAVEFRONT // points)
     first = 0
     for pair in pairs:
         set_wavelength(scene, [pair.led])

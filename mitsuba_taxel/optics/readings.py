@@ -27,6 +27,11 @@ FIRST_POINTS = 256
 _SAFETY = 1.25  # a standard error from 32 replicates is itself known to 13 %
 
 
+def standard_error(replicates: np.ndarray) -> np.ndarray:
+    """One standard deviation of the mean over the first axis of ``replicates`` (R, ...), from their scatter."""
+    return replicates.std(axis=0, ddof=1) / math.sqrt(len(replicates))
+
+
 @dataclass(frozen=True)
 class Readings:
     """What the phototransistors of a scene read.
@@ -65,7 +70,7 @@ class Readings:
     @property
     def standard_error(self) -> np.ndarray:
         """(T,) one standard deviation of :attr:`power`, in W, from the scatter of the replicates."""
-        return self.replicates.std(axis=0, ddof=1) / math.sqrt(len(self.replicates))
+        return standard_error(self.replicates)
 
     @property
     def photocurrent(self) -> np.ndarray | None:
@@ -102,7 +107,7 @@ class Crosstalk:
     @property
     def standard_error(self) -> np.ndarray:
         """(T, T) one standard deviation of :attr:`power`, in W."""
-        return self.replicates.std(axis=0, ddof=1) / math.sqrt(len(self.replicates))
+        return standard_error(self.replicates)
 
 
 def measure(
@@ -130,7 +135,8 @@ def measure(
     seed : whole number from 0 to 2**32 - 1
     irradiance : whether to return the irradiance map as well
     continued : readings of the same scene and seed, of 256 points or more, that this run goes on from: with
-        ``points`` it gives what a run of so many points from the start would give
+        ``points`` it gives what a run of so many points from the start would give (under Mitsuba's own integrators an
+        estimate that is as good)
 
     Raises
     ------
@@ -224,8 +230,7 @@ class Run:
 
     def go_on(self, wanted: int, clock: Clock | None = None) -> None:
         """Trace until there are ``wanted`` points, or until the next step would not end in time."""
-        in_steps = self.points > 0 or (clock is not None and clock.end < math.inf)
-        if not in_steps or not hasattr(self.ready.integrator, "sample_paths"):
+        if not self.points and (clock is None or clock.end == math.inf):
             self._step(wanted)
             return
         if not self.points:
@@ -275,7 +280,7 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
     scene, integrator = ready.scene, ready.integrator
     if not hasattr(integrator, "sample_paths"):
         set_wavelength(scene, scene.emitters())
-        return _render(scene, points, seed)
+        return _render(scene, points, seed, first)
     results = []
     for pair in taxels_of(scene):
         set_wavelength(scene, [pair.led])
@@ -283,8 +288,11 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
     return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
 
 
-def _render(scene: Any, points: int, seed: int):
-    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit."""
+def _render(scene: Any, points: int, seed: int, first: int):
+    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
+
+    What goes on from ``first`` points has random numbers of its own.
+    """
     import drjit as dr
     import mitsuba as mi
 
@@ -294,7 +302,8 @@ def _render(scene: Any, points: int, seed: int):
             raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
         faces = sensor.faces
         # Kept out of the kernel, which would otherwise be compiled anew for each of them.
-        seeds = [dr.opaque(mi.UInt32, _derived_seed(seed, replicate)) for replicate in range(REPLICATES)]
+        numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
+        seeds = [dr.opaque(mi.UInt32, _derived_seed(seed, number)) for number in numbers]
         renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
         maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
         blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])

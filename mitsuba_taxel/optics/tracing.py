@@ -11,7 +11,10 @@ import numpy as np
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.taxels import TaxelPair, taxels_of
 
-_LARGEST_WAVEFRONT = 1 << 22
+LARGEST_WAVEFRONT = 1 << 22
+"""Paths that are traced at once."""
+MOST_REFLECTIONS = 1 << 17
+"""Reflections after which a path that nothing absorbs is left."""
 
 
 def leave(
@@ -88,7 +91,7 @@ def trace(
     film_size = pair.sensor.film().crop_size()
     pixels = dr.zeros(mi.Float, film_size[0] * film_size[1]) if image else None
     sums = np.empty(readings * replicates)
-    share = max(1, _LARGEST_WAVEFRONT // points)
+    share = max(1, LARGEST_WAVEFRONT // points)
     for start in range(0, len(sums), share):
         sequences = min(share, len(sums) - start)
         sampler.place(first, start)

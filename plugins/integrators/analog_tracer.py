@@ -9,9 +9,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.optics import tracing
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import leave, release, splat
-
-_MOST_REFLECTIONS = 1 << 17
+from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
 
 
 class AnalogTracer(mi.CppADIntegrator):
@@ -86,7 +84,7 @@ class AnalogTracer(mi.CppADIntegrator):
             direction = si.to_world(bs.wo)
             ray = leave(vertex, normal, direction, clearance)
             depth += 1
-            active &= depth < _MOST_REFLECTIONS
+            active &= depth < MOST_REFLECTIONS
         return result
 
     def _release_point(self, sampler) -> mi.Point2f:

@@ -9,10 +9,8 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import tracing
 from mitsuba_taxel.optics.emission import UniformPolarAngle
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import leave, release, splat
+from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
 from mitsuba_taxel.optics.walls import is_bounded_from_detector, walls_of
-
-_MOST_REFLECTIONS = 1 << 17
 
 
 class TaxelPath(mi.CppADIntegrator):
@@ -51,7 +49,7 @@ class TaxelPath(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=_MOST_REFLECTIONS)
+        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=MOST_REFLECTIONS)
         self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
@@ -61,12 +59,12 @@ class TaxelPath(mi.CppADIntegrator):
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
-        refuse_unbounded(scene, pair.led)
+        _refuse_unbounded(scene, pair.led)
         led, sensor = pair.led, pair.sensor
         clearance = tracing.clearance_of(pair)
         carrier = mi.ShapePtr(led.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Radiance)
-        most_reflections = dr.opaque(mi.UInt32, _MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
+        most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 
         y, offset = sensor.sample_point(index, sampler.next_2d())
         local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
@@ -144,7 +142,7 @@ class TaxelPath(mi.CppADIntegrator):
         return f"TaxelPath[max_depth = {self.max_depth}]"
 
 
-def refuse_unbounded(scene, led) -> None:
+def _refuse_unbounded(scene, led) -> None:
     """Raise an InputError where a weight of a path from the detector would have no bound."""
     if not all(map(is_bounded_from_detector, walls_of(scene))):
         raise InputError(

@@ -13,10 +13,9 @@ from mitsuba_taxel.optics.aim import aim_for
 from mitsuba_taxel.optics.guide import guide_for
 from mitsuba_taxel.optics.parameters import choice, whole_number
 from mitsuba_taxel.optics.techniques import Techniques, Vertex
-from mitsuba_taxel.optics.tracing import leave, release, splat
+from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
 
 STRATEGIES = ("all", "connections", "meetings", "hits")
-_MOST_REFLECTIONS = 1 << 17
 
 
 class TaxelTracer(mi.CppADIntegrator):
@@ -63,7 +62,7 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=_MOST_REFLECTIONS)
+        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=MOST_REFLECTIONS)
         self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
         self.strategy = choice(props, "strategy", "all", STRATEGIES)
 
@@ -82,7 +81,7 @@ class TaxelTracer(mi.CppADIntegrator):
         led, sensor = pair.led, pair.sensor
         clearance = tracing.clearance_of(pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
-        most_reflections = dr.opaque(mi.UInt32, _MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
+        most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 
         result = dr.zeros(mi.Float, dr.width(index))
         power = mi.Float(led.power) + result

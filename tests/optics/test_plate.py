@@ -118,6 +118,19 @@ def test_a_target_error_works_under_stock_integrators_too(llvm_mono, tmp_path, s
     assert 0 < reading.relative_error < 0.03
 
 
+def test_a_time_budget_ends_stock_integrators_too(llvm_mono, agree, tmp_path):
+    """Alone it asks for as many points as there is time for, in steps that may be added up."""
+    path = with_integrator(tmp_path, '<integrator type="path"/>')
+    scene = Scene.from_file(path, scattering="lambertian")
+    reading = measure(scene, time_budget=0.3)
+    assert 256 <= reading.points < 1 << 20
+    ours = measure(Scene.from_file("plate.xml", scattering="lambertian"), points=1 << 12)
+    agree(reading.power, reading.standard_error, ours.power, ours.standard_error)
+    longer = measure(scene, points=2048, continued=measure(scene, points=1024))
+    assert longer.points == 2048
+    agree(longer.power, longer.standard_error, ours.power, ours.standard_error)
+
+
 def test_points_are_found_that_reach_the_target(llvm_mono, agree):
     """The pilots' random numbers do not enter the result: it is that of as many points asked for by number."""
     scene = Scene.from_file("plate.xml", scattering="lambertian")
@@ -147,6 +160,8 @@ def test_what_a_reading_did_not_reach_is_said(llvm_mono, monkeypatch):
         ({"points": 2.5}, "points = 2.5"),
         ({"points": 1 << 21}, "points = 2097152"),
         ({"points": 16, "target_error": 0.1}, "exclude each other"),
+        ({"time_budget": 0}, "time_budget = 0"),
+        ({"time_budget": float("inf")}, "time_budget = inf"),
         ({"seed": -1}, "seed = -1"),
         ({"seed": 1 << 32}, "seed = 4294967296"),
     ],
