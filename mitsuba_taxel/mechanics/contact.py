@@ -1,0 +1,205 @@
+"""Whether the deformed pad touches itself, the board or a package, which the mechanics knows nothing of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, triu
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.mechanics.box_tree import BoxTree, Level
+from mitsuba_taxel.mechanics.patches import Place, bulge, control_points, first_touch, quarters
+from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+TOUCHING = 1e-10
+"""Distance that counts as touching, relative to the pad's longest side: more than rounding."""
+
+_ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
+"""Turns rays, which go along z, lest they meet the edges or corners of what is modelled along x, y and z."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A point where the pad touches something.
+
+    Attributes
+    ----------
+    what : "itself", "the board" or "a package"
+    place : mm, in the deformed pad
+    """
+
+    what: str
+    place: Place
+
+
+class ContactTest:
+    """Test of the deformed states of a mesh for contact.
+
+    The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
+    are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
+    below z = 0. Whether a single face runs into itself is left to the test for inverted elements.
+
+    Parameters
+    ----------
+    obstacles : (K, 3, 3) corners of the triangles of closed surfaces, in mm: the packages in the cells
+
+    Raises
+    ------
+    InputError
+        if ``obstacles`` are not triangles of finite numbers.
+    """
+
+    def __init__(self, mesh: VolumeMesh, obstacles: np.ndarray | None = None) -> None:
+        self._points, self._faces = mesh.points, mesh.faces
+        self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
+        self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
+        self._neighbours = _Neighbours(mesh.faces)
+        self._obstacles = None if obstacles is None else _Obstacles(obstacles)
+
+        bottom = mesh.face_region == REGIONS["bottom"]
+        at_rim = np.isin(mesh.faces[~bottom], mesh.faces[bottom]).any(axis=1)
+        self._over_board = mesh.faces[~bottom]
+        self._least_height = np.where(at_rim, -self._tolerance, self._tolerance)
+
+    def find(self, displacement: np.ndarray) -> Contact | None:
+        """A contact of the pad under a ``displacement`` (N, 3) of its nodes in mm, or ``None`` if there is none."""
+        control = control_points(self._points + displacement, self._faces)
+        place = _first_below(control[:, self._over_board.T], self._least_height, self._tolerance)
+        if place:
+            return Contact("the board", place)
+        patches = control[:, self._faces.T]
+        boxes = self._tree.levels(*_boxes(patches, self._tolerance))
+        if self._obstacles:
+            place = self._on_obstacle(self._obstacles, patches, boxes)
+            if place:
+                return Contact("a package", place)
+        place = self._on_itself(control, boxes)
+        return Contact("itself", place) if place else None
+
+    def _on_obstacle(self, obstacles: _Obstacles, patches: np.ndarray, boxes: list[Level]) -> Place | None:
+        one, other = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
+        place = first_touch(patches[:, :, one], obstacles.patches[:, :, other], "nothing", self._tolerance)
+        return place or obstacles.place_within(patches, self._tree)
+
+    def _on_itself(self, control: np.ndarray, boxes: list[Level]) -> Place | None:
+        one, other = self._neighbours.without(*self._tree.overlapping(boxes))
+        pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
+        for shared, (nodes, other_nodes) in pairs.items():
+            place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
+            if place:
+                return place
+        return None
+
+
+class _Neighbours:
+    """Faces that share a vertex or an edge, with their nodes turned so that it comes first in both."""
+
+    def __init__(self, faces: np.ndarray) -> None:
+        self._count = len(faces)
+        number = np.arange(self._count).repeat(3)
+        corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
+        shared = triu(corners @ corners.T, k=1).tocoo()
+        one, other = shared.coords[0].astype(np.int64), shared.coords[1].astype(np.int64)
+        self._keys = np.sort(one * self._count + other)
+
+        at_vertex = shared.data == 1
+        one_at, other_at = faces[one[at_vertex]], faces[other[at_vertex]]
+        i, j = _place_of_same(one_at[:, :3], other_at[:, :3])
+        vertex = _turned(one_at, i), _turned(other_at, j)
+        one_at, other_at = faces[one[~at_vertex]], faces[other[~at_vertex]]
+        i, j = _place_of_same(one_at[:, 3:], other_at[:, 3:])
+        edge = _turned(one_at, i), _turned(other_at, j)[:, [1, 0, 2, 3, 5, 4]]
+        self.pairs = {"vertex": vertex, "edge": edge}
+
+    def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those pairs of faces that share nothing."""
+        keys = np.minimum(one, other) * self._count + np.maximum(one, other)
+        strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
+        return one[strange], other[strange]
+
+
+def _place_of_same(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of two (n, 3) in which the rows have the same number."""
+    i, j = np.divmod((one[:, :, None] == other[:, None]).reshape(-1, 9).argmax(axis=1), 3)
+    return i, j
+
+
+def _turned(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Faces (n, 6) with their corners and edges counted from the corner ``first`` (n,)."""
+    corners = (first[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(faces, np.concatenate([corners, 3 + corners], axis=1), axis=1)
+
+
+class _Obstacles:
+    """Closed surfaces at rest, as patches (3, 6, K) that are flat."""
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        triangles = np.asarray(triangles, dtype=float)
+        if triangles.shape[1:] != (3, 3) or not len(triangles) or not np.all(np.isfinite(triangles)):
+            raise InputError(
+                f"obstacles = an array of shape {triangles.shape} is not allowed: (K, 3, 3) finite numbers are needed."
+            )
+        corners = triangles.transpose(2, 1, 0)
+        self.patches = np.concatenate([corners, (corners + corners[:, [1, 2, 0]]) / 2], axis=1)
+        self._centres = corners.mean(axis=1)
+        self.tree = BoxTree(self._centres.T)
+        self.boxes = self.tree.levels(*_boxes(self.patches, 0.0))
+        number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+        sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
+        joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)
+        self._body = connected_components(joined, directed=False)[1][number[:, 0]]
+
+    def place_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
+        """A place in one of the bodies that is within the pad, or in the pad if that is within a body.
+
+        Their surfaces are known not to meet, so that all triangles of a body are on the same side. They vote, as a
+        place nearer to a curved face than the flat pieces that the face is cut into may be on the wrong side of them.
+        """
+        votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
+        if votes.max() > 0.5:
+            x, y, z = self._centres[:, np.argmax(self._body == votes.argmax())]
+            return float(x), float(y), float(z)
+        if _within(patches[:, :1, 0], self.patches, self.tree).any():
+            x, y, z = patches[:, 0, 0]
+            return float(x), float(y), float(z)
+        return None
+
+
+def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
+    """Whether each of ``points`` (3, K) is within the closed surface of ``patches``: a ray leaves it once more.
+
+    Each patch that the ray may meet is taken as 16 flat triangles.
+    """
+    points, patches = _ASKEW @ points, np.tensordot(_ASKEW, patches, axes=(1, 0))
+    rays = BoxTree(points.T)
+    ends = np.concatenate([points[:2], np.full((1, points.shape[1]), np.inf)])
+    met, ray = tree.overlapping_with(tree.levels(*_boxes(patches, 0.0)), rays, rays.levels(points.T, ends.T))
+    corners = quarters(quarters(patches[:, :, met]))[:, :3] - np.tile(points[:, ray], 16)[:, None]
+    x, y, z = corners
+    beside = x * y[[1, 2, 0]] - x[[1, 2, 0]] * y
+    area = beside.sum(axis=0)
+    above = (beside * z[[2, 0, 1]]).sum(axis=0) * area > 0
+    crossed = ((beside > 0).all(axis=0) | (beside < 0).all(axis=0)) & above
+    return np.bincount(np.tile(ray, 16), crossed, minlength=points.shape[1]) % 2 == 1
+
+
+def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corners (n, 3) of boxes round patches, with a margin."""
+    return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
+
+
+def _first_below(patches: np.ndarray, height: np.ndarray, tolerance: float) -> Place | None:
+    """A point of patches (3, 6, n) that is not above a ``height`` (n,), to within ``tolerance``."""
+    while patches.size:
+        below = (patches[2, :3] <= height).any(axis=0)
+        if below.any():
+            first = patches[:, :3, below.argmax()]
+            x, y, z = first[:, first[2].argmin()]
+            return float(x), float(y), float(z)
+        doubtful = (patches[2].min(axis=0) <= height) & (bulge(patches) > tolerance)
+        patches, height = quarters(patches[:, :, doubtful]), np.tile(height[doubtful], 4)
+    return None
