@@ -1,0 +1,118 @@
+"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with the same element of ours.
+
+Run it as ``python benchmarks/mechanics_peer.py [--mesh-sizes H ...] [--poisson-ratios NU ...] [--csv FILE]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import displacement_form
+import numpy as np
+from peers import calculix
+
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+PAD = Pad("parallelepiped")
+CELL = 5
+FORCE = (0.0, 0.0, -20.0)
+THREADS = (1, 2)
+COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "iterations", "roof mm", "apart mm")
+_LINE = "{:>7} {:>9} {:>9} {:>7} {:>8} {:>10} {:>10} {:>10} {:>9}"
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = _parser()
+    options = parser.parse_args()
+    if not calculix.installed():
+        parser.exit(1, "ccx is not installed.\n")
+    print(f"{PAD.cell} cells, {FORCE[2]:g} N on {os.cpu_count()} cores; roof of cell {CELL}.")
+    print(_LINE.format(*COLUMNS))
+    rows = [
+        row
+        for poisson_ratio in options.poisson_ratios
+        for mesh_size in options.mesh_sizes
+        for row in rows_of(NeoHookean(poisson_ratio=poisson_ratio), mesh_size)
+    ]
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            csv.writer(file).writerows([COLUMNS, *rows])
+
+
+def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ...]]:
+    """Rows of the table for one mesh, printed as they come."""
+    mesh = mesh_pad(PAD, mesh_size)
+    unknowns = 3 * np.count_nonzero(~displacement_form.held(mesh))
+    ours = _own_displacement(mesh, material)
+    for threads in THREADS:
+        case = (material.poisson_ratio, mesh_size, unknowns, threads)
+        try:
+            result = calculix.solve(mesh, material, FORCE, threads)
+        except ComputationError as reason:
+            print(f"nu = {material.poisson_ratio}, mesh size {mesh_size}: {reason}", flush=True)
+            continue
+        roof = mean_roof_displacement(mesh, result.displacement, CELL)
+        apart = np.abs(result.displacement - ours).max()
+        figures = (f"{result.seconds:.2f}", result.increments, result.iterations, f"{roof:.6f}", f"{apart:.1e}")
+        print(_LINE.format(*case, *figures), flush=True)
+        yield *case, *figures
+
+
+def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int) -> float:
+    """Mean over the undeformed roof of a cell of the displacement along z, in mm.
+
+    Exact for flat roofs, with curved edges too: 5 x 5 Gauss-Legendre nodes on the triangle drawn out to a square
+    (M. G. Duffy, SIAM J. Numer. Anal. 19, 1982).
+
+    Parameters
+    ----------
+    displacement : (N, 3) of each node, mm
+    cell : number of the cell, from 1
+    """
+    roof = mesh.faces[(mesh.face_region == REGIONS["roof"]) & (mesh.face_cell == cell)]
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    u, v = (side.ravel() for side in np.meshgrid(0.5 * (1 + nodes), 0.5 * (1 + nodes), indexing="ij"))
+    shapes, slopes = _triangle_shapes(u, (1 - u) * v)
+    tangents = np.einsum("qad,fai->dfqi", slopes, mesh.points[roof])
+    area = np.linalg.norm(np.cross(*tangents), axis=-1) * np.outer(weights, weights).ravel() * (1 - u)
+    return float(np.sum(area * (displacement[roof, 2] @ shapes.T)) / area.sum())
+
+
+def _triangle_shapes(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Quadratic shape functions (Q, 6) of a triangle at the points (s, t), and their gradients (Q, 6, 2)."""
+    barycentric = np.stack([1 - s - t, s, t], axis=1)
+    slope = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    following = np.roll(barycentric, -1, axis=1)
+    shapes = np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric * following], axis=1)
+    corners = (4 * barycentric - 1)[..., None] * slope
+    edges = 4 * (following[..., None] * slope + barycentric[..., None] * np.roll(slope, -1, axis=0))
+    return shapes, np.concatenate([corners, edges], axis=1)
+
+
+def _own_displacement(mesh: VolumeMesh, material: NeoHookean) -> np.ndarray:
+    """Of the same element of ours, mm; not a number where it does not get there."""
+    try:
+        return displacement_form.solve(mesh, material, FORCE)
+    except ComputationError:
+        return np.full(mesh.points.shape, np.nan)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description="CalculiX on the pad's own meshes.")
+    sizes, ratios = [1.2, 0.8, 0.65, 0.55], [0.3, 0.49, 0.4999]
+    parser.add_argument("--mesh-sizes", nargs="+", type=float, default=sizes, metavar="H", help=f"mm, default {sizes}")
+    parser.add_argument("--poisson-ratios", nargs="+", type=float, default=ratios, metavar="NU", help=f"{ratios}")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table here as well")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

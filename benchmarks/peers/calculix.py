@@ -1,0 +1,109 @@
+"""CalculiX (`ccx`): its ten-node tetrahedron C3D10 and neo-Hookean law on our mesh, under the same nodal forces."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from displacement_form import bulk_modulus, held, nodal_forces
+
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+_JOB = "pad"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one run of the program gave.
+
+    Attributes
+    ----------
+    displacement : (N, 3) of each node in mm, to seven digits, as many as the program prints
+    seconds : wall time of the whole process: it reads the deck, solves, and writes the displacements
+    increments : in which the load was applied
+    iterations : of Newton's method, those of increments given up included
+    """
+
+    displacement: np.ndarray
+    seconds: float
+    increments: int
+    iterations: int
+
+
+def installed() -> bool:
+    """Whether there is a `ccx` to run."""
+    return shutil.which("ccx") is not None
+
+
+def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> Result:
+    """Deform a pad glued to the board by a dead load spread over its undeformed top.
+
+    Increments and tolerances are the program's own: the whole load at once, cut back where that fails.
+
+    Parameters
+    ----------
+    force : (3,) total force in N
+    threads : of the program's own
+
+    Raises
+    ------
+    InputError
+        if the material is incompressible.
+    ComputationError
+        if the program ends without the whole load applied.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.joinpath(f"{_JOB}.inp").write_text(deck(mesh, material, force))
+        environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
+        start = time.perf_counter()
+        run = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
+        seconds = time.perf_counter() - start
+        if run.returncode:
+            raise ComputationError(f"ccx stopped: {_complaint(run.stdout + run.stderr)}.")
+        status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
+        increments = sum(not row[2].endswith("U") for row in status)  # U: given up
+        return Result(read_displacement(folder / f"{_JOB}.dat"), seconds, increments, len(convergence))
+
+
+def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
+    """Input of the program. The order of C3D10's mid-edge nodes (12, 23, 13, 14, 24, 34) is that of our meshes."""
+    load = nodal_forces(mesh, force)
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{n},{x:.13e},{y:.13e},{z:.13e}" for n, (x, y, z) in enumerate(mesh.points, start=1)]
+    lines += ["*ELEMENT, TYPE=C3D10, ELSET=ALL"]
+    lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
+    lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
+    lines += [f"{0.5 * material.shear_modulus:.13e},{2 / bulk_modulus(material):.13e}"]
+    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=SILICONE", "*BOUNDARY"]
+    lines += [f"{n},1,3" for n in np.flatnonzero(held(mesh)) + 1]
+    lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
+    lines += [f"{n + 1},{axis + 1},{load[n, axis]:.13e}" for n, axis in np.argwhere(load)]
+    lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000000", "U", "*END STEP", ""]  # after the last increment only
+    return "\n".join(lines)
+
+
+def read_displacement(file: Path) -> np.ndarray:
+    """(N, 3) displacements in mm of nodes 1 to N, from a `.dat` file with one table."""
+    return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2)
+
+
+def _rows(file: Path) -> list[list[str]]:
+    """The words of each line that begins with a number."""
+    words = [line.split() for line in file.read_text().splitlines()]
+    return [row for row in words if row and row[0].isdigit()]
+
+
+def _complaint(output: str) -> str:
+    """The first thing that the program calls an error, on one line."""
+    _, _, rest = output.partition("*ERROR")
+    return " ".join(rest.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"
