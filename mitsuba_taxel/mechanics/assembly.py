@@ -11,28 +11,14 @@ stress and tangent only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.mechanics.constraints import Numbering
+from mitsuba_taxel.mechanics.materials import Material
 from mitsuba_taxel.pads.quality import shape_gradients
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
-
-
-class Material(Protocol):
-    """What the assembly asks of a constitutive law; gradients are (..., 3, 3)."""
-
-    @property
-    def youngs_modulus(self) -> float: ...
-
-    @property
-    def compressibility(self) -> float: ...
-
-    def stress(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray: ...
-
-    def tangent(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray: ...
-
 
 # Eight points (F. D. Witherden and P. E. Vincent, Comput. Math. Appl. 69, 2015), exact to degree 3 as the forces of a
 # homogeneous state need on curved elements: four points, exact to degree 2, fail the patch test there.
@@ -47,8 +33,8 @@ ELEMENTS_AT_ONCE = 256
 
 
 @dataclass(frozen=True)
-class Configuration:
-    """Residual and tangent at a state, and what they were made of."""
+class Inside:
+    """What a body puts up at a state: forces and volumes over the unknowns, tangent, and its least volume ratio."""
 
     residual: np.ndarray
     tangent: sparse.csc_matrix | None
@@ -56,15 +42,10 @@ class Configuration:
 
 
 class Assembly:
-    """Residual and tangent of a mesh and a material; unknowns are the free displacements, then the pressures.
+    """Residual and tangent of a mesh and a material over the unknowns of a numbering."""
 
-    Parameters
-    ----------
-    fixed : (N,) whether each node is held
-    """
-
-    def __init__(self, mesh: VolumeMesh, material: Material, fixed: np.ndarray) -> None:
-        self.mesh, self.material = mesh, material
+    def __init__(self, mesh: VolumeMesh, material: Material, numbering: Numbering) -> None:
+        self.mesh, self.material, self.numbering = mesh, material, numbering
         reference = shape_gradients(QUADRATURE_POINTS)
         x = mesh.points[mesh.tets]
         jacobian = np.einsum("qai,maj->mqji", reference, x)
@@ -73,41 +54,13 @@ class Assembly:
         self.pressure_shapes = np.concatenate(
             [1 - QUADRATURE_POINTS.sum(axis=1, keepdims=True), QUADRATURE_POINTS], axis=1
         )
-        self._number_unknowns(fixed)
-        self._prepare_pattern()
+        self.unknowns = numbering.displacements + numbering.pressures
+        displacement = (3 * mesh.tets[:, :, None] + np.arange(3)).reshape(len(mesh.tets), 30)
+        dofs = np.concatenate([displacement, 3 * len(mesh.points) + mesh.tets[:, :4]], axis=1)
+        self._element_unknowns, self._element_signs = numbering.unknown[dofs], numbering.sign[dofs]
+        self.pattern = Pattern(self._element_unknowns, self._element_signs, self.unknowns)
 
-    def _number_unknowns(self, fixed: np.ndarray) -> None:
-        nodes = len(self.mesh.points)
-        self.free = np.flatnonzero(~np.repeat(fixed, 3))
-        self.unknown_of = np.full(3 * nodes + self.mesh.corner_count, -1)
-        self.unknown_of[self.free] = np.arange(len(self.free))
-        self.pressures = self.mesh.corner_count
-        self.unknowns = len(self.free) + self.pressures
-        self.unknown_of[3 * nodes :] = len(self.free) + np.arange(self.pressures)
-        displacement = (3 * self.mesh.tets[:, :, None] + np.arange(3)).reshape(len(self.mesh.tets), 30)
-        pressure = 3 * nodes + self.mesh.tets[:, :4]
-        self.element_unknowns = self.unknown_of[np.concatenate([displacement, pressure], axis=1)]
-
-    def _prepare_pattern(self) -> None:
-        """Where each entry of the lower triangle of each element's matrix goes in the sparse one."""
-        rows, columns = (
-            index.reshape(len(self.element_unknowns), -1)
-            for index in np.broadcast_arrays(self.element_unknowns[:, :, None], self.element_unknowns[:, None, :])
-        )
-        self._kept = np.flatnonzero((rows >= columns) & (columns >= 0))
-        key = columns.ravel()[self._kept].astype(np.int64) * self.unknowns + rows.ravel()[self._kept]
-        unique, self._target = np.unique(key, return_inverse=True)
-        self._indices = (unique % self.unknowns).astype(np.int32)
-        counts = np.bincount(unique // self.unknowns, minlength=self.unknowns)
-        self._indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-
-    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (N, 3) and pressure (corners,) of a vector of unknowns."""
-        displacement = np.zeros(3 * len(self.mesh.points))
-        displacement[self.free] = unknowns[: len(self.free)]
-        return displacement.reshape(-1, 3), unknowns[len(self.free) :]
-
-    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> Configuration:
+    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> Inside:
         """Internal forces and tangent at a state; the residual is that of no load.
 
         Parameters
@@ -119,22 +72,23 @@ class Assembly:
         determinant = np.linalg.det(gradient)
         least = float(determinant.min())
         if not least > 0:
-            return Configuration(np.full(self.unknowns, np.nan), None, least)
+            return Inside(np.full(self.unknowns, np.nan), None, least)
         inverse_transpose = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         p = pressure[self.mesh.tets[:, :4]] @ self.pressure_shapes.T
         cofactor = determinant[..., None, None] * inverse_transpose
         stress = self.material.stress(gradient, determinant, inverse_transpose) + p[..., None, None] * cofactor
         residual = self._residual(stress, determinant, p)
         tangent = self._tangent(gradient, determinant, inverse_transpose, p) if with_tangent else None
-        return Configuration(residual, tangent, least)
+        return Inside(residual, tangent, least)
 
     def _residual(self, stress: np.ndarray, determinant: np.ndarray, p: np.ndarray) -> np.ndarray:
         forces = np.einsum("mq,mqij,mqaj->mai", self.weight, stress, self.gradients, optimize=True)
         volume = self.weight * (determinant - 1 - self.material.compressibility * p)
         constraint = volume @ self.pressure_shapes
         element = np.concatenate([forces.reshape(len(forces), 30), constraint], axis=1)
-        free = self.element_unknowns >= 0
-        return np.bincount(self.element_unknowns[free], weights=element[free], minlength=self.unknowns)
+        free = self._element_unknowns >= 0
+        weights = (self._element_signs * element)[free]
+        return np.bincount(self._element_unknowns[free], weights=weights, minlength=self.unknowns)
 
     def _tangent(
         self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray, p: np.ndarray
@@ -148,8 +102,7 @@ class Assembly:
             moduli += _pressure_moduli(p[here] * determinant[here], inverse_transpose[here])
             cofactor = determinant[here, :, None, None] * inverse_transpose[here]
             self._fill(matrix[here], self.weight[here], self.gradients[here], moduli, cofactor)
-        data = np.bincount(self._target, weights=matrix.reshape(-1)[self._kept], minlength=len(self._indices))
-        return sparse.csc_matrix((data, self._indices, self._indptr), shape=(self.unknowns, self.unknowns))
+        return self.pattern.matrix(self.pattern.summed(matrix))
 
     def _fill(
         self, matrix: np.ndarray, weight: np.ndarray, b: np.ndarray, moduli: np.ndarray, cofactor: np.ndarray
@@ -168,6 +121,39 @@ class Assembly:
         matrix[:, 30:, :30] = self.pressure_shapes.T @ normal
         mass = (weight[:, None, :] * self.pressure_shapes.T) @ self.pressure_shapes
         matrix[:, 30:, 30:] = -self.material.compressibility * mass
+
+
+class Pattern:
+    """Where the entries of elements' symmetric matrices go in the lower triangle of the sparse one."""
+
+    def __init__(self, unknowns: np.ndarray, signs: np.ndarray, size: int) -> None:
+        rows, columns = np.tril_indices(unknowns.shape[1])
+        first, second = unknowns[:, rows].ravel(), unknowns[:, columns].ravel()
+        self._entries = rows * unknowns.shape[1] + columns
+        self._kept = np.flatnonzero((first >= 0) & (second >= 0))
+        first, second = first[self._kept], second[self._kept]
+        key = np.minimum(first, second).astype(np.int64) * size + np.maximum(first, second)
+        self.keys, target = np.unique(key, return_inverse=True)
+        self._target = target.astype(np.int32)
+        self._indices = (self.keys % size).astype(np.int32)
+        count = np.bincount(self.keys // size, minlength=size)
+        self._indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+        self._size = size
+        # Two degrees of freedom of one element that follow the same unknown meet on the diagonal, twice.
+        factor = np.where((first == second) & np.tile(rows != columns, len(unknowns))[self._kept], 2.0, 1.0)
+        factor *= (signs[:, rows] * signs[:, columns]).ravel()[self._kept]
+        self._factor = None if np.all(factor == 1) else factor
+
+    def summed(self, matrices: np.ndarray) -> np.ndarray:
+        """Entries of the sum of elements' matrices (m, n, n), of which the lower triangle is used."""
+        entries = matrices.reshape(len(matrices), -1)[:, self._entries].ravel()[self._kept]
+        if self._factor is not None:
+            entries *= self._factor
+        return np.bincount(self._target, weights=entries, minlength=len(self._indices))
+
+    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
+        """The lower triangle with these entries."""
+        return sparse.csc_matrix((entries, self._indices, self._indptr), shape=(self._size, self._size))
 
 
 def _pressure_moduli(scale: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray:

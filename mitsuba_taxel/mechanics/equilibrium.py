@@ -1,24 +1,37 @@
-"""Equilibrium of a pad under a force on its top: one Newton solve."""
+"""Equilibrium of a pad under a load: one Newton solve, on the part of the pad that its symmetry leaves."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.assembly import Assembly, Material
-from mitsuba_taxel.mechanics.solvers import Factorisation, Solver, make_solver
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
+from mitsuba_taxel.mechanics.materials import Material
+from mitsuba_taxel.mechanics.model import Configuration, Model
+from mitsuba_taxel.mechanics.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.symmetry import part_between, unsymmetric_blocks
+from mitsuba_taxel.pads.mirror import Mirror
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
 MOST_ITERATIONS = 12
+NATURAL_STRAIN = 0.02
+"""Mean strain, about, that one step of a load path adds."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """An accepted state: unknowns in balance with a force, a stable equilibrium without inverted elements."""
+    """An accepted state: unknowns in balance with a load, a stable equilibrium without inverted elements.
+
+    Attributes
+    ----------
+    residual : largest out-of-balance force, relative to the load
+    stability_checked : whether the solver gave the inertia that stability is judged by
+    """
 
     unknowns: np.ndarray
     min_jacobian: float
@@ -31,84 +44,208 @@ class Rejected(Exception):
     """A step that found no acceptable state; the message says why."""
 
 
-def natural_step(material: Material, top_area: float) -> float:
-    """Force in N whose mean stress on a top of ``top_area`` mm² is 2 % of Young's modulus: a step of a load path."""
-    return 0.02 * material.youngs_modulus * top_area
+def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
+    """Change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`: a step of a load path."""
+    if isinstance(load, PlateDisplacement):
+        return NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
+    stress = NATURAL_STRAIN * material.youngs_modulus
+    return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
 
 
 class LoadedPad:
-    """A meshed pad glued to the board, with a force spread over its undeformed top."""
+    """A meshed pad glued to the board, under a load.
 
-    def __init__(self, mesh: VolumeMesh, material: Material, solver: Solver | None = None) -> None:
-        fixed = np.zeros(len(mesh.points), dtype=bool)
-        fixed[mesh.faces[mesh.face_region == REGIONS["bottom"]]] = True
-        self.mesh = mesh
-        self.assembly = Assembly(mesh, material, fixed)
-        self.solver = solver or make_solver()
-        self._share = _top_load(mesh)
-        top_area = float(np.prod(np.ptp(mesh.points, axis=0)[:2]))
-        self._small_load = np.linalg.norm(self.load(np.array([0.0, 0.0, natural_step(material, top_area)])))
+    Parameters
+    ----------
+    mesh : of the whole pad
+    mirrors : a group of mirrors that leave pad and load as they are; only the part between them is solved for
+    images : of the nodes, from :func:`node_images`; needed with mirrors
+    solver : name of a linear solver; None takes the best there is
+    """
 
-    def load(self, force: np.ndarray) -> np.ndarray:
-        """Load vector over the unknowns for a total force (3,) in N."""
-        nodal = (self._share[:, None] * force).ravel()[self.assembly.free]
-        return np.concatenate([nodal, np.zeros(self.assembly.pressures)])
+    def __init__(
+        self,
+        mesh: VolumeMesh,
+        material: Material,
+        load: Load = SPREAD_FORCE,
+        mirrors: Sequence[Mirror] = (),
+        images: Mapping[Mirror, np.ndarray] | None = None,
+        solver: str | None = None,
+    ) -> None:
+        self.whole, self.material, self.load = mesh, material, load
+        self._mirrors, self._images, self._solver_name = tuple(mirrors), images or {}, solver
+        self.part = part_between(mesh, self._images, mirrors)
+        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1))
+        self.numbering = self.model.numbering
+        self._solver = make_solver(solver)
+        self._volume = float(self.model.assembly.weight.sum())
+        self._height = float(np.ptp(mesh.points[:, 2]))
+        self.step = natural_step(mesh, material, self.load)
 
-    def residual(self, unknowns: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Out-of-balance forces [N] and volumes [mm³] at a state."""
-        return self.assembly.evaluate(*self.assembly.split(unknowns), with_tangent=False).residual - self.load(force)
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns are solved for."""
+        return self.model.assembly.unknowns
 
-    def solve(self, start: np.ndarray, force: np.ndarray) -> tuple[Solution, Factorisation]:
-        """Newton's method from ``start``.
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (N, 3) and pressure (corners,) of the whole pad."""
+        return self.part.expand(*self.numbering.split(unknowns))
 
-        Returns the solution and the factored tangent there.
+    def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Unknowns of a state of the whole pad that has the symmetry of the load."""
+        return self.numbering.gather(*self.part.restrict(displacement, pressure))
+
+    def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """Newton's method from the unknowns ``start``.
+
+        Parameters
+        ----------
+        value : (3,) N or mm, or (1,) MPa: of the load on the whole pad
+
+        Returns the solution and the linearised pad there.
 
         Raises
         ------
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
-        unknowns, load = start.copy(), self.load(force)
-        scale = max(np.linalg.norm(load), self._small_load)
-        volume = float(self.assembly.weight.sum())
-        displacements = len(self.assembly.free)
-        first = 0.0
+        unknowns, first = start.copy(), 0.0
         for iteration in range(MOST_ITERATIONS):
-            state = self.assembly.evaluate(*self.assembly.split(unknowns))
+            state = self._evaluate(unknowns, value)
             if state.tangent is None:
                 raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
-            residual = state.residual - load
-            force_error = float(np.linalg.norm(residual[:displacements]) / scale)
-            volume_error = float(np.linalg.norm(residual[displacements:]) / volume)
-            error = max(force_error, volume_error)
+            error = self._error(state, unknowns, value)
             first = first or error
             if not error < 1e6 * max(first, 1.0):
                 raise Rejected("Newton's method diverges")
-            try:
-                factor = self.solver.factor(state.tangent)
-            except RuntimeError as failure:
-                raise Rejected(f"the tangent is singular ({failure})") from failure
+            linearised = self._linearised(state, unknowns)
             if error < RESIDUAL_TOLERANCE:
-                self._check_stability(factor)
-                checked = factor.negative_pivots is not None
-                return Solution(unknowns, state.min_jacobian, error, iteration, checked), factor
-            unknowns -= factor.solve(residual)
+                checked = self._is_stable(linearised, unknowns, value)
+                return Solution(unknowns, state.min_jacobian, error, iteration, checked), linearised
+            unknowns = unknowns - linearised.correction(state.residual, self._gap(unknowns, value))
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _check_stability(self, factor: Factorisation) -> None:
-        """A stable state has as many negative pivots as there are pressures."""
-        if factor.negative_pivots not in (None, self.assembly.pressures):
-            surplus = factor.negative_pivots - self.assembly.pressures
+    def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+        """What one step of Newton's method with a known tangent takes off ``unknowns``; None if it cannot say."""
+        residual = self._evaluate(unknowns, value, with_tangent=False).residual
+        if not np.all(np.isfinite(residual)):
+            return None
+        return linearised.correction(residual, self._gap(unknowns, value))
+
+    def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
+        """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
+        residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
+        return self.part.copies * self.numbering.of_plate(residual)
+
+    def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent)
+
+    def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
+        """How far a state is from balance: the largest relative error of forces, volumes, plate."""
+        forces, volumes = np.split(state.residual, [self.numbering.displacements])
+        load = np.linalg.norm(state.load)
+        if self._driven:
+            load = np.linalg.norm(forces[self._moved])
+            forces = np.delete(forces, self._moved)
+        scale = max(load, self._small_load)
+        gap = np.abs(self._gap(unknowns, value)).max(initial=0.0)
+        return max(np.linalg.norm(forces) / scale, np.linalg.norm(volumes) / self._volume, gap / self._height)
+
+    @cached_property
+    def _small_load(self) -> float:
+        """Norm of the load vector of a natural step, which smaller loads are measured by."""
+        zero = np.zeros((len(self.part.mesh.points), 3))
+        value = np.zeros(self.load.components)
+        value[-1] = self.step
+        if self._driven:
+            return NATURAL_STRAIN * self.material.youngs_modulus * loaded_area(self.whole, self.load) / self.part.copies
+        return float(np.linalg.norm(self.model.load_vector(zero, value)))
+
+    @property
+    def _driven(self) -> bool:
+        return isinstance(self.load, PlateDisplacement)
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """Unknowns of the plate where the load moves it, else none."""
+        return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
+
+    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """How far each moved unknown of the plate is from where it should be, in mm."""
+        return unknowns[self._moved] - self._targets(value)
+
+    def _targets(self, value: np.ndarray) -> np.ndarray:
+        return self.numbering.plate_values(value) if self._driven else np.zeros(0)
+
+    def _linearised(self, state: Configuration, unknowns: np.ndarray) -> Linearised:
+        try:
+            return Linearised(self._solver.factor(state.tangent), self._moved, len(unknowns))
+        except RuntimeError as failure:
+            raise Rejected(f"the tangent is singular ({failure})") from failure
+
+    def rate(self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Derivative of the unknowns of a state of balance by the load's value along ``direction``."""
+        force = self.model.load_vector(self.numbering.split(unknowns)[0], direction)
+        return linearised.correction(force, self._targets(direction))
+
+    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        """Whether stability was checked; raises Rejected if the whole pad, not only its part, is unstable."""
+        if linearised.negative is None:
+            return False
+        surplus = linearised.negative - self.numbering.pressures
+        for block in self._blocks:
+            surplus = surplus or block.surplus(*self.split(unknowns), value)
+        if surplus:
             raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
+        return True
+
+    @cached_property
+    def _blocks(self) -> list[_Block]:
+        blocks = []
+        for mirrors, signs in unsymmetric_blocks(self._mirrors):
+            part = self.part if len(mirrors) == len(self._mirrors) else part_between(self.whole, self._images, mirrors)
+            blocks.append(
+                _Block(Model(part, self.material, self.load, signs, self._driven), make_solver(self._solver_name))
+            )
+        return blocks
 
 
-def _top_load(mesh: VolumeMesh) -> np.ndarray:
-    """(N,) share of a total force on the top that each node carries; they sum to 1.
+class Linearised:
+    """The factored tangent of a pad at a state; ``moved`` are unknowns that the load sets instead of forces."""
 
-    The consistent load of a flat six-node triangle lies on its mid-edge nodes, a third of the area each.
-    """
-    top = mesh.faces[mesh.face_region == REGIONS["top"]]
-    a, b, c = (mesh.points[top[:, k]] for k in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    share = np.bincount(top[:, 3:].ravel(), weights=np.repeat(area / 3, 3), minlength=len(mesh.points))
-    return share / share.sum()
+    def __init__(self, factor: Factorisation, moved: np.ndarray, size: int) -> None:
+        self._factor, self._moved = factor, moved
+        self._columns = np.zeros((size, len(moved)))
+        for column, unknown in enumerate(moved):
+            unit = np.zeros(size)
+            unit[unknown] = 1.0
+            self._columns[:, column] = factor.solve(unit)
+        self._compliance = self._columns[moved]
+        self.negative = self._negative()
+
+    def correction(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
+        """The change that answers a ``residual`` with the moved unknowns changing by ``gap``."""
+        free = self._factor.solve(residual)
+        if not len(self._moved):
+            return free
+        return free + self._columns @ np.linalg.solve(self._compliance, gap - free[self._moved])
+
+    def _negative(self) -> int | None:
+        """Negative eigenvalues of the tangent with the moved unknowns held (Haynsworth, 1968); None if unknown."""
+        if self._factor.negative_pivots is None:
+            return None
+        return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._compliance) < 0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """The pad for displacements that lack the symmetry of its state."""
+
+    model: Model
+    solver: object
+
+    def surplus(self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
+        """Negative eigenvalues beyond those of the pressures, at a state of the whole pad."""
+        state = self.model.evaluate(*self.model.part.restrict(displacement, pressure), value)
+        factor = self.solver.factor(state.tangent)
+        return factor.negative_pivots - self.model.numbering.pressures

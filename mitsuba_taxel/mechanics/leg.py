@@ -1,4 +1,4 @@
-"""A straight leg of a load path: equilibria at forces from one force onwards in a fixed direction.
+"""A straight leg of a load path: equilibria under a load that grows from one value onwards in a fixed direction.
 
 The nodes of a leg are solved where the leg alone says, never where somebody asked for a state; between them the
 state follows from cubic Hermite interpolation with the tangents du/dF, which one back-solve each gives.
@@ -6,22 +6,25 @@ state follows from cubic Hermite interpolation with the tangents du/dF, which on
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.contact import ContactTest
+from mitsuba_taxel.mechanics.equilibrium import Linearised, LoadedPad, Rejected
 
 INTERPOLATION_TOLERANCE = 1e-4
 """Largest error of an interpolated displacement, relative to the largest displacement there."""
 TICKS = 64
 """A whole step is halved at most to this part."""
+CONTACT_RESOLUTION = 1e-3
+"""How well the first contact is placed, relative to a whole step."""
 
 
 @dataclass(frozen=True)
 class Node:
-    """A solved state on a leg at distance ``s`` (N) from its start, with the tangent d(unknowns)/ds."""
+    """A solved state on a leg at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds."""
 
     s: float
     unknowns: np.ndarray
@@ -44,36 +47,40 @@ class Interpolated:
 
 
 class Leg:
-    """The nodes of a leg solved so far; ``step`` is the distance in N between nodes where nothing asks for less."""
+    """The nodes of a leg solved so far; ``step`` is the distance between nodes where nothing asks for less.
+
+    Attributes
+    ----------
+    limit, reason : distance beyond which there is no state, and why; infinite and empty as long as none is known
+    place : (3,) mm, where the pad touches something at the limit; not numbers if it does not
+    """
 
     def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float) -> None:
         self.origin, self.direction, self.step = origin, direction, step
         self.nodes: list[Node] = []
+        self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
 
-    def force(self, s: float) -> np.ndarray:
-        """(3,) force at distance ``s``."""
+    def value(self, s: float) -> np.ndarray:
+        """Value of the load at distance ``s``."""
         return self.origin + s * self.direction
 
     def reaches(self, s: float) -> bool:
         """Whether a state at distance ``s`` needs no further solve."""
-        return bool(self.nodes) and self.nodes[-1].s >= s
+        return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
 
-    def extend(self, pad: LoadedPad, s: float, start: np.ndarray) -> None:
+    def extend(self, pad: LoadedPad, s: float, start: np.ndarray, contact: ContactTest) -> None:
         """Solve nodes up to the first at or beyond distance ``s``; ``start`` are the unknowns at the leg's origin.
 
         Each node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
         aligned to its own length; an interval is halved where Newton's method finds no acceptable state, or the
-        interpolation would not be accurate. Where a leg goes on thus depends on the last node alone.
-
-        Raises
-        ------
-        ComputationError
-            naming the force that the path does not get beyond.
+        interpolation would not be accurate. Where a leg goes on thus depends on the last node alone. It ends at its
+        `limit`: where no stable state is found beyond, or the pad touches itself or the board.
         """
         if not self.nodes:
             self.nodes.append(self._node(pad, 0.0, start)[0])
-        while not self.reaches(s):
+        while not self.reaches(s) and math.isinf(self.limit):
             self._append(pad)
+            self._look_for_contact(pad, contact)
 
     def _append(self, pad: LoadedPad) -> None:
         last, tick = self.nodes[-1], self.step / TICKS
@@ -82,34 +89,45 @@ class Leg:
         while True:
             target = (position + length) * tick
             try:
-                node, factor = self._node(pad, target, last.unknowns + (target - last.s) * last.tangent)
-                if length == 1 or self._interpolates(pad, last, node, factor):
+                node, linearised = self._node(pad, target, last.unknowns + (target - last.s) * last.tangent)
+                if length == 1 or self._interpolates(pad, last, node, linearised):
                     self.nodes.append(node)
                     return
-            except Rejected as reason:
+            except Rejected as rejection:
                 if length == 1:
-                    force = ", ".join(f"{component:.4g}" for component in self.force(last.s))
-                    raise ComputationError(
-                        f"the pad cannot be loaded beyond the force ({force}) N: {reason}."
-                    ) from reason
+                    self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
+                    return
             length //= 2
 
-    def _node(self, pad: LoadedPad, s: float, guess: np.ndarray):
-        solution, factor = pad.solve(guess, self.force(s))
-        tangent = factor.solve(pad.load(self.direction))
+    def _node(self, pad: LoadedPad, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
+        solution, linearised = pad.solve(guess, self.value(s))
+        tangent = pad.rate(linearised, solution.unknowns, self.direction)
         figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
-        return Node(s, solution.unknowns, tangent, *figures), factor
+        return Node(s, solution.unknowns, tangent, *figures), linearised
 
-    def _interpolates(self, pad: LoadedPad, start: Node, end: Node, factor) -> bool:
+    def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
         """Whether the interpolated midpoint is near equilibrium: one step of Newton's method says how near."""
         middle = 0.5 * (start.s + end.s)
         unknowns = hermite(start, end, middle)
-        residual = pad.residual(unknowns, self.force(middle))
-        if not np.all(np.isfinite(residual)):
+        correction = pad.correction(linearised, unknowns, self.value(middle))
+        if correction is None:
             return False
-        displacements = len(pad.assembly.free)
-        correction = factor.solve(residual)[:displacements]
-        return bool(np.abs(correction).max() <= INTERPOLATION_TOLERANCE * np.abs(unknowns[:displacements]).max())
+        displacements = slice(pad.numbering.displacements)
+        largest = np.abs(unknowns[displacements]).max()
+        return bool(np.abs(correction[displacements]).max() <= INTERPOLATION_TOLERANCE * largest)
+
+    def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
+        """End the leg at the first contact since the last node but one, if there is one at the last."""
+        found = test.find(pad.split(self.nodes[-1].unknowns)[0])
+        if found is None or len(self.nodes) < 2 or math.isfinite(self.limit):
+            return
+        start, end = self.nodes[-2:]
+        free, touching = start.s, end.s
+        while touching - free > CONTACT_RESOLUTION * self.step:
+            middle = 0.5 * (free + touching)
+            contact = test.find(pad.split(hermite(start, end, middle))[0])
+            free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
+        self.limit, self.reason, self.place = free, f"touches {found.what}", np.array(found.place)
 
     def at(self, s: float) -> Interpolated:
         """The state at distance ``s``, which the leg must reach."""
@@ -125,11 +143,13 @@ class Leg:
         )
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The nodes as arrays by name, for the cache."""
-        return {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
+        """Nodes and limit as arrays by name, for the cache."""
+        nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
+        return nodes | {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Take the nodes from :meth:`arrays`."""
+        """Take nodes and limit from :meth:`arrays`."""
+        self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
         self.nodes = [Node(*row) for row in zip(*columns, strict=True)]

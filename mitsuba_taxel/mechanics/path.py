@@ -1,8 +1,9 @@
-"""The deformed pad at any force, by way of one path that everybody shares.
+"""The deformed pad at any load, by way of one path that everybody shares.
 
 The path to a force F is 0 -> (0, 0, Fz) -> F: the normal leg first, then the tangential one, as in the paper's
-procedure and on the bench. Its nodes depend on pad, material and mesh alone, so that a state is the same to the bit
-whoever asks for it, with whatever others, in any order.
+procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is the same to the
+bit whoever asks for it, with whatever others, in any order. A load that differs from another by a mirror of the pad has
+the mirrored state, to the bit.
 """
 
 from __future__ import annotations
@@ -11,18 +12,20 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
-from importlib.metadata import version
 
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import cache
+from mitsuba_taxel.mechanics.contact import ContactTest
 from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
-from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, keeps
+from mitsuba_taxel.mechanics.materials import Material
 from mitsuba_taxel.mechanics.solvers import available_solvers
-from mitsuba_taxel.pads.meshing import DEFAULT_MESH_SIZE, mesh_pad
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.mechanics.symmetry import node_images
+from mitsuba_taxel.pads.mirror import MIRRORS, Mirror
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 _LOCK = threading.RLock()
@@ -35,7 +38,8 @@ class State:
     Attributes
     ----------
     mesh : undeformed mesh
-    force : (3,) total force on the top, in N
+    material, load : what it is made of, and how it is loaded
+    value : (3,) N or mm, or (1,) MPa: of the load
     displacement : (N, 3) of each node, in mm
     pressure : (corners,) MPa, positive in tension
     min_jacobian : least volume ratio J at the ends of the interval that the state lies in
@@ -45,7 +49,9 @@ class State:
     """
 
     mesh: VolumeMesh
-    force: np.ndarray
+    material: Material
+    load: Load
+    value: np.ndarray
     displacement: np.ndarray
     pressure: np.ndarray
     min_jacobian: float
@@ -56,135 +62,182 @@ class State:
 
 def load_path(
     pad: Pad,
-    material: NeoHookean,
-    forces: Sequence[Sequence[float]] | np.ndarray,
+    material: Material,
+    values: Sequence[Sequence[float]] | np.ndarray,
     *,
+    load: Load = SPREAD_FORCE,
     mesh_size: float = DEFAULT_MESH_SIZE,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[State]:
-    """Deformed states of a pad under each of ``forces``.
+    """Deformed states of a pad under each of the ``values`` of a load.
 
     Parameters
     ----------
-    forces : (S, 3) total forces on the top in N; compression is Fz < 0
+    values : (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa
     mesh_size : size of the finite elements in mm
     progress : called with the number of states done and the number of all
 
     Raises
     ------
     InputError
-        for forces that are not finite, or a mesh size that is not allowed.
+        for values that are not finite, or a mesh size that is not allowed.
     ComputationError
-        naming the force beyond which the pad cannot be loaded.
+        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself or the
+        board.
     """
-    rows = _checked(forces)
+    rows = _checked(values, load)
     states = []
     with _LOCK:
-        path = _path(pad, material, float(mesh_size))
-        for done, force in enumerate(rows, start=1):
-            states.append(path.state(force))
+        path = _path(pad, material, load, float(mesh_size))
+        for done, value in enumerate(rows, start=1):
+            states.append(path.state(value))
             if progress:
                 progress(done, len(rows))
     return states
 
 
-def _checked(forces: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
-    """The forces as an array (S, 3); raises `InputError`."""
+def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
+    """The values as an array (S, components); raises `InputError`."""
     try:
-        rows = np.asarray(forces, dtype=float)
+        rows = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         rows = np.empty(0)
-    if rows.ndim != 2 or rows.shape[1] != 3 or not np.all(np.isfinite(rows)):
-        shown = np.asarray(forces, dtype=object).tolist()
-        raise InputError(f"forces = {shown} is not allowed: rows of three finite numbers are needed.")
+    if rows.ndim != 2 or rows.shape[1] != load.components or not np.all(np.isfinite(rows)):
+        shown = np.asarray(values, dtype=object).tolist()
+        wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
+        raise InputError(f"{load.quantity} values = {shown} are not allowed: rows of {wanted} needed.")
     return rows
 
 
 class _Path:
-    """Mesh and legs of one pad of one material, kept on disk and in memory."""
+    """Mesh and legs of one pad of one material under one kind of load, kept on disk and in memory."""
 
-    def __init__(self, pad: Pad, material: NeoHookean, mesh_size: float) -> None:
-        self.pad, self.material, self.mesh_size = pad, material, mesh_size
-        self._identity = [asdict(pad), mesh_size, version("netgen-mesher")]
+    def __init__(self, pad: Pad, material: Material, load: Load, mesh_size: float) -> None:
+        self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
+        self._identity = [pad.identity, mesh_size]
         self._legs: dict[tuple[float, ...], Leg] = {}
+        self._loaded: dict[tuple[Mirror, ...], LoadedPad] = {}
 
     @cached_property
     def mesh(self) -> VolumeMesh:
         name = cache.key("mesh", self._identity)
         arrays = cache.load(name)
         if arrays is None:
-            mesh = mesh_pad(self.pad, self.mesh_size)
+            mesh = self.pad.mesh(self.mesh_size)
             cache.store(name, vars(mesh))
             return mesh
         return VolumeMesh(**arrays)
 
     @cached_property
-    def _free(self) -> np.ndarray:
-        """(N,) whether each node may move."""
-        free = np.ones(len(self.mesh.points), dtype=bool)
-        free[self.mesh.faces[self.mesh.face_region == REGIONS["bottom"]]] = False
-        return free
+    def _images(self) -> dict[Mirror, np.ndarray]:
+        """The mirrors that leave mesh and load's distribution as they are."""
+        images = node_images(self.mesh)
+        return {mirror: image for mirror, image in images.items() if keeps(self.load, self.mesh, image)}
 
     @cached_property
-    def loaded(self) -> LoadedPad:
-        return LoadedPad(self.mesh, self.material)
+    def _contact(self) -> ContactTest:
+        return ContactTest(self.mesh)
 
-    def state(self, force: np.ndarray) -> State:
-        """The deformed pad under ``force``."""
-        normal, tangential = force[2], float(np.hypot(force[0], force[1]))
-        if not force.any():
-            return self._state(force, self._rest)
-        if tangential == 0:
-            return self._state(force, self._normal(normal))
-        direction = np.round(np.array([force[0], force[1], 0.0]) / tangential, 12)
-        leg = self._leg((0.0, 0.0, normal), direction)
-        if not leg.reaches(tangential):
-            self._extend(leg, tangential, self._normal(normal).unknowns if normal else self._rest.unknowns)
-        return self._state(force, leg.at(tangential))
+    @cached_property
+    def _step(self) -> float:
+        return natural_step(self.mesh, self.material, self.load)
 
-    def _normal(self, normal: float) -> Interpolated:
-        leg = self._leg((0.0, 0.0, 0.0), np.array([0.0, 0.0, np.sign(normal)]))
-        if not leg.reaches(abs(normal)):
-            self._extend(leg, abs(normal), self._rest.unknowns)
-        return leg.at(abs(normal))
+    def state(self, value: np.ndarray) -> State:
+        """The deformed pad under ``value``."""
+        used = []
+        turned = value
+        for mirror in MIRRORS:
+            if mirror in self._images and len(value) == 3 and mirror.side(turned) < 0:
+                turned = mirror.image(turned)
+                used.append(mirror)
+        displacement, pressure, at = self._canonical(turned, used)
+        for mirror in reversed(used):
+            image = self._images[mirror]
+            displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
+        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures)
 
-    @property
-    def _rest(self) -> Interpolated:
-        unknowns = 3 * np.count_nonzero(self._free) + self.mesh.corner_count
-        return Interpolated(np.zeros(unknowns), 1.0, 0.0, 0, True)
+    def _canonical(self, value: np.ndarray, mirrors: list[Mirror]) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+        """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
 
-    def _leg(self, origin: tuple[float, float, float], direction: np.ndarray) -> Leg:
+        ``mirrors`` are those that took it there.
+        """
+        leg, s, start = None, 0.0, (np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count))
+        if not value.any():
+            return *start, Interpolated(np.zeros(0), 1.0, 0.0, 0, True)
+        for leg, s in self._legs_to(value):
+            pad = self._pad_for(leg)
+            if not leg.reaches(s):
+                self._extend(leg, pad, s, start)
+            if not leg.reaches(s):
+                raise ComputationError(_end_of(leg, self.load, mirrors))
+            at = leg.at(s)
+            start = pad.split(at.unknowns)
+        return *start, at
+
+    def _legs_to(self, value: np.ndarray) -> list[tuple[Leg, float]]:
+        """The legs of the path to ``value``, and how far along each it goes."""
+        if len(value) == 1:
+            return [(self._leg(np.zeros(1), np.sign(value)), abs(value[0]))]
+        normal, tangential = value[2], float(np.hypot(value[0], value[1]))
+        legs = []
+        if normal:
+            legs.append((self._leg(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
+        if tangential:
+            direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
+            legs.append((self._leg(np.array([0.0, 0.0, normal]), direction), tangential))
+        return legs
+
+    def _leg(self, origin: np.ndarray, direction: np.ndarray) -> Leg:
         index = (*origin, *direction)
         if index not in self._legs:
-            top_area = self.pad.extent[0] * self.pad.extent[1]
-            leg = Leg(np.array(origin), direction, natural_step(self.material, top_area))
+            leg = Leg(origin, direction, self._step)
             arrays = cache.load(self._leg_name(leg))
             if arrays is not None:
                 leg.restore(arrays)
             self._legs[index] = leg
         return self._legs[index]
 
-    def _extend(self, leg: Leg, s: float, start: np.ndarray) -> None:
-        before = len(leg.nodes)
+    def _pad_for(self, leg: Leg) -> LoadedPad:
+        """The part of the pad that a leg needs: that between the mirrors which leave its loads as they are."""
+        path = np.stack([leg.origin, leg.direction])
+        mirrors = tuple(m for m in self._images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        if mirrors not in self._loaded:
+            self._loaded[mirrors] = LoadedPad(self.mesh, self.material, self.load, mirrors, self._images)
+        return self._loaded[mirrors]
+
+    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: tuple[np.ndarray, np.ndarray]) -> None:
+        before = len(leg.nodes), leg.limit
         try:
-            leg.extend(self.loaded, s, start)
+            leg.extend(pad, s, pad.gather(*start), self._contact)
         finally:
-            if len(leg.nodes) > before:
+            if (len(leg.nodes), leg.limit) != before:
                 cache.store(self._leg_name(leg), leg.arrays())
 
     def _leg_name(self, leg: Leg) -> str:
-        material = [type(self.material).__name__, asdict(self.material)]
+        material, load = ([_name_of(part), asdict(part)] for part in (self.material, self.load))
         numerics = [leg.step, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
-        return cache.key("leg", self._identity, material, numerics, leg.origin.tolist(), leg.direction.tolist())
+        return cache.key("leg", self._identity, material, load, numerics, leg.origin.tolist(), leg.direction.tolist())
 
-    def _state(self, force: np.ndarray, at: Interpolated) -> State:
-        displacement = np.zeros((len(self.mesh.points), 3))
-        count = 3 * np.count_nonzero(self._free)
-        displacement[self._free] = at.unknowns[:count].reshape(-1, 3)
-        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
-        return State(self.mesh, np.array(force), displacement, at.unknowns[count:], *figures)
+
+def _end_of(leg: Leg, load: Load, mirrors: list[Mirror]) -> str:
+    """What to say of a leg that ends too early, for the load that ``mirrors`` turned into the leg's."""
+    value, place = leg.value(leg.limit), leg.place
+    for mirror in reversed(mirrors):
+        value, place = mirror.image(value), mirror.image(place)
+    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+    return f"the pad {leg.reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}."
+
+
+def _name_of(part: object) -> str:
+    return f"{type(part).__module__}.{type(part).__qualname__}"
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
 
 
 @lru_cache(maxsize=8)
-def _path(pad: Pad, material: NeoHookean, mesh_size: float) -> _Path:
-    return _Path(pad, material, mesh_size)
+def _path(pad: Pad, material: Material, load: Load, mesh_size: float) -> _Path:
+    return _Path(pad, material, load, mesh_size)

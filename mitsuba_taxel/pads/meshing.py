@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.pads.mirror import mirrored
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, REGIONS, Pad
 from mitsuba_taxel.pads.quality import worst_element
-from mitsuba_taxel.pads.solid import SYMMETRY, quadrant_solid
+from mitsuba_taxel.pads.solid import SYMMETRY, is_square, symmetric_part
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
-DEFAULT_MESH_SIZE = 0.8
 RIM_REFINEMENT = 2.0
 """How much smaller elements are along the edges glued to the board, where the stress is singular."""
 CURVATURE_SAFETY = (2.0, 2.5, 3.0, 4.0, 6.0)
@@ -31,7 +30,8 @@ MESHING_LOCK = threading.RLock()
 def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     """Mesh a pad with elements of about ``mesh_size`` mm, finer along the edges glued to the board.
 
-    A quadrant is meshed and mirrored twice, so that the mesh has the pad's symmetry to the last bit.
+    An octant of a square pad, a quadrant of another is meshed and mirrored, so that the mesh has the pad's symmetry
+    to the last bit.
 
     Raises
     ------
@@ -47,10 +47,12 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
     for curvature_safety in CURVATURE_SAFETY:
         with MESHING_LOCK:
-            quadrant = _read(_generate(pad, mesh_size, curvature_safety), pad)
-        quality, place = worst_element(quadrant)
+            mesh = _read(_generate(pad, mesh_size, curvature_safety), pad)
+        quality, place = worst_element(mesh)
         if quality >= LEAST_QUALITY:
-            return _numbered(mirrored(mirrored(quadrant, 0), 1), pad)
+            for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
+                mesh = mirrored(mesh, mirror)
+            return _numbered(mesh, pad)
     x, y, z = place
     raise ComputationError(
         f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
@@ -64,12 +66,10 @@ def _generate(pad: Pad, mesh_size: float, curvature_safety: float) -> Any:
 
     SetMessageImportance(0)
     try:
-        solid = quadrant_solid(pad)
-        for edge in solid.edges:
-            low, high = edge.bounding_box
-            artificial = min(high.x, high.y) < 1e-6 * pad.height
-            if high.z < 1e-6 * pad.height and not artificial:
-                edge.maxh = mesh_size / RIM_REFINEMENT
+        solid = symmetric_part(pad)
+        glued = _glued_edges(solid, pad)
+        for edge in glued:
+            edge.maxh = mesh_size / RIM_REFINEMENT
         parameters = MeshingParameters(maxh=mesh_size, grading=0.4, curvaturesafety=curvature_safety)
         mesh = OCCGeometry(solid).GenerateMesh(parameters)
         mesh.SecondOrder()
@@ -78,8 +78,14 @@ def _generate(pad: Pad, mesh_size: float, curvature_safety: float) -> Any:
     return mesh
 
 
+def _glued_edges(solid: Any, pad: Pad) -> list[Any]:
+    """The edges at the board, but for those that only the cut along a plane of symmetry made."""
+    cut = {edge for face in solid.faces if face.name == SYMMETRY for edge in face.edges}
+    return [edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * pad.height and edge not in cut]
+
+
 def _read(mesh: Any, pad: Pad) -> VolumeMesh:
-    """The quadrant's mesh, with its nodes exactly on the planes that they belong to."""
+    """The mesh of the symmetric part, with its nodes exactly on the planes that they belong to."""
     points = np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
     tets = _sorted_nodes(mesh.Elements3D().NumPy()["nodes"], points, TET_EDGES)
@@ -135,6 +141,9 @@ def _snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)
     points[np.abs(points[:, 2] - pad.height) < tolerance, 2] = pad.height
+    if is_square(pad):
+        on_diagonal = np.abs(points[:, 0] - points[:, 1]) < tolerance
+        points[on_diagonal, 1] = points[on_diagonal, 0]
     return points
 
 

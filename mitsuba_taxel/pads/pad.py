@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 from mitsuba_taxel.errors import InputError
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 
 REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
 """Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
+
+DEFAULT_MESH_SIZE = 0.8
+"""Size of the finite elements, in mm, where nobody asks for another."""
 
 MIN_THICKNESS = 0.01
 """Thinnest wall or roof, relative to the cell size, that is still meant as one."""
@@ -130,6 +137,17 @@ class Pad:
         """Height of the side wall of a cell, below its roof, mm."""
         sphere, radius = self.dome_radius, 0.5 * self.cell_size
         return self.top_of_cell - (sphere - math.sqrt(sphere**2 - radius**2) if sphere else 0.0)
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What tells the pad from others, as values that JSON can write."""
+        return asdict(self)
+
+    def mesh(self, mesh_size: float) -> VolumeMesh:
+        """The pad's volume mesh; see `mesh_pad`."""
+        from mitsuba_taxel.pads.meshing import mesh_pad
+
+        return mesh_pad(self, mesh_size)
 
     @property
     def extent(self) -> tuple[float, float, float]:

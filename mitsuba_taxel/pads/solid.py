@@ -1,4 +1,4 @@
-"""The quadrant x, y >= 0 of a pad as an OpenCascade solid with named faces."""
+"""The part of a pad that its mirror images complete, as an OpenCascade solid with named faces."""
 
 from __future__ import annotations
 
@@ -7,21 +7,41 @@ from typing import Any
 from mitsuba_taxel.pads.pad import Pad
 
 SYMMETRY = "symmetry"
-"""Name of the faces along which the quadrant was cut from the pad."""
+"""Name of the faces along which the part was cut from the pad."""
 
 
-def quadrant_solid(pad: Pad) -> Any:
-    """The part of a pad in x >= 0, y >= 0 as a ``netgen.occ`` shape; its faces bear the names of their regions."""
+def is_square(pad: Pad) -> bool:
+    """Whether the pad is the same along x and y."""
+    return pad.rows == pad.columns
+
+
+def symmetric_part(pad: Pad) -> Any:
+    """The part of a pad in 0 <= y <= x if it is square, else in x, y >= 0, as a ``netgen.occ`` shape.
+
+    Its faces bear the names of their regions.
+    """
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent
     solid = Box(Pnt(0, 0, 0), Pnt(0.5 * width, 0.5 * depth, height))
     for face in solid.faces:
         face.name = _name_of_box_face(face.center, pad)
+    if is_square(pad):
+        solid = solid - _beyond_diagonal(pad)
     for x, y in pad.cell_centres:
-        if min(x, y) > -0.5 * pad.cell_size:
+        if min(x, y) > -0.5 * pad.cell_size and not (is_square(pad) and y - x > pad.cell_size):
             solid = solid - _cell_solid(pad, x, y)
     return solid
+
+
+def _beyond_diagonal(pad: Pad) -> Any:
+    """A box over y > x, larger than the pad."""
+    from netgen.occ import Axis, Box, Pnt, Z
+
+    reach = 2 * sum(pad.extent)
+    box = Box(Pnt(-reach, 0, -reach), Pnt(reach, reach, reach)).Rotate(Axis(Pnt(0, 0, 0), Z), 45)
+    box.faces.name = SYMMETRY
+    return box
 
 
 def _name_of_box_face(centre: Any, pad: Pad) -> str:
