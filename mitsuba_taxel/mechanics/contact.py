@@ -18,6 +18,13 @@ from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 TOUCHING = 1e-10
 """Distance that counts as touching, relative to the pad's longest side: more than rounding."""
 
+RIM = 0.02
+"""Height of the strip of wall along the glued rim, relative to the pad's, that may bulge as far below the board.
+
+There the stress is singular, and ever smaller elements roll over under ever smaller loads, as the silicone does to no
+effect.
+"""
+
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
 """Turns rays, which go along z, lest they meet the edges or corners of what is modelled along x, y and z."""
 
@@ -41,7 +48,7 @@ class ContactTest:
 
     The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
     are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
-    below z = 0. Whether a single face runs into itself is left to the test for inverted elements.
+    below z = 0, or along the rim by more than `RIM`. Whether a single face runs into itself is left to the test for inverted elements.
 
     Parameters
     ----------
@@ -60,10 +67,10 @@ class ContactTest:
         self._neighbours = _Neighbours(mesh.faces)
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
-        bottom = mesh.face_region == REGIONS["bottom"]
-        at_rim = np.isin(mesh.faces[~bottom], mesh.faces[bottom]).any(axis=1)
-        self._over_board = mesh.faces[~bottom]
-        self._least_height = np.where(at_rim, -self._tolerance, self._tolerance)
+        self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
+        rim = RIM * float(np.ptp(mesh.points[:, 2]))
+        at_rim = mesh.points[self._over_board, 2].min(axis=1) < mesh.points[:, 2].min() + rim
+        self._least_height = np.where(at_rim, -rim, self._tolerance)
 
     def find(self, displacement: np.ndarray) -> Contact | None:
         """A contact of the pad under a ``displacement`` (N, 3) of its nodes in mm, or ``None`` if there is none."""

@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.mechanics.six_node import shape_functions
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -147,8 +148,9 @@ def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
         triangle = np.array([polygon[0], second, third])
         (ux, uy), (vx, vy) = triangle[1:] - triangle[0]
         middles = 0.5 * (triangle + np.roll(triangle, -1, axis=0))  # exact to degree two
-        local = np.linalg.solve(edges.T, (middles - corners[0]).T).T
-        moments += abs(ux * vy - uy * vx) / 6 * _shape_functions(local).sum(axis=0)
+        local = np.linalg.solve(edges.T, (middles - corners[0]).T)
+        barycentric = np.stack([1 - local[0] - local[1], *local], axis=1)
+        moments += abs(ux * vy - uy * vx) / 6 * shape_functions(barycentric).sum(axis=0)
     return moments
 
 
@@ -162,10 +164,3 @@ def _clipped(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:
         if there >= 0:
             kept.append(polygon[k])
     return np.array(kept).reshape(-1, 2)
-
-
-def _shape_functions(local: np.ndarray) -> np.ndarray:
-    """(P, 6) quadratic shape functions at (P, 2) local coordinates."""
-    b, c = local.T
-    a = 1 - b - c
-    return np.stack([*(x * (2 * x - 1) for x in (a, b, c)), 4 * a * b, 4 * b * c, 4 * c * a], axis=1)

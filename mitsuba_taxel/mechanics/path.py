@@ -8,6 +8,7 @@ the mirrored state, to the bit.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -22,11 +23,18 @@ from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, n
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, keeps
 from mitsuba_taxel.mechanics.materials import Material
+from mitsuba_taxel.mechanics.roof_error import COARSENING, NO_ERROR, RoofComparison, RoofError
 from mitsuba_taxel.mechanics.solvers import available_solvers
 from mitsuba_taxel.mechanics.symmetry import node_images
 from mitsuba_taxel.pads.mirror import MIRRORS, Mirror
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
+from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+COARSEST = 0.35
+"""Size of the coarsest elements that `mesh_size_for` tries, relative to the pad's height."""
+SIZES = 9
+"""How many sizes it tries, each 1 / sqrt(2) of the one before."""
 
 _LOCK = threading.RLock()
 
@@ -46,6 +54,8 @@ class State:
     residual : largest out-of-balance force there, relative to the load
     newton_iterations : iterations of the last solve
     stability_checked : whether the solver gave the inertia that stability was judged by
+    error : estimated discretisation error at the roofs; None where it is not known, because the coarser mesh that it
+        takes cannot be made or loaded so far
     """
 
     mesh: VolumeMesh
@@ -58,15 +68,17 @@ class State:
     residual: float
     newton_iterations: int
     stability_checked: bool
+    error: RoofError | None
 
 
 def load_path(
-    pad: Pad,
+    pad: Pad | PadFile,
     material: Material,
     values: Sequence[Sequence[float]] | np.ndarray,
     *,
     load: Load = SPREAD_FORCE,
-    mesh_size: float = DEFAULT_MESH_SIZE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[State]:
     """Deformed states of a pad under each of the ``values`` of a load.
@@ -74,13 +86,15 @@ def load_path(
     Parameters
     ----------
     values : (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa
-    mesh_size : size of the finite elements in mm
+    mesh_size : size of the finite elements in mm; by default `DEFAULT_MESH_SIZE`
+    mesh_tolerance : instead of a size, the relative error of the roofs' displacement under a small load that the size
+        is chosen for; see :func:`mesh_size_for`
     progress : called with the number of states done and the number of all
 
     Raises
     ------
     InputError
-        for values that are not finite, or a mesh size that is not allowed.
+        for values that are not finite, a mesh size or a tolerance that is not allowed.
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself or the
         board.
@@ -88,12 +102,53 @@ def load_path(
     rows = _checked(values, load)
     states = []
     with _LOCK:
-        path = _path(pad, material, load, float(mesh_size))
+        path = _path(pad, material, load, _size(pad, material, load, mesh_size, mesh_tolerance))
         for done, value in enumerate(rows, start=1):
             states.append(path.state(value))
             if progress:
                 progress(done, len(rows))
     return states
+
+
+def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:
+    """The coarsest of a row of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
+
+    The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and under
+    a small tangential one where the load has a direction. Under larger loads it may be larger, and is stated.
+
+    Raises
+    ------
+    InputError
+        if the tolerance is no number between 0 and 1, or out of reach.
+    ComputationError
+        if the pad cannot be meshed.
+    """
+    if not 0 < tolerance < 1:
+        raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: above 0 and below 1 is needed.")
+    error = math.inf
+    with _LOCK:
+        size = COARSEST * _height(pad)
+        for _ in range(SIZES):
+            error = _path(pad, material, load, size).small_load_error
+            if error <= tolerance:
+                return size
+            size /= math.sqrt(2)
+    raise InputError(
+        f"mesh_tolerance = {tolerance:g} is not allowed: {error:.2g} is what the finest mesh tried, of {size:.2g} mm, "
+        "reaches."
+    )
+
+
+def _height(pad: Pad | PadFile) -> float:
+    return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(DEFAULT_MESH_SIZE).points[:, 2]))
+
+
+def _size(pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None) -> float:
+    if size is not None and tolerance is not None:
+        raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
+    if tolerance is not None:
+        return mesh_size_for(pad, material, load, tolerance)
+    return DEFAULT_MESH_SIZE if size is None else float(size)
 
 
 def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
@@ -112,7 +167,7 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
 class _Path:
     """Mesh and legs of one pad of one material under one kind of load, kept on disk and in memory."""
 
-    def __init__(self, pad: Pad, material: Material, load: Load, mesh_size: float) -> None:
+    def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float) -> None:
         self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
         self._identity = [pad.identity, mesh_size]
         self._legs: dict[tuple[float, ...], Leg] = {}
@@ -151,11 +206,12 @@ class _Path:
                 turned = mirror.image(turned)
                 used.append(mirror)
         displacement, pressure, at = self._canonical(turned, used)
+        error = self._error(turned, displacement)
         for mirror in reversed(used):
             image = self._images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
-        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures)
+        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures, error)
 
     def _canonical(self, value: np.ndarray, mirrors: list[Mirror]) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
@@ -166,7 +222,7 @@ class _Path:
         if not value.any():
             return *start, Interpolated(np.zeros(0), 1.0, 0.0, 0, True)
         for leg, s in self._legs_to(value):
-            pad = self._pad_for(leg)
+            pad = self._pad_for(leg.origin, leg.direction)
             if not leg.reaches(s):
                 self._extend(leg, pad, s, start)
             if not leg.reaches(s):
@@ -174,6 +230,41 @@ class _Path:
             at = leg.at(s)
             start = pad.split(at.unknowns)
         return *start, at
+
+    def _error(self, value: np.ndarray, displacement: np.ndarray) -> RoofError | None:
+        """The error of a canonical displacement, by the same path on a coarser mesh."""
+        if not value.any():
+            return NO_ERROR
+        try:
+            return self._comparison.error(displacement, self._coarser._canonical(value, [])[0])
+        except ComputationError:
+            return None
+
+    @cached_property
+    def _coarser(self) -> _Path:
+        return _path(self.pad, self.material, self.load, COARSENING * self.mesh_size)
+
+    @cached_property
+    def _comparison(self) -> RoofComparison:
+        return RoofComparison(self.mesh, self._coarser.mesh)
+
+    @property
+    def small_load_error(self) -> float:
+        """Relative error of the roofs' change from rest under small loads."""
+        responses = zip(self._small_responses, self._coarser._small_responses, strict=True)
+        return max(self._comparison.error(here, coarse).relative for here, coarse in responses)
+
+    @cached_property
+    def _small_responses(self) -> list[np.ndarray]:
+        """(N, 3) each: change of the displacement from rest with a normal load, and with a tangential one."""
+        size = self.load.components
+        directions = [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]
+        return [self._rest_rate(direction) for direction in directions]
+
+    def _rest_rate(self, direction: np.ndarray) -> np.ndarray:
+        pad = self._pad_for(np.zeros_like(direction), direction)
+        at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
+        return pad.split(pad.rate(linearised, at_rest.unknowns, direction))[0]
 
     def _legs_to(self, value: np.ndarray) -> list[tuple[Leg, float]]:
         """The legs of the path to ``value``, and how far along each it goes."""
@@ -198,9 +289,9 @@ class _Path:
             self._legs[index] = leg
         return self._legs[index]
 
-    def _pad_for(self, leg: Leg) -> LoadedPad:
+    def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
         """The part of the pad that a leg needs: that between the mirrors which leave its loads as they are."""
-        path = np.stack([leg.origin, leg.direction])
+        path = np.stack([origin, direction])
         mirrors = tuple(m for m in self._images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
         if mirrors not in self._loaded:
             self._loaded[mirrors] = LoadedPad(self.mesh, self.material, self.load, mirrors, self._images)
@@ -238,6 +329,6 @@ def _listed(numbers: np.ndarray) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
-@lru_cache(maxsize=8)
-def _path(pad: Pad, material: Material, load: Load, mesh_size: float) -> _Path:
+@lru_cache(maxsize=16)
+def _path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float) -> _Path:
     return _Path(pad, material, load, mesh_size)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
+
 # Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985): as high as the forces of a
 # quadratic face go.
 _A, _B = 0.445948490915965, 0.091576213509771
@@ -16,32 +18,24 @@ _POINTS = np.array([(x, y) for a in (_A, _B) for x, y in ((a, a), (a, 1 - 2 * a)
 _WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3) / 2
 
 
-def _shapes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    b, c = _POINTS.T
-    a = 1 - b - c
-    zero = np.zeros_like(a)
-    values = np.stack([*(x * (2 * x - 1) for x in (a, b, c)), 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
-    by_xi = np.stack([1 - 4 * a, 4 * b - 1, zero, 4 * (a - b), 4 * c, -4 * c], axis=1)
-    by_eta = np.stack([1 - 4 * a, zero, 4 * c - 1, -4 * b, 4 * b, 4 * (a - c)], axis=1)
-    return values, by_xi, by_eta
+_BARYCENTRIC = np.column_stack([1 - _POINTS.sum(axis=1), _POINTS])
+_VALUES, (_BY_XI, _BY_ETA) = shape_functions(_BARYCENTRIC), shape_slopes(_BARYCENTRIC)
 
 
 def pressure_forces(places: np.ndarray) -> np.ndarray:
     """(B, 6, 3) nodal forces of a unit pressure on faces whose nodes are at ``places`` (B, 6, 3), outwards turned."""
-    values, by_xi, by_eta = _shapes()
-    normal = np.cross(by_xi @ places, by_eta @ places)
-    return -np.einsum("q,qa,bqi->bai", _WEIGHTS, values, normal)
+    normal = np.cross(_BY_XI @ places, _BY_ETA @ places)
+    return -np.einsum("q,qa,bqi->bai", _WEIGHTS, _VALUES, normal)
 
 
 def pressure_stiffness(places: np.ndarray) -> np.ndarray:
     """(B, 18, 18) derivative of :func:`pressure_forces` by the places of the nodes, its symmetric part."""
-    values, by_xi, by_eta = _shapes()
-    along_xi, along_eta = by_xi @ places, by_eta @ places
+    along_xi, along_eta = _BY_XI @ places, _BY_ETA @ places
     turned_xi, turned_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
-    weighted = _WEIGHTS[:, None] * values
+    weighted = _WEIGHTS[:, None] * _VALUES
     # d(x,xi x x,eta) = -[x,eta]x dx,xi + [x,xi]x dx,eta
-    stiffness = np.einsum("qa,bqij,qc->baicj", weighted, turned_eta, by_xi, optimize=True)
-    stiffness -= np.einsum("qa,bqij,qc->baicj", weighted, turned_xi, by_eta, optimize=True)
+    stiffness = np.einsum("qa,bqij,qc->baicj", weighted, turned_eta, _BY_XI, optimize=True)
+    stiffness -= np.einsum("qa,bqij,qc->baicj", weighted, turned_xi, _BY_ETA, optimize=True)
     stiffness = stiffness.reshape(-1, 18, 18)
     return 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
 

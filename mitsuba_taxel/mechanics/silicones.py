@@ -52,9 +52,6 @@ SILICONES: dict[str, Silicone] = {
     "mold_star_20t": _fitted(0.05352, 0.00468, 0.037),
     "rtv_615": _fitted(0.16395, 0.01618, 0.006),
     "sorta_clear_40": _fitted(0.13857, 0.00624, 0.005),
-    "smooth_sil_950": Silicone(
-        NeoHookean(2.2), "Young's modulus at small strain by measurement, about 2.2 MPa; its publication is not known"
-    ),
     "multiphysics_pad": Silicone(
         NeoHookean(4.16),
         "Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor, section 2.2.2: "

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics.finish import Finish, fine_subdivision
 from mitsuba_taxel.mechanics.path import State
 from mitsuba_taxel.mechanics.relief import Relief, SmoothSurface, displacement_gradient
+from mitsuba_taxel.mechanics.six_node import shape_functions
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -32,22 +35,27 @@ class Surface:
     cell: np.ndarray
 
 
-def tessellate(state: State, subdivision: int = 12, finish: Finish | None = None) -> Surface:
+def tessellate(
+    state: State, subdivision: int = 12, finish: Finish | None = None, cells: Sequence[int] | None = None
+) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
-    The faces of cells are cut into ``subdivision`` ** 2 triangles each, the others into 4, as their mid-edge nodes
-    need, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is laid on the faces of
-    the undeformed cells, cut as fine as it needs, and carried by the deformation: see :class:`Relief`.
+    The faces of ``cells`` (numbers; None for all) are cut into ``subdivision`` ** 2 triangles each, the others into 4,
+    as their mid-edge nodes need, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is
+    laid on the faces of the undeformed cells, cut as fine as it needs, and carried by the deformation: see
+    :class:`Relief`.
 
     Raises
     ------
     InputError
-        if the finish needs more than `MOST_TRIANGLES`.
+        if there is no cell of such a number, a finish is asked for on a part of the cells, or it needs more than
+        `MOST_TRIANGLES`.
     """
     mesh = state.mesh
+    chosen = _chosen(mesh, cells, finish)
     if finish is not None:
         subdivision = fine_subdivision(mesh, finish, subdivision)
-    cut = _cut(mesh, subdivision)
+    cut = _cut(mesh, subdivision, chosen)
     vertices, triangles, faces = cut.at_vertices(mesh.points + state.displacement), cut.triangles, cut.faces
     if finish is not None:
         relief = _relief(mesh, subdivision, finish)
@@ -55,6 +63,20 @@ def tessellate(state: State, subdivision: int = 12, finish: Finish | None = None
         vertices = relief.carried(vertices, cut.at_vertices(gradient.reshape(-1, 9)).reshape(-1, 3, 3))
         triangles, faces = relief.triangles, faces[relief.parents]
     return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces])
+
+
+def _chosen(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:
+    """The cells to be cut finely, None for all."""
+    if cells is None:
+        return None
+    if finish is not None:
+        raise InputError("read_cells is not allowed with a finish: it is laid on all cells.")
+    missing = [cell for cell in cells if cell not in mesh.face_cell or cell < 1]
+    if missing:
+        raise InputError(
+            f"read_cells = {missing[0]} is not allowed: the pad's cells have numbers from 1 to {mesh.face_cell.max()}."
+        )
+    return tuple(cells)
 
 
 @lru_cache(maxsize=2)  # the states of a path share their mesh
@@ -78,8 +100,10 @@ class _Cut:
 
 
 @lru_cache(maxsize=4)  # the states of a path share their mesh
-def _cut(mesh: VolumeMesh, subdivision: int) -> _Cut:
+def _cut(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> _Cut:
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
+    if cells is not None:
+        in_cell &= np.isin(mesh.face_cell, cells)
     touching = np.isin(mesh.faces[:, 3:], mesh.faces[in_cell, 3:]) & ~in_cell[:, None]
     patterns = [(np.flatnonzero(in_cell), _grid(subdivision))]
     for edges in np.unique(touching, axis=0):
@@ -92,7 +116,7 @@ def _cut(mesh: VolumeMesh, subdivision: int) -> _Cut:
         points = len(barycentric)
         keys.append(_keys(mesh.faces[chosen, :3], np.rint(6 * subdivision * barycentric).astype(np.int64)))
         nodes.append(np.repeat(mesh.faces[chosen], points, axis=0))
-        weights.append(np.tile(_shape_functions(barycentric), (len(chosen), 1)))
+        weights.append(np.tile(shape_functions(barycentric), (len(chosen), 1)))
         first = count + points * np.arange(len(chosen))
         triangles.append((first[:, None, None] + pattern).reshape(-1, 3))
         faces.append(np.repeat(chosen, len(pattern)))
@@ -128,13 +152,6 @@ def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
     around = np.arange(len(rim))
     pattern = np.stack([around, np.roll(around, -1), np.full(len(rim), len(rim))], axis=1)
     return np.concatenate([rim, np.full((1, 3), 1 / 3)]), pattern
-
-
-def _shape_functions(barycentric: np.ndarray) -> np.ndarray:
-    """(P, 6) quadratic shape functions of a triangle."""
-    a, b, c = barycentric.T
-    corners = [x * (2 * x - 1) for x in (a, b, c)]
-    return np.stack([*corners, 4 * a * b, 4 * b * c, 4 * c * a], axis=1)
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -328,8 +328,7 @@ def _responsivity(live: Any) -> np.ndarray | None:
 
 def _notes(scene: Any, result: Readings, target_error: float | None, points: int | None) -> list[str]:
     notes = []
-    if any(hasattr(shape, "pad") for shape in scene.shapes()):
-        notes.append("mechanics error unknown: the stated error is that of the light alone")
+    notes += [_mechanics_note(shape) for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
     if target_error is not None and result.relative_error > target_error:
         notes.append(
             f"target error {target_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
@@ -340,6 +339,17 @@ def _notes(scene: Any, result: Readings, target_error: float | None, points: int
     if len(dark):
         notes.append(f"no light found on taxel {', '.join(map(str, dark))}")
     return notes
+
+
+def _mechanics_note(pad: Any) -> str:
+    """What is known of the error of a deformed pad, which the standard error of the light does not hold."""
+    error = pad.state.error
+    if error is None:
+        return "mechanics error unknown: the stated error is that of the light alone"
+    return (
+        f"mechanics: roofs right to {error.displacement:.2g} mm (at worst {error.largest:.2g} mm, {error.relative:.1%} "
+        f"of the largest displacement) and {error.slope:.2g} degrees; not part of the stated standard error"
+    )
 
 
 def check_request(target_error: float | None, points: int | None, seed: int, time_budget: float | None = None) -> None:

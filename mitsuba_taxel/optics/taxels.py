@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.clearance import refuse_contact
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     InputError
         if an emitter is no `annular_led`, a sensor is no `phototransistor`, or their numbers differ, or if another
         surface lies where one of them is, so that nobody could say which of the two a ray hits.
+    ComputationError
+        if a deformed pad touches a package.
     """
     leds = scene.emitters()
     sensors = scene.sensors()
@@ -53,6 +56,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
         raise InputError(f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own.")
     pairs = [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
     _refuse_shared_places(scene, pairs)
+    refuse_contact(scene)
     return pairs
 
 

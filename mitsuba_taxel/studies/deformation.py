@@ -58,7 +58,7 @@ def deform(source: str | Path, defines: Mapping[str, object], folder: Path) -> l
 
 def deformed_pads(scene: Any) -> list[Any]:
     """The ``deformable_pad``s among the shapes of an ``mi.Scene``."""
-    return [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "force")]
+    return [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "pad")]
 
 
 def write_mesh(pad: Any, file: Path) -> None:

@@ -6,14 +6,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics import pad_parameters
 from mitsuba_taxel.optics.faces import similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
-from mitsuba_taxel.optics.parameters import choice, number, whole_number
+from mitsuba_taxel.optics.parameters import whole_number
 from mitsuba_taxel.optics.parts import make_plugin
-from mitsuba_taxel.pads import Pad
-
-_PAD_LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height")
 
 
 class DeformablePad(mi.Mesh):
@@ -55,21 +52,77 @@ class DeformablePad(mi.Mesh):
        - From the board to the highest point of a cell, in mm. (Default: 1.55; spherical 1.6; hemispheric
          0.5 + cell_size / 2)
 
+     * - filename
+       - |string|
+       - A pad of one's own instead of those parameters: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm,
+         standing on z = 0. (Default: none)
+
+     * - regions
+       - |string|
+       - With filename: a TOML file of rules that say which face is which region. (Default: flat faces at the bottom
+         and at the top, hollows, and the rest)
+
+     * - material
+       - |string|
+       - :monosp:`neo_hookean`, :monosp:`mooney_rivlin`, :monosp:`yeoh`, or a measured silicone such as
+         :monosp:`dragon_skin_30`. (Default: :monosp:`neo_hookean`)
+
      * - youngs_modulus
        - |float|
-       - Young's modulus at small strain, in MPa. (Default: 4.16)
+       - With :monosp:`neo_hookean`: Young's modulus at small strain, in MPa. (Default: 4.16)
+
+     * - shore_a
+       - |float|
+       - With :monosp:`neo_hookean`, instead of a modulus: hardness Shore A. (Default: none)
+
+     * - c10, c01, c20, c30
+       - |float|
+       - With :monosp:`mooney_rivlin` (c10, c01) and :monosp:`yeoh` (c10, c20, c30): constants in MPa. (Default: none;
+         c20 and c30 0)
 
      * - poisson_ratio
        - |float|
-       - Poisson's ratio, up to 0.5. (Default: 0.49)
+       - Poisson's ratio, up to 0.5. (Default: 0.49, or that of the silicone)
+
+     * - load
+       - |string|
+       - :monosp:`spread_force` on the whole top, :monosp:`patch_force` on a rectangle of it, :monosp:`plate_force` or
+         :monosp:`plate_displacement` on a rigid plate that is bonded to the top and does not turn, or the
+         :monosp:`pressure` of a fluid on top and outside. (Default: :monosp:`spread_force`)
 
      * - force
        - |vector|
-       - Total force on the top face, in N; compression is negative along z. (Default: 0, 0, 0)
+       - Total force, in N; compression is negative along z. (Default: 0, 0, 0)
+
+     * - displacement
+       - |vector|
+       - With :monosp:`plate_displacement`: of the plate, in mm. (Default: 0, 0, 0)
+
+     * - pressure
+       - |float|
+       - With :monosp:`pressure`: in MPa. (Default: 0)
+
+     * - patch_width, patch_depth
+       - |float|
+       - With :monosp:`patch_force`, which needs both: sides of the rectangle along x and y, in mm.
+
+     * - patch_x, patch_y
+       - |float|
+       - With :monosp:`patch_force`: its centre, in mm. (Default: 0, 0)
 
      * - mesh_size
        - |float|
        - Size of the finite elements, in mm. (Default: 0.8)
+
+     * - mesh_tolerance
+       - |float|
+       - Instead of a size: relative error of the roofs' displacement under a small load that the size is chosen for.
+         (Default: none)
+
+     * - read_cells
+       - |string|
+       - Numbers of the cells that are read, as :monosp:`1, 5`; only their surface is cut finely. (Default:
+         :monosp:`all`)
 
      * - subdivision
        - |int|
@@ -120,7 +173,8 @@ class DeformablePad(mi.Mesh):
        - What the pad is made of, usually a `region`. (Default: absorbing)
 
     Solves for the deformation (or looks it up: solutions are kept on disk) and becomes the mesh of the deformed
-    surface, with the face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0.
+    surface, with the face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A
+    load beyond the first at which the pad touches itself, the board or a package, or is no longer stable, is refused.
 
     A finish is laid on the undeformed cells and carried by the deformation. Layer steps are treads at the multiples of
     the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; what
@@ -143,65 +197,40 @@ class DeformablePad(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        from mitsuba_taxel.mechanics import NeoHookean
-
-        self.pad = _read_pad(props)
-        self.material = NeoHookean(
-            youngs_modulus=number(props, "youngs_modulus", 4.16, above=0),
-            poisson_ratio=number(props, "poisson_ratio", 0.49, minimum=0, maximum=0.5),
-        )
-        self.force = tuple(float(component) for component in props.get("force", mi.ScalarVector3f(0, 0, 0)))
-        if not np.all(np.isfinite(self.force)):
-            raise InputError(f"force = {self.force} is not allowed: three finite numbers are needed.")
-        self.mesh_size = number(props, "mesh_size", 0.8, above=0)
+        self.pad = pad_parameters.read_pad(props)
+        self.material = pad_parameters.read_material(props)
+        self.load, self.value = pad_parameters.read_load(props)
+        self.mesh_choice = pad_parameters.read_mesh(props)
+        self.read_cells = pad_parameters.read_cells(props)
         self.subdivision = whole_number(props, "subdivision", 12, minimum=1, maximum=64)
-        self.finish = _read_finish(props)
-        matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
-        similarity_scale(matrix)
+        self.finish = pad_parameters.read_finish(props)
+        self.to_world = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
+        similarity_scale(self.to_world)
         if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
 
         surface = self._solve()
-        initialize_mesh(self, props, surface.vertices @ matrix[:3, :3].T + matrix[:3, 3], surface.triangles)
+        vertices = surface.vertices @ self.to_world[:3, :3].T + self.to_world[:3, 3]
+        initialize_mesh(self, props, vertices, surface.triangles)
         add_face_attribute(self, "region", surface.region)
         add_face_attribute(self, "cell", surface.cell)
 
     def _solve(self):
-        from mitsuba_taxel.mechanics import check_finish, load_path, tessellate
+        from mitsuba_taxel.mechanics import check_finish, tessellate
 
         with stages.stage("mechanics"):
             if self.finish is not None:
                 # What cannot be made is refused before it is solved for.
-                rest = load_path(self.pad, self.material, [(0, 0, 0)], mesh_size=self.mesh_size)[0]
+                rest = self.states([np.zeros(len(self.value))])[0]
                 check_finish(self.finish, self.pad, rest.mesh, self.subdivision)
-            self.state = load_path(self.pad, self.material, np.array([self.force]), mesh_size=self.mesh_size)[0]
-            return tessellate(self.state, self.subdivision, self.finish)
+            self.state = self.states([self.value])[0]
+            return tessellate(self.state, self.subdivision, self.finish, self.read_cells)
+
+    def states(self, values):
+        """The deformed states of this pad under other values of its load; see `load_path`."""
+        from mitsuba_taxel.mechanics import load_path
+
+        return load_path(self.pad, self.material, values, load=self.load, **self.mesh_choice)
 
     def to_string(self) -> str:
-        return f"DeformablePad[cell = {self.pad.cell}, force = {self.force} N]"
-
-
-def _read_pad(props: mi.Properties) -> Pad:
-    lengths = {name: number(props, name, above=0) for name in _PAD_LENGTHS if name in props}
-    counts = {name: whole_number(props, name, 3, minimum=1, maximum=100) for name in ("rows", "columns")}
-    return Pad(cell=props.get("cell", Pad.cell), rows=counts["rows"], columns=counts["columns"], **lengths)
-
-
-def _read_finish(props: mi.Properties):
-    from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness
-
-    name = choice(props, "finish", "smooth", ("smooth", "layer_steps", "grooves", "random"))
-    if name == "smooth":
-        return None
-    default = RandomRoughness.refinement if name == "random" else LayerSteps.refinement
-    refinement = number(props, "finish_refinement", default, above=0)
-    if name == "layer_steps":
-        direction = tuple(props.get("print_direction", mi.ScalarVector3f(0, 0, 1)))
-        return LayerSteps(number(props, "layer_height", above=0), direction, refinement)
-    if name == "grooves":
-        direction = tuple(props.get("groove_direction", mi.ScalarVector3f(1, 0, 0)))
-        pitch, depth = number(props, "groove_pitch", above=0), number(props, "groove_depth", above=0)
-        return Grooves(pitch, depth, direction, refinement)
-    rms, length = number(props, "rms_height", above=0), number(props, "correlation_length", above=0)
-    seed = whole_number(props, "roughness_seed", 0, minimum=0, maximum=2**31 - 1)
-    return RandomRoughness(rms, length, seed, refinement)
+        return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"

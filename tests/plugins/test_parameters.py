@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
 from mitsuba_taxel import InputError, Scene
 from mitsuba_taxel.backend import plugin_files
+from mitsuba_taxel.optics import pad_parameters
 from mitsuba_taxel.optics.regions import ALL_REGIONS
 
 READ = re.compile(r'(?:number|choice|props\.get)\(\s*(?:props, )?"(\w+)"')
@@ -32,7 +34,9 @@ def test_the_table_names_exactly_what_the_plugin_reads(name):
     if name == "phototransistor":
         read |= {"file"}  # read with the table
     if name == "deformable_pad":
-        read |= {"rows", "columns", "pitch", "wall", "height", "cell_size", "cell_height"}  # read together
+        source = Path(pad_parameters.__file__).read_text()
+        read |= set(READ.findall(source)) | set(re.findall(r'_file\(props, "(\w+)"', source))
+        read |= {*pad_parameters._COUNTS, *pad_parameters._LENGTHS, *pad_parameters.LOADS.values()}  # read together
     assert documented - NESTED == read
 
 

@@ -1,0 +1,81 @@
+"""How far the finite elements are from the truth where the light looks: the roofs' displacement and slope.
+
+A pad is solved on a second mesh of twice the element size. Where roofs meet walls, and along the rim on the board, the
+stress is singular, and the error falls about in proportion to the size of the elements there, whatever their order
+(G. Strang and G. J. Fix, An Analysis of the Finite Element Method, 1973, chapter 8): so the difference of the two
+solutions is about the error of the better one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.locate import PointLocator
+from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+COARSENING = 2.0
+"""Element size of the second mesh, relative to that of the first."""
+
+_BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
+
+
+@dataclass(frozen=True)
+class RoofError:
+    """Estimated discretisation error of a deformed pad, seen at the roofs of its cells.
+
+    Attributes
+    ----------
+    displacement : root mean square over the roofs, in mm
+    largest : mm, at the worst place
+    relative : ``largest``, relative to the largest displacement of any node
+    slope : root mean square of the angle between normals, in degrees
+    """
+
+    displacement: float
+    largest: float
+    relative: float
+    slope: float
+
+
+NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
+
+
+class RoofComparison:
+    """Compares solutions on a mesh with those on a coarser mesh of the same pad."""
+
+    def __init__(self, mesh: VolumeMesh, coarse: VolumeMesh) -> None:
+        faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
+        nodes = mesh.points[faces]
+        points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
+        along = [np.einsum("qa,fai->fqi", slopes, nodes) for slopes in shape_slopes(_BARYCENTRIC)]
+        normal = np.cross(*along).reshape(-1, 3)
+        area = np.linalg.norm(normal, axis=1)
+        self._normal, self._weight = normal / area[:, None], area / area.sum()
+        self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
+        # Curved roofs of two meshes lie beside each other, by less than their elements' size.
+        self._there = PointLocator(coarse).locate(points, tolerance=0.1 * np.ptp(mesh.points[:, 2]))
+
+    def error(self, displacement: np.ndarray, coarse: np.ndarray) -> RoofError:
+        """The error of ``displacement`` (N, 3), from that on the coarser mesh, in mm."""
+        difference = np.linalg.norm(self._here.interpolate(displacement) - self._there.interpolate(coarse), axis=1)
+        angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(coarse)))
+        most = np.linalg.norm(displacement, axis=1).max()
+        return RoofError(
+            displacement=float(np.sqrt(self._weight @ difference**2)),
+            largest=float(difference.max()),
+            relative=float(difference.max() / most),
+            slope=float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
+        )
+
+    def _turned(self, gradient: np.ndarray) -> np.ndarray:
+        """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""
+        deformation = gradient + np.eye(3)
+        return np.linalg.solve(np.swapaxes(deformation, -1, -2), self._normal[..., None])[..., 0]
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("pi,pi->p", one, other))
