@@ -1,0 +1,88 @@
+"""A pad that a user brings as a file."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.pads.rules import Rule, read_rules
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+SURFACE_FORMATS = (".stl", ".ply", ".obj")
+STEP_FORMATS = (".step", ".stp")
+MOST_BYTES = 100 * 2**20
+
+
+@dataclass(frozen=True)
+class PadFile:
+    """A pad in a file: a closed surface of triangles (STL, PLY, OBJ) or a solid (STEP), in mm, standing on z = 0.
+
+    Pads with the same content and the same rules are equal, wherever the file lies.
+
+    Parameters
+    ----------
+    path
+        The file; its ending says which format it is.
+    regions
+        Rules that name the regions of faces, or a TOML file of them (see :func:`read_rules`); the first rule that
+        a face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.regions.tagged`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is too large or of another format, or a rule is not allowed.
+    """
+
+    path: Path = field(compare=False)
+    regions: tuple[Rule, ...] = ()
+    suffix: str = field(init=False, repr=False)
+    digest: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", Path(self.path))
+        object.__setattr__(self, "suffix", self.path.suffix.lower())
+        if self.suffix not in SURFACE_FORMATS + STEP_FORMATS:
+            known = ", ".join(SURFACE_FORMATS + STEP_FORMATS)
+            raise InputError(f"filename = {self.path} is not allowed: a file that ends in one of {known} is needed.")
+        rules = read_rules(self.regions) if isinstance(self.regions, str | Path) else tuple(self.regions)
+        if not all(isinstance(rule, Rule) for rule in rules):
+            raise InputError(f"regions = {self.regions!r} is not allowed: rules or the name of a TOML file are needed.")
+        object.__setattr__(self, "regions", rules)
+        object.__setattr__(self, "digest", hashlib.sha256(self._read()).hexdigest())
+
+    def _read(self) -> bytes:
+        try:
+            size = self.path.stat().st_size
+            if size > MOST_BYTES:
+                raise InputError(
+                    f"filename = {self.path} is not allowed: it has {size / 2**20:.0f} MB; "
+                    f"at most {MOST_BYTES // 2**20} can be read."
+                )
+            return self.path.read_bytes()
+        except OSError as error:
+            raise InputError(f"filename = {self.path} is not allowed: {error.strerror or error}.") from error
+
+    @property
+    def identity(self) -> list[object]:
+        """What the mesh of this pad depends on besides the mesh size, fit for JSON."""
+        mesher = "netgen-mesher" if self.suffix in STEP_FORMATS else "pytetwild"
+        return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], mesher, version(mesher)]
+
+    def mesh(self, mesh_size: float) -> VolumeMesh:
+        """The pad's volume mesh; see `mesh_pad_file`."""
+        from mitsuba_taxel.pads.file_meshing import mesh_pad_file
+
+        return mesh_pad_file(self, mesh_size)
+
+    def content(self) -> bytes:
+        """The file, as it was when this object was made; raises `InputError` if it has changed since."""
+        content = self._read()
+        if hashlib.sha256(content).hexdigest() != self.digest:
+            raise InputError(f"filename = {self.path} is not allowed: it has changed since it was opened.")
+        return content

@@ -1,0 +1,72 @@
+"""Second-order tetrahedral mesh of a closed surface by fTetWild."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.pads.borders import conforming
+from mitsuba_taxel.pads.flaw import place
+from mitsuba_taxel.pads.mending import faces_of, is_sliver, mended
+from mitsuba_taxel.pads.regions import FacedSurface, tagged
+from mitsuba_taxel.pads.rules import Rule
+from mitsuba_taxel.pads.sandbox import run_apart
+from mitsuba_taxel.pads.second_order import boundary_triangles, positive, second_order
+from mitsuba_taxel.pads.snapping import Patches, snapped
+from mitsuba_taxel.pads.surfaces import check_mesh_size, read_surface
+from mitsuba_taxel.pads.triangles import area_normals, half_edges, unit, volume
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+ENVELOPE = 0.02
+"""How far the straight mesh may be off the surface, relative to the mesh size, before its nodes are put onto it."""
+LARGEST_ENVELOPE, LARGEST_EDGE = 2e-3, 1 / 6
+"""Upper limits of that distance and of the mesh size, relative to the diagonal of the pad.
+
+Far beyond them fTetWild makes more elements, not fewer: walls are too thin for edges of that length.
+"""
+VOLUME_TOLERANCE = 0.02
+"""Relative difference between the volumes of mesh and surface above which the mesh has lost a part of the pad."""
+
+
+def mesh_surface(content: bytes, suffix: str, rules: Sequence[Rule], mesh_size: float) -> VolumeMesh:
+    """Mesh of the pad in an STL, PLY or OBJ file, its nodes on the surface of the file.
+
+    Raises
+    ------
+    Flaw
+        if the surface cannot be used.
+    ComputationError
+        if meshing fails.
+    """
+    vertices, triangles = mended(*read_surface(content, suffix))
+    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules)
+    check_mesh_size(mesh_size, volume(vertices, triangles))
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)
+    envelope = min(ENVELOPE * mesh_size, LARGEST_ENVELOPE * diagonal)
+    solid = {"vertices": vertices, "triangles": triangles[~is_sliver(vertices, triangles)]}
+    straight = run_apart("tetrahedralise", {**solid, "mesh_size": mesh_size, "epsilon": envelope})
+    patches = Patches(vertices, triangles, region, cell)
+    corners, tets = positive(straight["points"], straight["tets"])
+    _check_boundary(corners, boundary_triangles(tets))
+    points, tets, faces = second_order(*conforming(corners, tets, patches, 3 * envelope))
+    normals = unit(area_normals(points, faces[:, :3]))
+    followed = patches.nearest_triangle(points[faces[:, :3]].mean(axis=1), normals, 3 * envelope)
+    points = snapped(points, tets, faces, patches.patch[followed], patches, mesh_size)
+    inside = volume(points, faces[:, :3])
+    if abs(inside / volume(vertices, triangles) - 1) > VOLUME_TOLERANCE:
+        raise ComputationError(
+            f"the mesh has {inside:.4g} mm3 of the {volume(vertices, triangles):.4g} mm3 of the pad: choose a smaller "
+            f"mesh_size than {mesh_size:g}."
+        )
+    return VolumeMesh(points, tets, faces, region[followed], cell[followed])
+
+
+def _check_boundary(points: np.ndarray, faces: np.ndarray) -> None:
+    edges, _ = half_edges(faces)
+    edges, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    if not len(faces) or np.any(count != 2):
+        where = f" near {place(points[edges[np.argmax(count != 2)]].mean(axis=0))}" if len(faces) else ""
+        raise ComputationError(f"the mesh does not follow the surface of the pad{where}: choose a smaller mesh_size.")
