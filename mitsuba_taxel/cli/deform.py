@@ -9,23 +9,28 @@ import click
 from .options import debug_option, defines_option, folder_option, json_option
 
 
-@click.command(short_help="Deformed pads alone, as PLY.")
+@click.command(short_help="Deformed pads alone, as PLY and VTU.")
 @click.argument("scene")
 @defines_option
 @folder_option
+@click.option(
+    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv", help="One mesh per row; columns are parameters."
+)
+@click.option("--vtu", is_flag=True, help="Also write displacement, stress and strain for ParaView.")
 @json_option
 @debug_option
-def command(scene: str, defines: dict[str, str], folder: Path, as_json: bool) -> None:
+def command(scene: str, defines: dict[str, str], folder: Path, steps: Path | None, vtu: bool, as_json: bool) -> None:
     """Write the deformed pads of SCENE to DIR as PLY, with region and cell of each face."""
-    from mitsuba_taxel.studies import deform
+    from mitsuba_taxel.studies import deform, read_steps
 
-    from .tables import print_table, progress_bar
+    from .tables import print_pads, progress_bar
 
-    with progress_bar("pads"):
-        rows = deform(scene, defines, folder)
+    path = [{}] if steps is None else read_steps(steps)
+    with progress_bar("load steps") as progress:
+        rows = deform(scene, defines, folder, path, vtu=vtu, progress=progress)
     if as_json:
         import json
 
         click.echo(json.dumps({"pads": rows}))
     else:
-        print_table(list(rows[0]), ([str(value) for value in row.values()] for row in rows))
+        print_pads(rows)

@@ -83,6 +83,33 @@ def print_audit(audit) -> None:
     )
 
 
+def print_pads(rows: Sequence[Mapping]) -> None:
+    """Deformed pads: their load, and how good the solution is."""
+
+    def number(value: float | None, form: str) -> str:
+        return "unknown" if value is None else format(value, form)
+
+    quantity, unit = rows[0]["quantity"], rows[0]["unit"]
+    headings = ("file", f"{quantity} [{unit}]", "min J", "residual", "stable", "roof error [mm]", "slope error [deg]")
+    print_table(
+        headings,
+        (
+            (
+                row["file"],
+                ", ".join(f"{component:g}" for component in row["value"]),
+                f"{row['min_jacobian']:.4f}",
+                f"{row['residual']:.0e}",
+                "yes" if row["stable"] else "not checked",
+                number(row["roof_error_mm"], ".1e"),
+                number(row["slope_error_degrees"], ".2f"),
+            )
+            for row in rows
+        ),
+    )
+    worst = max(row["imbalance"] for row in rows)
+    print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
+
+
 def stage_line(seconds: Mapping[str, float]) -> str:
     """``Seconds: mechanics 3.2, optics 0.4, total 3.6``."""
     stages = [f"{stage} {value:.2f}" for stage, value in seconds.items()]

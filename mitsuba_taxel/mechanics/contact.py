@@ -48,7 +48,8 @@ class ContactTest:
 
     The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
     are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
-    below z = 0, or along the rim by more than `RIM`. Whether a single face runs into itself is left to the test for inverted elements.
+    below z = 0, or along the rim by more than `RIM`. Whether a single face runs into itself is left to the test for
+    inverted elements.
 
     Parameters
     ----------

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
 from mitsuba_taxel.mechanics.materials import Material
 from mitsuba_taxel.mechanics.model import Configuration, Model
-from mitsuba_taxel.mechanics.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.solvers import Factorisation, Solver, make_solver
 from mitsuba_taxel.mechanics.symmetry import part_between, unsymmetric_blocks
 from mitsuba_taxel.pads.mirror import Mirror
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
@@ -118,7 +119,7 @@ class LoadedPad:
             first = first or error
             if not error < 1e6 * max(first, 1.0):
                 raise Rejected("Newton's method diverges")
-            linearised = self._linearised(state, unknowns)
+            linearised = self._linearised(state.tangent)
             if error < RESIDUAL_TOLERANCE:
                 checked = self._is_stable(linearised, unknowns, value)
                 return Solution(unknowns, state.min_jacobian, error, iteration, checked), linearised
@@ -143,13 +144,14 @@ class LoadedPad:
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
         """How far a state is from balance: the largest relative error of forces, volumes, plate."""
         forces, volumes = np.split(state.residual, [self.numbering.displacements])
-        load = np.linalg.norm(state.load)
+        load = float(np.linalg.norm(state.load))
         if self._driven:
-            load = np.linalg.norm(forces[self._moved])
+            load = float(np.linalg.norm(forces[self._moved]))
             forces = np.delete(forces, self._moved)
         scale = max(load, self._small_load)
-        gap = np.abs(self._gap(unknowns, value)).max(initial=0.0)
-        return max(np.linalg.norm(forces) / scale, np.linalg.norm(volumes) / self._volume, gap / self._height)
+        gap = float(np.abs(self._gap(unknowns, value)).max(initial=0.0))
+        errors = [np.linalg.norm(forces) / scale, np.linalg.norm(volumes) / self._volume, gap / self._height]
+        return float(np.max(errors))
 
     @cached_property
     def _small_load(self) -> float:
@@ -177,9 +179,9 @@ class LoadedPad:
     def _targets(self, value: np.ndarray) -> np.ndarray:
         return self.numbering.plate_values(value) if self._driven else np.zeros(0)
 
-    def _linearised(self, state: Configuration, unknowns: np.ndarray) -> Linearised:
+    def _linearised(self, tangent: sparse.csc_matrix) -> Linearised:
         try:
-            return Linearised(self._solver.factor(state.tangent), self._moved, len(unknowns))
+            return Linearised(self._solver.factor(tangent), self._moved, self.unknowns)
         except RuntimeError as failure:
             raise Rejected(f"the tangent is singular ({failure})") from failure
 
@@ -242,10 +244,12 @@ class _Block:
     """The pad for displacements that lack the symmetry of its state."""
 
     model: Model
-    solver: object
+    solver: Solver
 
     def surplus(self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
         """Negative eigenvalues beyond those of the pressures, at a state of the whole pad."""
         state = self.model.evaluate(*self.model.part.restrict(displacement, pressure), value)
-        factor = self.solver.factor(state.tangent)
-        return factor.negative_pivots - self.model.numbering.pressures
+        assert state.tangent is not None  # or the state would not be one of balance
+        negative = self.solver.factor(state.tangent).negative_pivots
+        assert negative is not None  # or this would not be asked for
+        return negative - self.model.numbering.pressures

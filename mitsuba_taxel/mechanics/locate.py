@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.pads.point_tree import PointTree
 from mitsuba_taxel.pads.quality import shape_gradients
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
@@ -76,7 +76,7 @@ class PointLocator:
         self._centroid = corner.mean(axis=1)
         self._to_straight = np.linalg.inv(np.swapaxes(corner[:, 1:] - corner[:, :1], 1, 2))
         self._radius = np.linalg.norm(hull - self._centroid[:, None], axis=2).max()
-        self._tree = cKDTree(self._centroid)
+        self._tree = PointTree(self._centroid)
         self._boundary = _Boundary(mesh)
 
     def locate(self, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0) -> Location:
@@ -108,7 +108,7 @@ class PointLocator:
         sought, neighbours = np.arange(len(x)), FIRST_NEIGHBOURS
         while len(sought):
             ranks = np.arange(1, min(neighbours, len(self._centroid)) + 1)
-            distance, near = map(np.asarray, self._tree.query(x[sought], k=ranks))
+            distance, near = self._tree.query(x[sought], k=ranks)
             self._try(x, sought, near, element, reference)
             unseen = (distance[:, -1] <= self._radius) & (near.shape[1] < len(self._centroid))
             sought = sought[unseen & (element[sought] < 0)]
@@ -182,13 +182,13 @@ class _Boundary:
         self._centroid = self._nodes[:, :3].mean(axis=1)
         hull = _control_points(self._nodes, FACE_EDGES)
         self._radius = (1 + SLACK) * np.linalg.norm(hull - self._centroid[:, None], axis=2).max(axis=1)
-        self._tree, self._node_tree = cKDTree(self._centroid), cKDTree(self._nodes.reshape(-1, 3))
+        self._tree, self._node_tree = PointTree(self._centroid), PointTree(self._nodes.reshape(-1, 3))
         self._owner = _owners(mesh)
         self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
 
     def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Element and reference coordinates in it of the point of the surface nearest to each of points (P, 3)."""
-        bound = np.asarray(self._node_tree.query(x)[0])
+        bound = self._node_tree.query(x)[0]
         near = self._tree.query_ball_point(x, bound + self._radius.max())
         row, face = np.repeat(np.arange(len(x)), [len(faces) for faces in near]), np.concatenate(near).astype(np.int64)
         kept = np.linalg.norm(x[row] - self._centroid[face], axis=1) <= bound[row] + self._radius[face]

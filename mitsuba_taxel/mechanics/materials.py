@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import Any
 
@@ -66,8 +66,12 @@ class Material(ABC):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the law's numbers, each of which ``dataclasses.replace(material, name=value)`` changes."""
+        """Names of the law's numbers, each of which :meth:`changed` changes."""
         return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
+
+    def changed(self, **parameters: float) -> Material:
+        """The same law with other parameters."""
+        return replace(self, **parameters)  # type: ignore[type-var]
 
     @property
     def shear_modulus(self) -> float:

@@ -11,7 +11,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.assembly import Assembly, Pattern
 from mitsuba_taxel.mechanics.constraints import number_unknowns
-from mitsuba_taxel.mechanics.loads import Load, PlateDisplacement, Pressure
+from mitsuba_taxel.mechanics.loads import Load, PatchForce, PlateDisplacement, Pressure, SpreadForce
 from mitsuba_taxel.mechanics.materials import Material
 from mitsuba_taxel.mechanics.pressure import pressure_forces, pressure_stiffness
 from mitsuba_taxel.mechanics.symmetry import Part
@@ -90,6 +90,7 @@ class Model:
     @cached_property
     def _share(self) -> np.ndarray:
         """(n,) share of the whole pad's force that each node of the part carries."""
+        assert isinstance(self.load, SpreadForce | PatchForce)
         nodal = self.load.nodal(self.mesh)
         return nodal / (self.part.copies * nodal.sum())
 

@@ -306,7 +306,8 @@ class _Path:
                 cache.store(self._leg_name(leg), leg.arrays())
 
     def _leg_name(self, leg: Leg) -> str:
-        material, load = ([_name_of(part), asdict(part)] for part in (self.material, self.load))
+        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
+        load = [_name_of(self.load), asdict(self.load)]
         numerics = [leg.step, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
         return cache.key("leg", self._identity, material, load, numerics, leg.origin.tolist(), leg.direction.tolist())
 

@@ -5,7 +5,7 @@ Robotics, 2020, doi:10.1089/soro.2019.0115 (their data: github.com/LucMarechal/S
 Database License) were taken by ASTM D412 at 450 mm/min, strain from the crosshead. The constants here are our linear
 least-squares fit of an incompressible Yeoh law with two terms to the nominal stress up to 50 % of nominal strain; a
 third term came out negative, with which the energy falls at large strain. None of the sources gives Poisson's ratio:
-it is the 0.49 of the laws' default, and ``dataclasses.replace(silicone(name), poisson_ratio=0.5)`` changes it.
+it is the 0.49 of the laws' default, and ``silicone(name).changed(poisson_ratio=0.5)`` changes it.
 """
 
 from __future__ import annotations

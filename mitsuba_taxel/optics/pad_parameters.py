@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import mitsuba as mi
@@ -11,6 +11,7 @@ import numpy as np
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parameters import choice, number, whole_number
 from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.pads.rules import read_rules
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import Finish, Load, Material
@@ -40,8 +41,8 @@ def read_pad(props: mi.Properties) -> Pad | PadFile:
     """The pad of a scene; raises `InputError`."""
     if "filename" in props:
         _refuse(props, ("cell", *_COUNTS, *_LENGTHS), "the pad is that of filename")
-        regions = _file(props, "regions") if "regions" in props else ()
-        return PadFile(_file(props, "filename"), regions)
+        rules = read_rules(_file(props, "regions")) if "regions" in props else ()
+        return PadFile(_file(props, "filename"), rules)
     _refuse(props, ("regions",), "it is only for a pad of filename")
     lengths = {name: number(props, name, above=0) for name in _LENGTHS if name in props}
     counts = {name: whole_number(props, name, 3, minimum=1, maximum=100) for name in _COUNTS}
@@ -62,7 +63,7 @@ def read_material(props: mi.Properties) -> Material:
     if name == "yeoh":
         return Yeoh(number(props, "c10", above=0), number(props, "c20", 0.0), number(props, "c30", 0.0), **ratio)
     if name in SILICONES:
-        return replace(silicone(name), **(ratio if "poisson_ratio" in props else {}))
+        return silicone(name).changed(**(ratio if "poisson_ratio" in props else {}))
     if "shore_a" in props:
         _refuse(props, ("youngs_modulus",), "it and shore_a exclude each other")
         return from_shore_a(number(props, "shore_a"), **ratio)
@@ -80,19 +81,19 @@ def read_load(props: mi.Properties) -> tuple[Load, tuple[float, ...]]:
         load: Load = PatchForce((number(props, "patch_x", 0.0), number(props, "patch_y", 0.0)), (width, depth))
     else:
         _refuse(props, _PATCH, f"it is not for load = {name!r}")
-        kinds = {"plate_force": PlateForce, "plate_displacement": PlateDisplacement, "pressure": Pressure}
-        load = kinds.get(name, SpreadForce)()
+        plain: tuple[Load, ...] = (SpreadForce(), PlateForce(), PlateDisplacement(), Pressure())
+        load = dict(zip(("spread_force", "plate_force", "plate_displacement", "pressure"), plain, strict=True))[name]
     if name == "pressure":
         return load, (number(props, "pressure", 0.0),)
     return load, _three(props, LOADS[name])
 
 
-def read_mesh(props: mi.Properties) -> dict[str, float | None]:
-    """The mesh size or tolerance of a scene, as `load_path` takes them; raises `InputError`."""
+def read_mesh(props: mi.Properties) -> tuple[float | None, float | None]:
+    """The mesh size and the mesh tolerance of a scene, at most one of which it gives; raises `InputError`."""
     if "mesh_tolerance" in props:
         _refuse(props, ("mesh_size",), "it and mesh_tolerance exclude each other")
-        return {"mesh_tolerance": number(props, "mesh_tolerance", above=0, maximum=1)}
-    return {"mesh_size": number(props, "mesh_size", above=0) if "mesh_size" in props else None}
+        return None, number(props, "mesh_tolerance", above=0, maximum=1)
+    return (number(props, "mesh_size", above=0) if "mesh_size" in props else None), None
 
 
 def read_cells(props: mi.Properties) -> tuple[int, ...] | None:
@@ -114,6 +115,7 @@ def read_finish(props: mi.Properties) -> Finish | None:
     name = choice(props, "finish", "smooth", ("smooth", "layer_steps", "grooves", "random"))
     if name == "smooth":
         return None
+    _refuse(props, ("filename",), f"finish = {name!r} is only for pads of this package's own shapes")
     default = RandomRoughness.refinement if name == "random" else LayerSteps.refinement
     refinement = number(props, "finish_refinement", default, above=0)
     if name == "layer_steps":
@@ -141,6 +143,6 @@ def _three(props: mi.Properties, name: str) -> tuple[float, ...]:
     return value
 
 
-def _file(props: mi.Properties, name: str) -> str:
-    """A file named in a scene, looked for beside the scene and among the shipped ones."""
-    return str(mi.file_resolver().resolve(str(props.get(name))))
+def _file(props: mi.Properties, name: str) -> Path:
+    """A file named in a scene, looked for beside the scene."""
+    return Path(str(mi.file_resolver().resolve(str(props.get(name)))))

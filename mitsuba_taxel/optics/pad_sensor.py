@@ -6,7 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.mechanics import (
+    Grooves,
+    LayerSteps,
+    Load,
+    Material,
+    MooneyRivlin,
+    NeoHookean,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+    RandomRoughness,
+    SpreadForce,
+    Yeoh,
+)
 from mitsuba_taxel.optics.objects import ABSORBING, ISOTROPIC, PhotoReflector, Wall
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.pads import Pad
@@ -18,16 +33,19 @@ class PadSensor:
 
     Parameters
     ----------
-    pad, material : the silicone
-    force : total force (Fx, Fy, Fz) on the top, in N; compression is Fz < 0
+    pad, material : the silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`
+    force : total force (Fx, Fy, Fz), in N; compression is Fz < 0
+    load : how it acts: `SpreadForce`, `PatchForce` or `PlateForce`; for `PlateDisplacement` ``force`` is the
+        displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa
     photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
     roof, side : what covers the cells
     finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
     """
 
     pad: Pad = field(default_factory=Pad)
-    material: NeoHookean = field(default_factory=NeoHookean)
+    material: Material = field(default_factory=NeoHookean)
     force: Sequence[float] = (0.0, 0.0, 0.0)
+    load: Load = field(default_factory=SpreadForce)
     photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
     roof: Wall = ISOTROPIC
     side: Wall = ABSORBING
@@ -57,9 +75,8 @@ class PadSensor:
                 "height": pad.height,
                 "cell_size": pad.cell_size,
                 "cell_height": pad.top_of_cell,
-                "youngs_modulus": self.material.youngs_modulus,
-                "poisson_ratio": self.material.poisson_ratio,
-                "force": mi.ScalarVector3f(*map(float, self.force)),
+                **_material_parameters(self.material),
+                **_load_parameters(self.load, self.force),
                 **_finish_parameters(self.finish),
                 "walls": {"type": "region", "roof": self.roof.to_dict(), "side": self.side.to_dict()},
             },
@@ -71,6 +88,36 @@ class PadSensor:
             },
         }
         return Scene(description)
+
+
+_LAWS = {NeoHookean: "neo_hookean", MooneyRivlin: "mooney_rivlin", Yeoh: "yeoh"}
+
+
+def _material_parameters(material: Material) -> dict[str, Any]:
+    """The parameters of the plugin `deformable_pad` that stand for a material."""
+    if type(material) not in _LAWS:
+        known = ", ".join(law.__name__ for law in _LAWS)
+        raise InputError(f"material = {material!r} is not allowed in a scene: one of {known} is needed.")
+    constants = {name: float(getattr(material, name)) for name in material.parameters}
+    return {"material": _LAWS[type(material)], **constants}
+
+
+def _load_parameters(load: Load, value: Sequence[float]) -> dict[str, Any]:
+    """The parameters of the plugin `deformable_pad` that stand for a load and its value."""
+    import mitsuba as mi
+
+    if len(value) != load.components:
+        raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
+    if isinstance(load, Pressure):
+        return {"load": "pressure", "pressure": float(value[0])}
+    vector = mi.ScalarVector3f(*map(float, value))
+    if isinstance(load, PlateDisplacement):
+        return {"load": "plate_displacement", "displacement": vector}
+    if isinstance(load, PatchForce):
+        (x, y), (width, depth) = load.centre, load.size
+        patch = {"patch_x": x, "patch_y": y, "patch_width": width, "patch_depth": depth}
+        return {"load": "patch_force", "force": vector, **patch}
+    return {"load": "plate_force" if isinstance(load, PlateForce) else "spread_force", "force": vector}
 
 
 def _finish_parameters(finish: LayerSteps | Grooves | RandomRoughness | None) -> dict[str, Any]:

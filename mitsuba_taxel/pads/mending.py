@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mitsuba_taxel.pads.boxes import overlapping
 from mitsuba_taxel.pads.flaw import Flaw, place
+from mitsuba_taxel.pads.point_tree import PointTree
 from mitsuba_taxel.pads.triangles import area_normals, components, half_edges, neighbours, unit, volume
 
 ROUNDING = 6
@@ -47,7 +47,7 @@ def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
 def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
-    pairs = cKDTree(unique).query_pairs(tolerance, output_type="ndarray")
+    pairs = PointTree(unique).query_pairs(tolerance)
     part = components(len(unique), pairs)
     _, first = np.unique(part, return_index=True)
     return unique[first], part[number.reshape(-1)][triangles]

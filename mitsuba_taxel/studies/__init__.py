@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mitsuba_taxel.studies.dataset import stage_totals
     from mitsuba_taxel.studies.deformation import deform
+    from mitsuba_taxel.studies.steps import read_steps
     from mitsuba_taxel.studies.study import sweep
 
-_LAZY = {"deform": "deformation", "stage_totals": "dataset", "sweep": "study"}
+_LAZY = {"deform": "deformation", "read_steps": "steps", "stage_totals": "dataset", "sweep": "study"}
 
-__all__ = ["deform", "stage_totals", "sweep"]
+__all__ = ["deform", "read_steps", "stage_totals", "sweep"]
 
 
 def __getattr__(name: str) -> object:

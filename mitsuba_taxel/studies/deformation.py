@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +14,33 @@ from mitsuba_taxel.optics import Scene, find_scene
 from mitsuba_taxel.studies.files import make_folder, replacing
 
 
-def deform(source: str | Path, defines: Mapping[str, object], folder: Path) -> list[dict[str, Any]]:
-    """Write the deformed pads of a scene as ``pad_1.ply``, ... in the order of the scene; no light is traced.
+def deform(
+    source: str | Path,
+    defines: Mapping[str, object],
+    folder: Path,
+    steps: Sequence[Mapping[str, object]] = ({},),
+    *,
+    vtu: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Write the deformed pads of a scene, one mesh per pad and load step; no light is traced.
 
     Parameters
     ----------
     source : path of a scene, or the name of a shipped one
     defines : values for the scene's parameters
     folder : made where it is missing; meshes of the same name are replaced
+    steps : of a load path: values for the scene's parameters that each step has of its own
+    vtu : whether to write displacement, stress and strain inside the silicone too, for ParaView
+    progress : called with (steps done, steps in all)
 
     Returns
     -------
-    Per pad ``file``, ``force_N`` (Fx, Fy, Fz), ``triangles``, ``min_jacobian`` (smallest volume ratio det F),
-    ``newton_iterations``.
+    Per pad and step ``file`` (PLY, mm; a VTU bears the same name), the load's ``quantity``, ``value`` and ``unit``,
+    ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest force
+    out of balance where the path was solved, relative to the load), ``stable`` (None if it was not checked),
+    ``imbalance`` (board's reaction against the load, relative, of this very state), ``roof_error_mm`` and
+    ``slope_error_degrees`` (estimated discretisation error; None if unknown).
 
     Raises
     ------
@@ -35,25 +49,44 @@ def deform(source: str | Path, defines: Mapping[str, object], folder: Path) -> l
     ComputationError
         if the pad could not be deformed so far.
     """
-    scene = Scene(find_scene(source), dict(defines))
     make_folder(folder)
-    pads = deformed_pads(scene.load())
-    if not pads:
-        raise InputError(f"{scene.name} holds no deformable_pad: there is nothing to deform.")
     rows = []
-    for number, pad in enumerate(pads, start=1):
-        file = folder / f"pad_{number}.ply"
-        write_mesh(pad, file)
-        rows.append(
-            {
-                "file": str(file),
-                "force_N": [float(component) for component in pad.force],
-                "triangles": pad.face_count(),
-                "min_jacobian": float(pad.state.min_jacobian),
-                "newton_iterations": int(pad.state.newton_iterations),
-            }
-        )
+    for step, values in enumerate(steps, start=1):
+        scene = Scene(find_scene(source), {**defines, **values})
+        pads = deformed_pads(scene.load())
+        if not pads:
+            raise InputError(f"{scene.name} holds no deformable_pad: there is nothing to deform.")
+        for number, pad in enumerate(pads, start=1):
+            name = f"pad_{number}" + (f"_step_{step:0{len(str(len(steps)))}}" if len(steps) > 1 else "")
+            rows.append(_written(pad, folder / f"{name}.ply", vtu))
+        if progress:
+            progress(step, len(steps))
     return rows
+
+
+def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
+    """Write one deformed pad, and say what it is."""
+    from mitsuba_taxel.mechanics.balance import reactions
+    from mitsuba_taxel.mechanics.vtu import write_vtu
+
+    state = pad.state
+    write_mesh(pad, file)
+    if vtu:
+        write_vtu(file.with_suffix(".vtu"), state.mesh, state.displacement, state.pressure, state.material)
+    return {
+        "file": str(file),
+        "quantity": state.load.quantity,
+        "value": [float(component) for component in state.value],
+        "unit": state.load.unit,
+        "triangles": pad.face_count(),
+        "min_jacobian": float(state.min_jacobian),
+        "newton_iterations": int(state.newton_iterations),
+        "residual": float(state.residual),
+        "stable": True if state.stability_checked else None,
+        "imbalance": float(reactions(state).imbalance),
+        "roof_error_mm": None if state.error is None else state.error.displacement,
+        "slope_error_degrees": None if state.error is None else state.error.slope,
+    }
 
 
 def deformed_pads(scene: Any) -> list[Any]:

@@ -11,6 +11,7 @@ from mitsuba_taxel.optics.faces import similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import whole_number
 from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.pads import Pad
 
 
 class DeformablePad(mi.Mesh):
@@ -200,7 +201,7 @@ class DeformablePad(mi.Mesh):
         self.pad = pad_parameters.read_pad(props)
         self.material = pad_parameters.read_material(props)
         self.load, self.value = pad_parameters.read_load(props)
-        self.mesh_choice = pad_parameters.read_mesh(props)
+        self.mesh_size, self.mesh_tolerance = pad_parameters.read_mesh(props)
         self.read_cells = pad_parameters.read_cells(props)
         self.subdivision = whole_number(props, "subdivision", 12, minimum=1, maximum=64)
         self.finish = pad_parameters.read_finish(props)
@@ -219,7 +220,7 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import check_finish, tessellate
 
         with stages.stage("mechanics"):
-            if self.finish is not None:
+            if self.finish is not None and isinstance(self.pad, Pad):
                 # What cannot be made is refused before it is solved for.
                 rest = self.states([np.zeros(len(self.value))])[0]
                 check_finish(self.finish, self.pad, rest.mesh, self.subdivision)
@@ -230,7 +231,8 @@ class DeformablePad(mi.Mesh):
         """The deformed states of this pad under other values of its load; see `load_path`."""
         from mitsuba_taxel.mechanics import load_path
 
-        return load_path(self.pad, self.material, values, load=self.load, **self.mesh_choice)
+        size, tolerance = self.mesh_size, self.mesh_tolerance
+        return load_path(self.pad, self.material, values, load=self.load, mesh_size=size, mesh_tolerance=tolerance)
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
