@@ -19,7 +19,24 @@ check_llvm()
 register_for_every_variant()
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics import Grooves, LayerSteps, NeoHookean, RandomRoughness
+    from mitsuba_taxel.mechanics import (
+        Grooves,
+        LayerSteps,
+        MooneyRivlin,
+        NeoHookean,
+        PatchForce,
+        PlateDisplacement,
+        PlateForce,
+        Pressure,
+        RandomRoughness,
+        SpreadForce,
+        Yeoh,
+        from_shore_a,
+        linearise,
+        load_path,
+        silicone,
+        tessellate,
+    )
     from mitsuba_taxel.optics import (
         AnnularLed,
         PadSensor,
@@ -33,26 +50,39 @@ if TYPE_CHECKING:
         measure,
         write_xml,
     )
-    from mitsuba_taxel.pads import Pad
+    from mitsuba_taxel.pads import Pad, PadFile
     from mitsuba_taxel.studies import sweep
 
 _LAZY = {
     "AnnularLed": "mitsuba_taxel.optics",
     "Grooves": "mitsuba_taxel.mechanics",
     "LayerSteps": "mitsuba_taxel.mechanics",
+    "MooneyRivlin": "mitsuba_taxel.mechanics",
     "NeoHookean": "mitsuba_taxel.mechanics",
     "Pad": "mitsuba_taxel.pads",
+    "PadFile": "mitsuba_taxel.pads",
     "PadSensor": "mitsuba_taxel.optics",
+    "PatchForce": "mitsuba_taxel.mechanics",
     "PhotoReflector": "mitsuba_taxel.optics",
     "Phototransistor": "mitsuba_taxel.optics",
+    "PlateDisplacement": "mitsuba_taxel.mechanics",
+    "PlateForce": "mitsuba_taxel.mechanics",
+    "Pressure": "mitsuba_taxel.mechanics",
     "RandomRoughness": "mitsuba_taxel.mechanics",
     "Readings": "mitsuba_taxel.optics",
     "Scene": "mitsuba_taxel.optics",
+    "SpreadForce": "mitsuba_taxel.mechanics",
     "Wall": "mitsuba_taxel.optics",
+    "Yeoh": "mitsuba_taxel.mechanics",
     "crosstalk": "mitsuba_taxel.optics",
     "energy_audit": "mitsuba_taxel.optics",
+    "from_shore_a": "mitsuba_taxel.mechanics",
+    "linearise": "mitsuba_taxel.mechanics",
+    "load_path": "mitsuba_taxel.mechanics",
     "measure": "mitsuba_taxel.optics",
+    "silicone": "mitsuba_taxel.mechanics",
     "sweep": "mitsuba_taxel.studies",
+    "tessellate": "mitsuba_taxel.mechanics",
     "write_xml": "mitsuba_taxel.optics",
 }
 
@@ -62,19 +92,32 @@ __all__ = [
     "Grooves",
     "InputError",
     "LayerSteps",
+    "MooneyRivlin",
     "NeoHookean",
     "Pad",
+    "PadFile",
     "PadSensor",
+    "PatchForce",
     "PhotoReflector",
     "Phototransistor",
+    "PlateDisplacement",
+    "PlateForce",
+    "Pressure",
     "RandomRoughness",
     "Readings",
     "Scene",
+    "SpreadForce",
     "Wall",
+    "Yeoh",
     "crosstalk",
     "energy_audit",
+    "from_shore_a",
+    "linearise",
+    "load_path",
     "measure",
+    "silicone",
     "sweep",
+    "tessellate",
     "write_xml",
 ]
 

@@ -11,6 +11,7 @@ stress and tangent only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -58,7 +59,11 @@ class Assembly:
         displacement = (3 * mesh.tets[:, :, None] + np.arange(3)).reshape(len(mesh.tets), 30)
         dofs = np.concatenate([displacement, 3 * len(mesh.points) + mesh.tets[:, :4]], axis=1)
         self._element_unknowns, self._element_signs = numbering.unknown[dofs], numbering.sign[dofs]
-        self.pattern = Pattern(self._element_unknowns, self._element_signs, self.unknowns)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Where the tangent has entries."""
+        return Pattern(self._element_unknowns, self._element_signs, self.unknowns)
 
     def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> Inside:
         """Internal forces and tangent at a state; the residual is that of no load.

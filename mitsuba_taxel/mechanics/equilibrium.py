@@ -150,8 +150,8 @@ class LoadedPad:
             forces = np.delete(forces, self._moved)
         scale = max(load, self._small_load)
         gap = float(np.abs(self._gap(unknowns, value)).max(initial=0.0))
-        errors = [np.linalg.norm(forces) / scale, np.linalg.norm(volumes) / self._volume, gap / self._height]
-        return float(np.max(errors))
+        forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
+        return max(forces_off / scale, volumes_off / self._volume, gap / self._height)
 
     @cached_property
     def _small_load(self) -> float:

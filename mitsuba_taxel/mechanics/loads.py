@@ -115,9 +115,20 @@ Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure
 
 
 def loaded_area(mesh: VolumeMesh, load: Load) -> float:
-    """Undeformed area in mm² that a load acts on."""
-    if isinstance(load, SpreadForce | PatchForce):
-        return float(load.nodal(mesh).sum())
+    """Undeformed area in mm² that a load acts on.
+
+    Raises
+    ------
+    InputError
+        if a patch lies beside the top.
+    """
+    if isinstance(load, PatchForce):
+        area = float(load.nodal(mesh).sum())
+        if not area > 0:
+            raise InputError(
+                f"patch centre = {load.centre}, size = {load.size} is not allowed: it lies beside the top."
+            )
+        return area
     return float(_areas(mesh, mesh.faces[mesh.face_region == REGIONS["top"]]).sum())
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from numbers import Integral
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.optics.tracing import trace
 from mitsuba_taxel.optics.walls import set_wavelength
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import RoofError
 
 REPLICATES = 32
 """Independent randomisations of each reading; the standard error comes from their scatter."""
@@ -45,7 +49,8 @@ class Readings:
     parameters : values of the scene's parameters
     irradiance : (height, width) map in W/mm², one block of pixels for each taxel, or None
     responsivity : (T,) photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None
-    notes : what the reader of the numbers must know, in words
+    roof_errors : of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown
+    remarks : what the reader of the numbers must know besides, in words
     """
 
     replicates: np.ndarray
@@ -55,7 +60,13 @@ class Readings:
     parameters: dict[str, str] = field(default_factory=dict)
     irradiance: np.ndarray | None = None
     responsivity: np.ndarray | None = None
-    notes: list[str] = field(default_factory=list)
+    roof_errors: list[RoofError | None] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the reader of the numbers must know, in words."""
+        return [*self.remarks, *describe_mechanics(self.roof_errors)]
 
     @property
     def taxel(self) -> np.ndarray:
@@ -159,8 +170,10 @@ def measure(
             run = Run(ready, seed, irradiance, continued)
             run.go_on(wanted or MOST_POINTS, clock)
     current = _responsivity(ready.scene)
-    result = Readings(run.powers, run.points, seed, seconds, ready.parameters, run.image, current)
-    result.notes.extend([*ready.notes, *_notes(ready.scene, result, target_error, points)])
+    pads = [shape for shape in ready.scene.shapes() if hasattr(shape, "state") and any(shape.value)]
+    errors = [pad.state.error for pad in pads]
+    result = Readings(run.powers, run.points, seed, seconds, ready.parameters, run.image, current, errors)
+    result.remarks.extend([*ready.notes, *_remarks(result, target_error, points)])
     return result
 
 
@@ -326,9 +339,8 @@ def _responsivity(live: Any) -> np.ndarray | None:
     return np.concatenate([np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs])
 
 
-def _notes(scene: Any, result: Readings, target_error: float | None, points: int | None) -> list[str]:
+def _remarks(result: Readings, target_error: float | None, points: int | None) -> list[str]:
     notes = []
-    notes += [_mechanics_note(shape) for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
     if target_error is not None and result.relative_error > target_error:
         notes.append(
             f"target error {target_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
@@ -341,15 +353,18 @@ def _notes(scene: Any, result: Readings, target_error: float | None, points: int
     return notes
 
 
-def _mechanics_note(pad: Any) -> str:
-    """What is known of the error of a deformed pad, which the standard error of the light does not hold."""
-    error = pad.state.error
-    if error is None:
-        return "mechanics error unknown: the stated error is that of the light alone"
-    return (
-        f"mechanics: roofs right to {error.displacement:.2g} mm (at worst {error.largest:.2g} mm, {error.relative:.1%} "
-        f"of the largest displacement) and {error.slope:.2g} degrees; not part of the stated standard error"
-    )
+def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
+    """What is known of the error of loaded pads, which the standard error of the light does not hold; for the worst."""
+    if not errors:
+        return []
+    known = [error for error in errors if error is not None]
+    if len(known) < len(errors):
+        return ["mechanics error unknown: the stated error is that of the light alone"]
+    worst = max(known, key=lambda error: error.displacement)
+    return [
+        f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
+        f"of the largest displacement) and {worst.slope:.2g} degrees; not part of the stated standard error"
+    ]
 
 
 def check_request(target_error: float | None, points: int | None, seed: int, time_budget: float | None = None) -> None:

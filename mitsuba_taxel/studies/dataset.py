@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.backend import report
 from mitsuba_taxel.optics import Readings, Scene
+from mitsuba_taxel.optics.readings import describe_mechanics
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
 from mitsuba_taxel.studies.vary import as_numbers, curve_parameter
 
@@ -43,6 +45,8 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
         seconds[index] = [result.seconds.get(stage, 0.0) for stage in stages]
         meshes[index] = result.meshes
     dims = list(varied)
+    remarks = [remark for result in results.values() for remark in result.readings.remarks]
+    errors = [error for result in results.values() for error in result.readings.roof_errors]
     power = replicates.mean(axis=-2)
     error = replicates.std(axis=-2, ddof=1) / np.sqrt(len(first.replicates))
     study = xr.Dataset(
@@ -55,6 +59,7 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
             ),
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
+            **_roof_errors(dims, shape, results),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
         },
@@ -70,7 +75,7 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
             "versions": json.dumps(report()["versions"]),
             "seed": first.seed,
             "points": first.points,
-            "notes": "\n".join(dict.fromkeys(note for result in results.values() for note in result.readings.notes)),
+            "notes": "\n".join(dict.fromkeys([*remarks, *describe_mechanics(errors)])),
         },
     )
     return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
@@ -81,6 +86,24 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
         return {}
     about = {"units": "A/W", "long_name": "photocurrent per optical power"}
     return {"responsivity": ("taxel", readings.responsivity, about)}
+
+
+def _roof_errors(
+    dims: list[str], shape: tuple[int, ...], results: Mapping[tuple[int, ...], Result]
+) -> dict[str, tuple]:
+    """The worst error of the pads of each scene; not a number where it is unknown."""
+    if not any(result.readings.roof_errors for result in results.values()):
+        return {}
+    displacement, slope = np.zeros(shape), np.zeros(shape)
+    for index, result in results.items():
+        errors = result.readings.roof_errors
+        displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
+        slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
+    about = "error of the roofs' {} by finite elements, root mean square"
+    return {
+        "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
+        "slope_error": (dims, slope, {"units": "degrees", "long_name": about.format("slope")}),
+    }
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:

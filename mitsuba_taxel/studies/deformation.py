@@ -66,8 +66,7 @@ def deform(
 
 def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
     """Write one deformed pad, and say what it is."""
-    from mitsuba_taxel.mechanics.balance import reactions
-    from mitsuba_taxel.mechanics.vtu import write_vtu
+    from mitsuba_taxel.mechanics import reactions, write_vtu
 
     state = pad.state
     write_mesh(pad, file)

@@ -115,7 +115,9 @@ def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     result = sweep("pad.xml", vary, points=64, output=tmp_path / "out")
     assert result.mesh.values.tolist() == [["meshes/pad_0001.ply"] * 2, ["meshes/pad_0002.ply"] * 2]
     assert sorted(os.listdir(tmp_path / "out" / "meshes")) == ["pad_0001.ply", "pad_0002.ply"]
-    assert "mechanics error unknown" in result.attrs["notes"]
+    assert result.attrs["notes"].count("mechanics: roofs right to") == 1
+    assert np.all(result.roof_error.sel(fz=0) == 0)
+    assert np.all(result.roof_error.sel(fz=-1) > 0) and np.all(result.slope_error.sel(fz=-1) > 0)
     summary = (tmp_path / "out" / "summary.csv").read_text().splitlines()
     assert len(summary) == 1 + 2 * 9
     assert summary[0].startswith("force,scattering,taxel,max_slope_W_per_N,max_slope_error_W_per_N")
@@ -123,7 +125,9 @@ def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
 
 def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
     (row,) = deform("pad.xml", {"fz": -10}, tmp_path)
-    assert row["force_N"] == [0, 0, -10] and 0 < row["min_jacobian"] < 1 and row["newton_iterations"] > 0
+    assert (row["quantity"], row["value"], row["unit"]) == ("force", [0, 0, -10], "N")
+    assert row["stable"] and row["imbalance"] < 1e-4 and 0 < row["roof_error_mm"] < 0.01
+    assert 0 < row["min_jacobian"] < 1 and row["newton_iterations"] > 0
     pad = Scene.from_file("pad.xml", fz=-10)
     lines = [line for line in pad.source.read_text().splitlines() if "<default" not in line]
     text = re.sub(r"\$(\w+)", lambda match: pad.parameters[match[1]], "\n".join(lines))

@@ -1,0 +1,195 @@
+"""The pad's mechanics: error against time beside CalculiX, the paper's load paths, and growth with the number of cells.
+
+Run it as ``python benchmarks/mechanics.py [solve] [paths] [cells] [--csv FILE]``; without words, all three.
+Every figure is taken in a process of its own, with an empty cache of solutions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from mechanics_peer import CELL, mean_roof_displacement
+from peers import calculix
+
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
+from mitsuba_taxel.mechanics.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.locate import displacement_at
+from mitsuba_taxel.mechanics.symmetry import node_images
+from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.mirror import MIRRORS
+
+MATERIAL = NeoHookean(4.16, 0.49)
+FORCE = (0.0, 0.0, -20.0)
+NORMAL = [(0.0, 0.0, -0.5 * step) for step in range(41)]
+TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]
+REFERENCE_SIZE = 0.28
+"""Mesh size in mm of what counts as the truth, for the eighth of the pad that a normal load needs."""
+TANGENTIAL_REFERENCE_SIZE = 0.5
+"""And for the half that a tangential one needs."""
+
+
+def solve_table() -> Iterator[tuple[object, ...]]:
+    """Error of the centre roof's mean displacement under one normal load, against seconds from pad to displacement."""
+    pad = Pad()
+    truth = _apart(_own, pad, REFERENCE_SIZE, True, "rslab")[0]
+    yield "system", "mesh size", "seconds", "MB", "roof mm", "error"
+
+    def row(system: str, size: float, roof: float, seconds: float, memory: float) -> tuple[object, ...]:
+        return system, size, f"{seconds:.2f}", f"{memory:.0f}", f"{roof:.6f}", f"{abs(roof / truth - 1):.2%}"
+
+    cases: list[tuple[str, bool, str, tuple[float, ...]]] = [
+        ("ours", True, "rslab", (2.0, 1.2, 0.8, 0.55, 0.4)),
+        ("ours, SuperLU", True, "superlu", (2.0, 1.2, 0.8)),
+        ("ours, whole pad", False, "rslab", (2.0, 1.2, 0.8)),
+        ("ours, whole pad, SuperLU", False, "superlu", (2.0,)),
+    ]
+    for system, symmetric, solver, sizes in cases:
+        for size in sizes:
+            roof, seconds, memory = _apart(_own, pad, size, symmetric, solver)
+            yield row(system, size, roof, seconds, memory)
+    if not calculix.installed():
+        yield ("ccx is not installed", "", "", "", "", "")
+        return
+    for threads in (1, 2):
+        for size in (2.0, 1.2, 0.8):
+            try:
+                yield row(f"ccx, {threads} threads", size, *_apart(_peer, pad, size, threads))
+            except ComputationError as reason:
+                yield (f"ccx, {threads} threads", size, str(reason), "", "", "")
+
+
+def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, float]:
+    """Mean roof displacement in mm, and seconds with meshing."""
+    start = time.perf_counter()
+    mesh = mesh_pad(pad, size)
+    images, mirrors = (node_images(mesh), MIRRORS) if symmetric else ({}, ())
+    loaded = LoadedPad(mesh, MATERIAL, SpreadForce(), mirrors, images, solver)
+    solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(FORCE))
+    displacement = loaded.split(solution.unknowns)[0]
+    return mean_roof_displacement(mesh, displacement, CELL), time.perf_counter() - start
+
+
+def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
+    """The same by CalculiX, on the same mesh; without the time of meshing and of writing the deck."""
+    mesh = mesh_pad(pad, size)
+    result = calculix.solve(mesh, MATERIAL, FORCE, threads)
+    return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
+
+
+def paths_table() -> Iterator[tuple[object, ...]]:
+    """The paper's paths: seconds and memory from nothing, and the error of the last step against a finer mesh."""
+    yield "cells", "path", "steps", "seconds", "MB", "stated error", "largest error", "rms error", "between nodes"
+    for cell in CELL_SHAPES:
+        for name, steps, size in (
+            ("normal", NORMAL, REFERENCE_SIZE),
+            ("tangential", TANGENTIAL, TANGENTIAL_REFERENCE_SIZE),
+        ):
+            seconds, stated, memory = _apart(_path, Pad(cell), steps)
+            largest, rms, between, _ = _apart(_path_errors, Pad(cell), steps[-1], size)
+            errors = f"{stated:.2%}", f"{largest:.2%}", f"{rms:.2%}", f"{between:.4%}"
+            yield cell, name, len(steps), f"{seconds:.1f}", f"{memory:.0f}", *errors
+
+
+def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
+    start = time.perf_counter()
+    states = load_path(pad, MATERIAL, steps)
+    error = states[-1].error
+    return time.perf_counter() - start, error.relative if error else float("nan")
+
+
+def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float, float, float]:
+    """Errors of the roofs' nodes under the last force, relative to the largest displacement of any node.
+
+    The largest and the root mean square against a finer mesh, and the largest against a solve at that very force.
+    """
+    state = load_path(pad, MATERIAL, [last])[0]
+    images = node_images(state.mesh)
+    group = tuple(mirror for mirror in images if np.array_equal(mirror.image(np.array(last)), last))
+    here = LoadedPad(state.mesh, MATERIAL, SpreadForce(), group, images)
+    exact, _ = here.solve(here.gather(state.displacement, state.pressure), np.array(last))
+    fine = load_path(pad, MATERIAL, [last], mesh_size=size)[0]
+    roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
+    reference = displacement_at(fine.mesh, fine.displacement, state.mesh.points[roof], tolerance=0.1)
+    error = np.linalg.norm(state.displacement[roof] - reference, axis=1)
+    between = np.linalg.norm(state.displacement - here.split(exact.unknowns)[0], axis=1)[roof]
+    most = np.linalg.norm(reference, axis=1).max()
+    return error.max() / most, float(np.sqrt(np.mean(error**2))) / most, between.max() / most
+
+
+def cells_table() -> Iterator[tuple[object, ...]]:
+    """Seconds and memory of a path to the same pressure, against the number of cells."""
+    yield "cells", "load", "unknowns", "seconds", "MB"
+    grown: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
+    for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
+        for side in sides:
+            unknowns, seconds, memory = _apart(_grown, side, load)
+            grown[load].append((side * side, seconds, memory))
+            yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
+    for load, rows in grown.items():
+        cells, seconds, memory = np.log(np.array(rows[-3:], dtype=float)).T
+        for what, figures in (("seconds", seconds), ("MB", memory)):
+            exponent, offset = np.polyfit(cells, figures, 1)
+            at_32 = np.exp(offset + exponent * np.log(32 * 32))
+            yield f"{load}: {what} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", ""
+
+
+def _grown(side: int, load: str) -> tuple[int, float]:
+    pad = Pad(rows=side, columns=side)
+    pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
+    force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
+    start = time.perf_counter()
+    state = load_path(pad, MATERIAL, [force])[0]
+    return 3 * len(state.mesh.points) + state.mesh.corner_count, time.perf_counter() - start
+
+
+TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
+    "solve": solve_table,
+    "paths": paths_table,
+    "cells": cells_table,
+}
+
+
+def _apart(function: Callable, *arguments: object) -> tuple:
+    """What ``function`` returns, and the peak memory in MB, of a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(_measured, function, arguments).result()
+
+
+def _measured(function: Callable, arguments: tuple) -> tuple:
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["MITSUBA_TAXEL_CACHE"] = folder
+        result = function(*arguments)
+    usage = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return *result, usage / 1024
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("tables", nargs="*", choices=[*TABLES, []], help="which tables; all by default")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the tables here as well")
+    options = parser.parse_args()
+    rows = []
+    for name in options.tables or TABLES:
+        print(f"\n{name}: {' '.join(TABLES[name].__doc__.split())}")
+        for row in TABLES[name]():
+            print(" ".join(f"{str(cell):>16}" for cell in row), flush=True)
+            rows.append((name, *row))
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            csv.writer(file).writerows(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,196 @@
+"""What a scene may say of its pad: silicone, load, mesh, cells that are read, a file; packages in the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import ComputationError, InputError, Pad, PadSensor, Scene, measure
+from mitsuba_taxel.mechanics import (
+    MooneyRivlin,
+    NeoHookean,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+    SpreadForce,
+    Yeoh,
+    from_shore_a,
+    load_path,
+    silicone,
+    tessellate,
+)
+from mitsuba_taxel.optics.scene import Scene as OpticsScene
+from mitsuba_taxel.optics.taxels import taxels_of
+
+PAD = Pad("parallelepiped", rows=1, columns=1)
+SIZE = 1.2
+SCENE = """<scene version="3.9.0">
+    <integrator type="taxel_tracer"/>
+    <shape type="deformable_pad"> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <float name="mesh_size" value="1.2"/> {} </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> {} </shape>
+</scene>"""
+
+
+@pytest.fixture
+def loaded(llvm_mono, tmp_path):
+    """A function that loads a scene with some words for its pad, and gives the pad."""
+
+    def load(words, reflector=""):
+        file = tmp_path / "scene.xml"
+        file.write_text(SCENE.format(words, reflector))
+        scene = OpticsScene.from_file(file).load()
+        return next(shape for shape in scene.shapes() if hasattr(shape, "state")), scene
+
+    return load
+
+
+def string(name, value):
+    return f'<string name="{name}" value="{value}"/>'
+
+
+def numbers(**values):
+    return "".join(f'<float name="{name}" value="{value}"/>' for name, value in values.items())
+
+
+@pytest.mark.parametrize(
+    "words, material",
+    [
+        ("", NeoHookean()),
+        (numbers(youngs_modulus=1.0, poisson_ratio=0.45), NeoHookean(1.0, 0.45)),
+        (numbers(shore_a=40), from_shore_a(40)),
+        (string("material", "mooney_rivlin") + numbers(c10=0.5, c01=0.2), MooneyRivlin(0.5, 0.2)),
+        (string("material", "yeoh") + numbers(c10=0.5, c20=0.1, poisson_ratio=0.5), Yeoh(0.5, 0.1, 0.0, 0.5)),
+        (string("material", "dragon_skin_30"), silicone("dragon_skin_30")),
+        (
+            string("material", "dragon_skin_30") + numbers(poisson_ratio=0.5),
+            silicone("dragon_skin_30").changed(poisson_ratio=0.5),
+        ),
+    ],
+)
+def test_silicones(loaded, words, material):
+    pad, _ = loaded(words)
+    assert type(pad.material) is type(material)
+    for name in material.parameters:
+        assert getattr(pad.material, name) == pytest.approx(getattr(material, name), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "words, load, value",
+    [
+        ('<vector name="force" value="0, 0, -2"/>', SpreadForce(), (0, 0, -2)),
+        (
+            string("load", "patch_force")
+            + numbers(patch_width=1, patch_depth=2, patch_x=0.5)
+            + '<vector name="force" value="0, 0, -0.5"/>',
+            PatchForce((0.5, 0), (1, 2)),
+            (0, 0, -0.5),
+        ),
+        (string("load", "plate_force") + '<vector name="force" value="0, 0, -2"/>', PlateForce(), (0, 0, -2)),
+        (
+            string("load", "plate_displacement") + '<vector name="displacement" value="0.125, 0, -0.25"/>',
+            PlateDisplacement(),
+            (0.125, 0, -0.25),
+        ),
+        (string("load", "pressure") + numbers(pressure=0.125), Pressure(), (0.125,)),
+    ],
+)
+def test_loads_deform_the_pad_as_load_path_does(loaded, words, load, value):
+    pad, _ = loaded(words)
+    assert pad.load == load
+    assert pad.value == pytest.approx(value)
+    (state,) = load_path(PAD, NeoHookean(), [value], load=load, mesh_size=SIZE)
+    np.testing.assert_allclose(pad.state.displacement, state.displacement, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (string("material", "rubber"), "material = 'rubber' is not allowed: one of neo_hookean"),
+        (string("material", "yeoh"), "c10 is missing"),
+        (numbers(c10=1.0), "c10 is not allowed here: it is not for material = 'neo_hookean'"),
+        (numbers(shore_a=40, youngs_modulus=2), "youngs_modulus is not allowed here: it and shore_a"),
+        (numbers(shore_a=99), "shore_a = 99|hardness = 99"),
+        (string("load", "wind"), "load = 'wind' is not allowed: one of spread_force"),
+        (numbers(pressure=1.0), "pressure is not allowed here: load = 'spread_force' takes force"),
+        (numbers(patch_width=1.0), "patch_width is not allowed here"),
+        (string("load", "patch_force"), "patch_width is missing"),
+        (
+            string("load", "patch_force")
+            + numbers(patch_width=1, patch_depth=1, patch_x=50)
+            + '<vector name="force" value="0, 0, -1"/>',
+            "it lies beside the top",
+        ),
+        (numbers(mesh_tolerance=0.1), "mesh_size is not allowed here: it and mesh_tolerance exclude each other"),
+        (string("read_cells", "one"), "read_cells = 'one' is not allowed"),
+        (string("read_cells", "2"), "read_cells = 2 is not allowed: the pad's cells have numbers from 1 to 1"),
+        (string("regions", "a.toml"), "regions is not allowed here: it is only for a pad of filename"),
+        (string("filename", "a.stl"), "rows is not allowed here|filename = .*a.stl is not allowed"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(loaded, words, message):
+    with pytest.raises(InputError, match=message) as caught:
+        loaded(words)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        PadSensor(PAD, MooneyRivlin(0.5, 0.2), (0, 0, -1.0)),
+        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PlateDisplacement()),
+        PadSensor(PAD, NeoHookean(2.0), (0.125,), Pressure()),
+        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PatchForce((0.5, 0.25), (1.0, 1.5))),
+    ],
+)
+def test_python_objects_make_the_same_pad(llvm_mono, sensor):
+    scene = sensor.scene().load()
+    pad = next(shape for shape in scene.shapes() if hasattr(shape, "state"))
+    assert (pad.load, pad.material) == (sensor.load, sensor.material)
+    assert pad.value == pytest.approx(tuple(sensor.force))
+
+
+def test_only_cells_that_are_read_are_cut_finely(llvm_mono):
+    (state,) = load_path(Pad(rows=1, columns=2), NeoHookean(), [(0, 0, -1)], mesh_size=SIZE)
+    whole, part = tessellate(state), tessellate(state, cells=(2,))
+    assert np.count_nonzero(part.cell == 2) == np.count_nonzero(whole.cell == 2)
+    assert np.count_nonzero(part.cell == 1) < np.count_nonzero(whole.cell == 1) / 20
+    edges = np.sort(np.stack([part.triangles, np.roll(part.triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)  # closed
+
+
+def test_a_roof_pressed_onto_the_package_is_refused_at_the_load_where_it_happens(loaded):
+    """The roof is 1.05 mm above the package; 1.02 mm above a taller one it touches early."""
+    words = '<vector name="force" value="0, 0, {}"/>'
+    tall = '<vector name="body" value="1.46, 1.06, 1.5"/>'
+    _, scene = loaded(words.format(-0.25), tall)
+    assert len(taxels_of(scene)) == 1
+    pad, scene = loaded(words.format(-6), tall)
+    with pytest.raises(ComputationError, match="touches a package near .* ends at force") as caught:
+        taxels_of(scene)
+    limit = float(str(caught.value).split("(")[-1].split(")")[0].split(",")[2])
+
+    def lowest(force):
+        state = load_path(pad.pad, pad.material, [(0, 0, force)], mesh_size=SIZE)[0]
+        surface = tessellate(state)
+        corners = surface.vertices[surface.triangles[surface.region == 1]].reshape(-1, 3)
+        over = np.all(np.abs(corners[:, :2]) < (0.73, 0.53), axis=1)
+        return corners[over, 2].min()
+
+    assert lowest(limit) == pytest.approx(1.5, abs=2e-4)
+    with pytest.raises(ComputationError, match="touches a package"):
+        measure(scene, points=64)
+
+
+def test_a_package_in_the_silicone_is_refused_at_rest(loaded):
+    _, scene = loaded("", '<vector name="body" value="1.46, 1.06, 3"/>')
+    with pytest.raises(InputError, match="the undeformed pad touches a package"):
+        taxels_of(scene)
+
+
+def test_the_hexagonal_pad_reads_alike_in_its_outer_cells(llvm_mono, agree):
+    """Six cells round the middle, each with its reflector along x: those mirrored in the planes x = 0, y = 0 agree."""
+    readings = measure(Scene.from_file("hexagonal.xml"), points=1 << 10, seed=3)
+    assert len(readings.power) == 7
+    agree(readings.power, readings.standard_error, np.full(7, readings.power.mean()))
