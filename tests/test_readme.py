@@ -20,6 +20,14 @@ def test_ci_finds_its_commands(name):
     assert len(re.findall(rf"^<!-- command: {name} -->\n```sh\n.+\n```$", README, re.MULTILINE)) == 1
 
 
+def test_the_mechanics_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(blocks("python")[1], names)
+    assert 0 < names["pushed"].error.displacement < 0.01
+    assert (tmp_path / "pushed.vtu").stat().st_size > 10_000
+
+
 def test_python_and_scene_agree(tmp_path, monkeypatch):
     from mitsuba_taxel import measure
 

@@ -76,11 +76,17 @@ class Leg:
         interpolation would not be accurate. Where a leg goes on thus depends on the last node alone. It ends at its
         `limit`: where no stable state is found beyond, or the pad touches itself or the board.
         """
-        if not self.nodes:
-            self.nodes.append(self._node(pad, 0.0, start)[0])
+        if not self.nodes and math.isinf(self.limit):
+            self._begin(pad, start)
         while not self.reaches(s) and math.isinf(self.limit):
             self._append(pad)
             self._look_for_contact(pad, contact)
+
+    def _begin(self, pad: LoadedPad, start: np.ndarray) -> None:
+        try:
+            self.nodes.append(self._node(pad, 0.0, start)[0])
+        except Rejected as rejection:
+            self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 
     def _append(self, pad: LoadedPad) -> None:
         last, tick = self.nodes[-1], self.step / TICKS

@@ -171,7 +171,6 @@ class _Path:
         self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
         self._identity = [pad.identity, mesh_size]
         self._legs: dict[tuple[float, ...], Leg] = {}
-        self._loaded: dict[tuple[Mirror, ...], LoadedPad] = {}
 
     @cached_property
     def mesh(self) -> VolumeMesh:
@@ -184,7 +183,7 @@ class _Path:
         return VolumeMesh(**arrays)
 
     @cached_property
-    def _images(self) -> dict[Mirror, np.ndarray]:
+    def images(self) -> dict[Mirror, np.ndarray]:
         """The mirrors that leave mesh and load's distribution as they are."""
         images = node_images(self.mesh)
         return {mirror: image for mirror, image in images.items() if keeps(self.load, self.mesh, image)}
@@ -202,13 +201,13 @@ class _Path:
         used = []
         turned = value
         for mirror in MIRRORS:
-            if mirror in self._images and len(value) == 3 and mirror.side(turned) < 0:
+            if mirror in self.images and len(value) == 3 and mirror.side(turned) < 0:
                 turned = mirror.image(turned)
                 used.append(mirror)
         displacement, pressure, at = self._canonical(turned, used)
         error = self._error(turned, displacement)
         for mirror in reversed(used):
-            image = self._images[mirror]
+            image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
         return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures, error)
@@ -292,10 +291,8 @@ class _Path:
     def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
         """The part of the pad that a leg needs: that between the mirrors which leave its loads as they are."""
         path = np.stack([origin, direction])
-        mirrors = tuple(m for m in self._images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
-        if mirrors not in self._loaded:
-            self._loaded[mirrors] = LoadedPad(self.mesh, self.material, self.load, mirrors, self._images)
-        return self._loaded[mirrors]
+        mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        return _loaded_pad(self, mirrors)
 
     def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: tuple[np.ndarray, np.ndarray]) -> None:
         before = len(leg.nodes), leg.limit
@@ -333,3 +330,8 @@ def _listed(numbers: np.ndarray) -> str:
 @lru_cache(maxsize=16)
 def _path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float) -> _Path:
     return _Path(pad, material, load, mesh_size)
+
+
+@lru_cache(maxsize=4)  # a normal and a tangential leg, and those of the coarser mesh: their matrices take much memory
+def _loaded_pad(path: _Path, mirrors: tuple[Mirror, ...]) -> LoadedPad:
+    return LoadedPad(path.mesh, path.material, path.load, mirrors, path.images)

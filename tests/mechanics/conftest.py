@@ -1,13 +1,19 @@
-"""Blocks with structured second-order meshes, and a cache of the tests' own."""
+"""Structured second-order meshes, equilibria under any boundary conditions, and a cache of the tests' own."""
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mitsuba_taxel.mechanics.assembly import Assembly, Pattern
+from mitsuba_taxel.mechanics.constraints import Numbering, number_unknowns
+from mitsuba_taxel.mechanics.pressure import pressure_forces, pressure_stiffness
+from mitsuba_taxel.mechanics.solvers import make_solver
 from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.pads.mirror import ACROSS_X, ACROSS_Y, mirrored
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 
@@ -66,10 +72,106 @@ def _boundary(points, tets, size):
     return np.concatenate(faces), np.concatenate(region)
 
 
+def _symmetric_block(size=(1.0, 1.0, 1.0), cells=(2, 2, 2)) -> VolumeMesh:
+    """Block on the board, its centre at x = y = 0, that mirrors in both planes map on itself, and in the diagonals if
+    it is square; ``cells`` are those of a quarter."""
+    mesh = _block((size[0] / 2, size[1] / 2, size[2]), cells)
+    kept = ~np.any(np.all(mesh.points[mesh.faces][:, :, :2] == 0, axis=1), axis=1)
+    mesh = replace(mesh, faces=mesh.faces[kept], face_region=mesh.face_region[kept], face_cell=mesh.face_cell[kept])
+    for mirror in (ACROSS_X, ACROSS_Y):
+        mesh = mirrored(mesh, mirror)
+    corners, others = np.unique(mesh.tets[:, :4]), np.unique(mesh.tets[:, 4:])
+    order = np.concatenate([corners, others])
+    number = np.argsort(order)
+    return replace(mesh, points=mesh.points[order], tets=number[mesh.tets], faces=number[mesh.faces])
+
+
 @pytest.fixture
 def block():
     """A function that makes blocks."""
     return _block
+
+
+@pytest.fixture
+def symmetric_block():
+    """A function that makes symmetric blocks."""
+    return _symmetric_block
+
+
+class Body:
+    """A mesh with displacements prescribed component by component, solved as it stands, without a pad's board.
+
+    Parameters
+    ----------
+    fixed : (N, 3) which displacements are prescribed
+    ties : (nodes, one, other): components of the nodes that are equal, as u_x = u_z on a plane of symmetry x = z
+    pressed : faces (B, 6) that a pressure follows
+    """
+
+    def __init__(self, mesh, law, fixed, ties=(), pressed=None) -> None:
+        fixed, root = fixed.copy(), np.arange(3 * len(mesh.points)).reshape(-1, 3)
+        for nodes, one, other in ties:  # in an order that lets a tie reach a component tied before
+            fixed[nodes, other] = fixed[nodes, one] = fixed[nodes, one] | fixed[nodes, other]
+            root[nodes, other] = root[nodes, one]
+        used = np.unique(root[~fixed])
+        unknown = np.where(fixed, -1, np.searchsorted(used, root)).ravel()
+        pressures = len(used) + np.arange(mesh.corner_count)
+        self.mesh, self.law, self.pressed = mesh, law, pressed
+        self.numbering = Numbering(
+            np.concatenate([unknown, pressures]),
+            np.ones(len(unknown) + len(pressures)),
+            len(mesh.points),
+            len(used),
+            len(pressures),
+        )
+        self.assembly = Assembly(mesh, law, self.numbering)
+        self._solver = make_solver()
+
+    def step(self, displacement, pressure, load=0.0, pressing=0.0):
+        """One step of Newton's method: the new state, and the largest out-of-balance force or volume before."""
+        state = self.assembly.evaluate(displacement, pressure)
+        residual, tangent, solver = state.residual - self._summed(load), state.tangent, self._solver
+        if pressing:
+            solver = make_solver()  # the sum may have fewer entries
+            places = (self.mesh.points + displacement)[self.pressed]
+            dofs = (3 * self.pressed[:, :, None] + np.arange(3)).reshape(-1, 18)
+            pattern = Pattern(self.numbering.unknown[dofs], self.numbering.sign[dofs], self.assembly.unknowns)
+            tangent = tangent - pressing * pattern.matrix(pattern.summed(pressure_stiffness(places)))
+            nodal = np.zeros_like(displacement)
+            np.add.at(nodal, self.pressed, pressure_forces(places))
+            residual = residual - pressing * self.numbering.summed(nodal)
+        du, dp = self.numbering.split(solver.factor(tangent).solve(residual))
+        return displacement - du, pressure - dp, np.abs(residual).max()
+
+    def solve(self, displacement, pressure=None, load=0.0, pressing=0.0):
+        """Displacement (N, 3) and pressure (corners,) in balance, from a start with the prescribed displacements."""
+        pressure = np.zeros(self.mesh.corner_count) if pressure is None else pressure
+        for _ in range(15):
+            displacement, pressure, error = self.step(displacement, pressure, load, pressing)
+            if error < 1e-10 * self.law.shear_modulus:
+                return displacement, pressure
+        raise AssertionError("Newton's method does not converge")
+
+    def forces(self, displacement, pressure):
+        """(N, 3) forces that hold each node."""
+        free = Assembly(self.mesh, self.law, number_unknowns(self.mesh, np.zeros(len(self.mesh.points), bool)))
+        residual = free.evaluate(displacement, pressure, with_tangent=False).residual
+        return residual[: displacement.size].reshape(-1, 3)
+
+    def _summed(self, load):
+        return self.numbering.summed(np.broadcast_to(load, self.mesh.points.shape))
+
+
+@pytest.fixture
+def body():
+    """The class of bodies with any prescribed displacements."""
+    return Body
+
+
+@pytest.fixture
+def mapped():
+    """A function that bends a mesh: points (N, 3) -> points (N, 3)."""
+    return lambda mesh, bend: replace(mesh, points=bend(mesh.points))
 
 
 @pytest.fixture
