@@ -1,4 +1,4 @@
-"""Second-order tetrahedral mesh of a pad by Netgen."""
+"""Second-order tetrahedral mesh of a pad by Netgen, graded towards the edges where the stress is singular."""
 
 from __future__ import annotations
 
@@ -9,26 +9,39 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.pads.grading import cut_towards
 from mitsuba_taxel.pads.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, REGIONS, Pad
 from mitsuba_taxel.pads.quality import worst_element
-from mitsuba_taxel.pads.solid import SYMMETRY, is_square, symmetric_part
-from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.pads.solid import SYMMETRY, is_square, rounded, singular_edges, singular_nodes, symmetric_part
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
+BULK_COARSENING = 1.25
+"""How much larger elements may be inside, where the strain is smooth: the roofs move as precisely with fewer."""
 RIM_REFINEMENT = 2.0
-"""How much smaller elements are along the edges glued to the board, where the stress is singular."""
+"""How much smaller elements are along the edges where the stress is singular."""
+FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25}
+"""How much smaller elements are on the roofs and side walls: on curved ones the error of shape counts as well."""
+CUT = 0.2
+"""Where the elements at a singular edge are cut: at this part of their size from it."""
 CURVATURE_SAFETY = (2.0, 2.5, 3.0, 4.0, 6.0)
-"""Elements per radius of curvature, tried in turn until no element is too distorted."""
+"""Elements per radius of curvature, tried in turn, the local sizes falling alike, until no element is too distorted."""
 LEAST_QUALITY = 0.2
 """Least determinant of an element's map, relative to that of the straight element."""
+UNITS_OF_HEIGHT = 4.0
+"""Height of every pad while it is meshed: Netgen has tolerances of its own, whatever the pad's size."""
 MOST_ELEMENTS = 1_000_000
+
+_NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
+_NETGEN_FACE = [0, 1, 2, 5, 3, 4]
+"""Netgen's nodes in the order of `TET_EDGES` and `FACE_EDGES`."""
 
 MESHING_LOCK = threading.RLock()
 """Held round every call of Netgen, which is not safe in several threads at once."""
 
 
 def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
-    """Mesh a pad with elements of about ``mesh_size`` mm, finer along the edges glued to the board.
+    """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
 
     An octant of a square pad, a quadrant of another is meshed and mirrored, so that the mesh has the pad's symmetry
     to the last bit.
@@ -46,8 +59,7 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
     for curvature_safety in CURVATURE_SAFETY:
-        with MESHING_LOCK:
-            mesh = _read(_generate(pad, mesh_size, curvature_safety), pad)
+        mesh = _graded(_generated(pad, mesh_size, curvature_safety), pad)
         quality, place = worst_element(mesh)
         if quality >= LEAST_QUALITY:
             for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
@@ -60,36 +72,61 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     )
 
 
-def _generate(pad: Pad, mesh_size: float, curvature_safety: float) -> Any:
-    from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
-    from netgen.occ import OCCGeometry
+def _generated(pad: Pad, mesh_size: float, curvature_safety: float) -> VolumeMesh:
+    """Netgen's mesh of the symmetric part."""
+    with MESHING_LOCK:
+        from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
+        from netgen.occ import OCCGeometry, Pnt
 
-    SetMessageImportance(0)
-    try:
-        solid = symmetric_part(pad)
-        glued = _glued_edges(solid, pad)
-        for edge in glued:
-            edge.maxh = mesh_size / RIM_REFINEMENT
-        parameters = MeshingParameters(maxh=mesh_size, grading=0.4, curvaturesafety=curvature_safety)
-        mesh = OCCGeometry(solid).GenerateMesh(parameters)
-        mesh.SecondOrder()
-    except NgException as error:
-        raise ComputationError(f"meshing the pad failed: {' '.join(str(error).split())}.") from error
-    return mesh
+        SetMessageImportance(0)
+        unit = pad.height / UNITS_OF_HEIGHT
+        finer = curvature_safety / CURVATURE_SAFETY[0]
+        face_size, edge_size = _local_sizes(pad, mesh_size)
+        try:
+            solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
+            for face in solid.faces:
+                if face.name in ("roof", "side"):
+                    face.maxh = face_size / (finer * unit)
+            for edge in singular_edges(solid, pad):
+                edge.maxh = edge_size / (finer * unit)
+            parameters = MeshingParameters(
+                maxh=BULK_COARSENING * mesh_size / unit, grading=0.4, curvaturesafety=curvature_safety
+            )
+            mesh = OCCGeometry(solid).GenerateMesh(parameters)
+            mesh.SecondOrder()
+        except NgException as error:
+            raise ComputationError(f"meshing the pad failed: {' '.join(str(error).split())}.") from error
+        return _read(mesh, pad, unit)
 
 
-def _glued_edges(solid: Any, pad: Pad) -> list[Any]:
-    """The edges at the board, but for those that only the cut along a plane of symmetry made."""
-    cut = {edge for face in solid.faces if face.name == SYMMETRY for edge in face.edges}
-    return [edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * pad.height and edge not in cut]
+def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
+    """Size of elements on roofs and side walls, and along singular edges.
+
+    Where silicone is thin beside a round wall, the elements' curved edges bulge by a quarter of it at most.
+    """
+    sizes = mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
+    if pad.cell == "parallelepiped":
+        return sizes
+    thinnest = min(pad.wall, pad.height - pad.top_of_cell)
+    if pad.rows * pad.columns > 1:
+        thinnest = min(thinnest, pad.pitch - pad.cell_size)
+    largest = math.sqrt(pad.cell_size * thinnest)  # a chord s of a circle of diameter d bulges by s^2 / (4 d)
+    return min(sizes[0], largest), min(sizes[1], largest)
 
 
-def _read(mesh: Any, pad: Pad) -> VolumeMesh:
-    """The mesh of the symmetric part, with its nodes exactly on the planes that they belong to."""
-    points = np.array(mesh.Coordinates(), dtype=float)
+def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
+    """The mesh with the elements at singular edges cut, its new nodes on the pad's own surfaces."""
+    mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
+    points = _snapped(rounded(mesh, pad), pad)
+    return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
+
+
+def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
+    """The mesh of the symmetric part in mm, with its nodes exactly on the planes that they belong to."""
+    points = unit * np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
-    tets = _sorted_nodes(mesh.Elements3D().NumPy()["nodes"], points, TET_EDGES)
-    faces = _sorted_nodes(surface["nodes"], points, FACE_EDGES)
+    tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
+    faces = surface["nodes"][:, _NETGEN_FACE].astype(np.int64) - 1
     names = [mesh.GetBCName(int(i)) for i in range(surface["index"].max())]
     region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
     assert set(names) <= {*REGIONS, SYMMETRY}, names
@@ -97,22 +134,6 @@ def _read(mesh: Any, pad: Pad) -> VolumeMesh:
     tets = _right_handed(tets, points)
     faces = _outward(faces[region > 0], tets, points)
     return VolumeMesh(points, tets, faces, region[region > 0], np.zeros(len(faces), dtype=int))
-
-
-def _sorted_nodes(nodes: np.ndarray, points: np.ndarray, edges: tuple[tuple[int, int], ...]) -> np.ndarray:
-    """Corners and mid-edge nodes of elements (zero-based), the latter in the order of ``edges``.
-
-    Netgen has an order of its own; each edge takes the node nearest to its middle.
-    """
-    corners = max(max(edge) for edge in edges) + 1
-    nodes = nodes[:, : corners + len(edges)].astype(np.int64) - 1
-    middle = np.stack([points[nodes[:, list(edge)]].mean(axis=1) for edge in edges], axis=1)
-    candidates = points[nodes[:, corners:]]
-    distance = np.linalg.norm(middle[:, :, None] - candidates[:, None], axis=-1)
-    order = distance.argmin(axis=2)
-    assert np.all(np.sort(order, axis=1) == np.arange(len(edges))), "a mid-edge node is not near its edge"
-    nodes[:, corners:] = np.take_along_axis(nodes[:, corners:], order, axis=1)
-    return nodes
 
 
 def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:

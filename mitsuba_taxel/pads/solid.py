@@ -1,10 +1,13 @@
-"""The part of a pad that its mirror images complete, as an OpenCascade solid with named faces."""
+"""The part of a pad that its mirror images complete, as an OpenCascade solid with named faces; its singular edges."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from mitsuba_taxel.pads.pad import Pad
+import numpy as np
+
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 SYMMETRY = "symmetry"
 """Name of the faces along which the part was cut from the pad."""
@@ -71,3 +74,63 @@ def _cell_solid(pad: Pad, x: float, y: float) -> Any:
     reach = 2 * pad.dome_radius
     above = Box(Pnt(x - reach, y - reach, pad.side_height), Pnt(x + reach, y + reach, pad.side_height + reach))
     return shaft + ball * above
+
+
+def singular_edges(solid: Any, pad: Pad) -> list[Any]:
+    """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
+
+    Edges that only the cut along a plane of symmetry made are none, nor is the smooth one round a hemisphere.
+    """
+    cut, side, roof = (
+        {edge for face in solid.faces if face.name == name for edge in face.edges}
+        for name in (SYMMETRY, "side", "roof")
+    )
+    height = solid.bounding_box[1].z
+    glued = {edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * height}
+    singular = glued | (side & roof if pad.cell != "hemispheric" else set())
+    if pad.cell == "parallelepiped":
+        singular |= side
+    return [edge for edge in solid.edges if edge in singular and edge not in cut]
+
+
+def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+    """(N,) which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`."""
+    roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
+    singular = bottom & (side | outer)
+    if pad.cell != "hemispheric":
+        singular |= roof & side
+    if pad.cell == "parallelepiped":
+        from_axis = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad))
+        singular |= side & np.all(np.abs(from_axis - 0.5 * pad.cell_size) < 1e-7 * pad.cell_size, axis=1)
+    return singular
+
+
+def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+    """(N, 3) the mesh's nodes, those on round walls and roofs exactly on their cylinder or sphere."""
+    points, axis = mesh.points.copy(), _nearest_axis(mesh.points, pad)
+    if pad.dome_radius:
+        roof = _on_region(mesh, "roof")
+        centre = np.column_stack([axis, np.full(len(axis), pad.top_of_cell - pad.dome_radius)])
+        points[roof] = _at_distance(points[roof], centre[roof], pad.dome_radius)
+    if pad.cell != "parallelepiped":
+        side = _on_region(mesh, "side")
+        points[side, :2] = _at_distance(points[side, :2], axis[side], 0.5 * pad.cell_size)
+    return points
+
+
+def _at_distance(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
+    from_centre = points - centre
+    return centre + distance * from_centre / np.linalg.norm(from_centre, axis=1, keepdims=True)
+
+
+def _nearest_axis(points: np.ndarray, pad: Pad) -> np.ndarray:
+    """(N, 2) x and y of the axis of the cell nearest to each of points (N, 3)."""
+    centres = np.array(pad.cell_centres)
+    return centres[np.linalg.norm(points[:, None, :2] - centres, axis=2).argmin(axis=1)]
+
+
+def _on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
+    """(N,) which nodes lie on a region of the surface."""
+    on = np.zeros(len(mesh.points), dtype=bool)
+    on[mesh.faces[mesh.face_region == REGIONS[region]]] = True
+    return on

@@ -21,7 +21,7 @@ _NETGEN_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
 
 def mesh_step(path: Path, rules: Sequence[Rule], mesh_size: float) -> VolumeMesh:
-    """Mesh of the one solid in a STEP file, finer along the edges on the board, as that of a `Pad` is.
+    """Mesh of the one solid in a STEP file, finer along the edges on the board.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class DeformablePad(mi.Mesh):
 
      * - mesh_size
        - |float|
-       - Size of the finite elements, in mm. (Default: 0.8)
+       - Size of the finite elements, in mm. (Default: 1)
 
      * - mesh_tolerance
        - |float|

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -165,6 +166,30 @@ def test_other_pads_mesh_too(cell, arguments):
     assert top == pytest.approx(pad.extent[0] * pad.extent[1], rel=1e-12)
     assert set(np.unique(mesh.face_cell)) == set(range(pad.rows * pad.columns + 1))
     assert jacobians(mesh.points, mesh.tets).min() > 0
+
+
+@pytest.mark.parametrize(("cell", "wall", "size"), [("hemispheric", 0.1, 0.8), ("cylindrical", 0.3, 2.0)])
+def test_thin_walls_beside_round_cells(cell, wall, size):
+    mesh = mesh_pad(Pad(cell, rows=1, columns=2, pitch=2.55 + wall, wall=wall), size)
+    assert jacobians(mesh.points, mesh.tets).min() > 0.1
+
+
+@pytest.mark.parametrize("factor", [1 / 12, 1000 / 12])
+def test_pads_of_any_size_mesh_alike(factor):
+    pad = Pad("hemispheric", rows=1, columns=1)
+    lengths = ("pitch", "wall", "height", "cell_size", "cell_height")
+    scaled = replace(pad, **{name: factor * getattr(pad, name) for name in lengths})
+    mesh, similar = mesh_pad(pad, 1.0), mesh_pad(scaled, factor)
+    assert len(similar.tets) == pytest.approx(len(mesh.tets), rel=0.1)
+    volume, other = (np.einsum("bqk,bqk->", *face_normals(m)) / 3 for m in (mesh, similar))
+    assert other == pytest.approx(factor**3 * volume, rel=1e-3)
+    assert jacobians(similar.points, similar.tets).min() > 0.1
+
+
+def test_the_same_pad_gets_the_same_mesh():
+    first, second = (mesh_pad(Pad("spherical", rows=1, columns=1), 1.0) for _ in range(2))
+    np.testing.assert_array_equal(first.points, second.points)
+    np.testing.assert_array_equal(first.tets, second.tets)
 
 
 @pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf, 1e-3])
