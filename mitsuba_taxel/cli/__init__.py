@@ -16,7 +16,7 @@ import click
 
 from .options import debug_option
 
-COMMANDS = ("render", "rays", "sweep", "deform", "plugins", "doctor")
+COMMANDS = ("render", "rays", "sweep", "deform", "plugins", "bench", "doctor")
 
 
 class _Commands(click.Group):

@@ -10,6 +10,8 @@ stress and tangent only.
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -100,13 +102,17 @@ class Assembly:
     ) -> sparse.csc_matrix:
         """Lower triangle of the tangent, from a few elements at a time, as many as the processor's cache holds."""
         matrix = np.empty((len(p), 34, 34))
-        for start in range(0, len(p), ELEMENTS_AT_ONCE):
+
+        def fill(start: int) -> None:
             here = slice(start, start + ELEMENTS_AT_ONCE)
             state = (gradient[here], determinant[here], inverse_transpose[here])
             moduli = self.material.tangent(*state)
             moduli += _pressure_moduli(p[here] * determinant[here], inverse_transpose[here])
             cofactor = determinant[here, :, None, None] * inverse_transpose[here]
             self._fill(matrix[here], self.weight[here], self.gradients[here], moduli, cofactor)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:  # numpy works outside Python's lock
+            list(pool.map(fill, range(0, len(p), ELEMENTS_AT_ONCE)))
         return self.pattern.matrix(self.pattern.summed(matrix))
 
     def _fill(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, triu
@@ -23,6 +24,13 @@ RIM = 0.02
 
 There the stress is singular, and ever smaller elements roll over under ever smaller loads, as the silicone does to no
 effect.
+"""
+
+CREASE = 150.0
+"""Degrees of air at an inner edge of the undeformed pad, below which a crease at the edge itself does not count.
+
+There too the stress is singular: the faces along the edge fold under ever smaller loads the smaller they are, and it is
+those beyond them that tell when walls meet.
 """
 
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
@@ -65,7 +73,7 @@ class ContactTest:
         self._points, self._faces = mesh.points, mesh.faces
         self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
         self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
-        self._neighbours = _Neighbours(mesh.faces)
+        self._neighbours = _Neighbours(mesh.points, mesh.faces)
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
         self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
@@ -104,9 +112,13 @@ class ContactTest:
 
 
 class _Neighbours:
-    """Faces that share a vertex or an edge, with their nodes turned so that it comes first in both."""
+    """Faces that share a vertex or an edge, with their nodes turned so that it comes first in both.
 
-    def __init__(self, faces: np.ndarray) -> None:
+    Those that meet at a sharp inner edge of the undeformed pad are left out, and so are others along such an edge that
+    lie beside each other.
+    """
+
+    def __init__(self, points: np.ndarray, faces: np.ndarray) -> None:
         self._count = len(faces)
         number = np.arange(self._count).repeat(3)
         corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
@@ -121,13 +133,38 @@ class _Neighbours:
         one_at, other_at = faces[one[~at_vertex]], faces[other[~at_vertex]]
         i, j = _place_of_same(one_at[:, 3:], other_at[:, 3:])
         edge = _turned(one_at, i), _turned(other_at, j)[:, [1, 0, 2, 3, 5, 4]]
-        self.pairs = {"vertex": vertex, "edge": edge}
+        sharp = _sharp(points, *edge)
+        sharp_nodes = np.unique(edge[0][sharp][:, [0, 1, 3]])
+        at_edge = np.isin(vertex[0][:, 0], sharp_nodes)
+        self.pairs = {
+            "vertex": (vertex[0][~at_edge], vertex[1][~at_edge]),
+            "edge": (edge[0][~sharp], edge[1][~sharp]),
+        }
+        self._at_sharp_edge: np.ndarray = np.isin(faces, sharp_nodes).any(axis=1)
+        self._centre = points[faces[:, :3]].mean(axis=1)
+        self._radius = np.linalg.norm(points[faces] - self._centre[:, None], axis=2).max(axis=1)
 
     def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those pairs of faces that share nothing."""
         keys = np.minimum(one, other) * self._count + np.maximum(one, other)
         strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
+        distance = np.linalg.norm(self._centre[one] - self._centre[other], axis=1)
+        beside = distance < self._radius[one] + self._radius[other]
+        strange &= ~(self._at_sharp_edge[one] & self._at_sharp_edge[other] & beside)
         return one[strange], other[strange]
+
+
+def _sharp(points: np.ndarray, one: np.ndarray, other: np.ndarray) -> Any:
+    """Whether the undeformed air between faces (n, 6) that share their first edge is a wedge of less than `CREASE`."""
+    normals, centres = [], []
+    for faces in (one, other):
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normals.append(normal / np.linalg.norm(normal, axis=1)[:, None])
+        centres.append((a + b + c) / 3)
+    turn = np.rad2deg(np.arccos(np.clip(np.einsum("ni,ni->n", *normals), -1, 1)))
+    inner = np.einsum("ni,ni->n", normals[0], centres[1] - centres[0]) > 0
+    return inner & (180 - turn < CREASE)
 
 
 def _place_of_same(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,6 +30,7 @@ class Solution:
 
     Attributes
     ----------
+    min_jacobian : least volume ratio J at any quadrature point and node of the elements
     residual : largest out-of-balance force, relative to the load
     stability_checked : whether the solver gave the inertia that stability is judged by
     """
@@ -121,10 +122,17 @@ class LoadedPad:
                 raise Rejected("Newton's method diverges")
             linearised = self._linearised(state.tangent)
             if error < RESIDUAL_TOLERANCE:
+                least = min(state.min_jacobian, self._least_nodal_jacobian(unknowns))
                 checked = self._is_stable(linearised, unknowns, value)
-                return Solution(unknowns, state.min_jacobian, error, iteration, checked), linearised
+                return Solution(unknowns, least, error, iteration, checked), linearised
             unknowns = unknowns - linearised.correction(state.residual, self._gap(unknowns, value))
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
+        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0])
+        if not least > 0:
+            raise Rejected(f"an element would be turned inside out at a node (J = {least:.2g})")
+        return least
 
     def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
         """What one step of Newton's method with a known tangent takes off ``unknowns``; None if it cannot say."""

@@ -17,6 +17,7 @@ from mitsuba_taxel.mechanics.pressure import pressure_forces, pressure_stiffness
 from mitsuba_taxel.mechanics.symmetry import Part
 from mitsuba_taxel.pads.mirror import Mirror
 from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.quality import map_determinants
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,11 @@ class Model:
             tangent.data[self._pressure_slots] -= value[0] * self._pressure_pattern.summed(pressure_stiffness(places))
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, tangent, inside.min_jacobian)
+
+    def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
+        """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
+        deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
+        return float((deformed / map_determinants(self.mesh.points, self.mesh.tets)).min())
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Forces of the load over the unknowns, linear in ``value``; none where the load is a displacement."""

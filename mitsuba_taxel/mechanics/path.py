@@ -36,6 +36,9 @@ COARSEST = 0.35
 SIZES = 9
 """How many sizes it tries, each 1 / sqrt(2) of the one before."""
 
+SIMILAR = 0.98
+"""A mesh with more elements than this share of another's is not coarser: thin walls leave no choice."""
+
 _LOCK = threading.RLock()
 
 
@@ -55,7 +58,7 @@ class State:
     newton_iterations : iterations of the last solve
     stability_checked : whether the solver gave the inertia that stability was judged by
     error : estimated discretisation error at the roofs; None where it is not known, because the coarser mesh that it
-        takes cannot be made or loaded so far
+        takes cannot be made or loaded so far, or is hardly coarser
     """
 
     mesh: VolumeMesh
@@ -234,6 +237,8 @@ class _Path:
         """The error of a canonical displacement, by the same path on a coarser mesh."""
         if not value.any():
             return NO_ERROR
+        if len(self._coarser.mesh.tets) > SIMILAR * len(self.mesh.tets):
+            return None
         try:
             return self._comparison.error(displacement, self._coarser._canonical(value, [])[0])
         except ComputationError:

@@ -16,7 +16,7 @@ CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
 """Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
 
-DEFAULT_MESH_SIZE = 1.0
+DEFAULT_MESH_SIZE = 1.25
 """Size of the finite elements, in mm, where nobody asks for another."""
 
 MIN_THICKNESS = 0.01

@@ -9,13 +9,17 @@ from mitsuba_taxel.pads.volume_mesh import TET_EDGES, VolumeMesh
 
 def jacobians(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Determinant of the map of each tetrahedron at its ten nodes, relative to that of the straight one; (M, 10)."""
+    corner = points[tets[:, 1:4]] - points[tets[:, :1]]
+    return map_determinants(points, tets) / np.linalg.det(corner)[:, None]
+
+
+def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Determinant of the map of each tetrahedron at its ten nodes, in mm³; (M, 10)."""
     xi = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
     xi = np.concatenate([xi, [xi[list(edge)].mean(axis=0) for edge in TET_EDGES]])
     gradients = shape_gradients(xi)
     x = points[tets]
-    mapped = np.einsum("qai,maj->mqij", gradients, x)
-    corner = x[:, 1:4] - x[:, :1]
-    return np.linalg.det(mapped) / np.linalg.det(corner)[:, None]
+    return np.linalg.det(np.einsum("qai,maj->mqij", gradients, x))
 
 
 def shape_gradients(xi: np.ndarray) -> np.ndarray:

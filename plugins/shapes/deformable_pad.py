@@ -113,7 +113,7 @@ class DeformablePad(mi.Mesh):
 
      * - mesh_size
        - |float|
-       - Size of the finite elements, in mm. (Default: 1)
+       - Size of the finite elements, in mm. (Default: 1.25)
 
      * - mesh_tolerance
        - |float|

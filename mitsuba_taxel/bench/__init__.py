@@ -1,0 +1,1 @@
+"""Tables that say how the package does at the extremes, each made by one command."""

@@ -1,0 +1,46 @@
+"""Measure a case in a process of its own: one that crashes, hangs or takes all memory is a row that says so."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+
+from mitsuba_taxel.bench.cases import Case
+from mitsuba_taxel.bench.row import Row
+
+MOST_SECONDS = 600.0
+MOST_MEMORY = 8 * 2**30
+"""Bytes of address space."""
+
+
+def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Row:
+    """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
+    command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(memory)]
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}
+        try:
+            done = subprocess.run(
+                command, input=pickle.dumps(case), capture_output=True, timeout=seconds, env=environment
+            )
+            end = "" if done.returncode == 0 else _end_of(done)
+        except subprocess.TimeoutExpired:
+            end = f"out of time after {seconds:g} s"
+    if end:
+        return Row(case.name, end, wrong="no answer")
+    return Row(**json.loads(done.stdout))
+
+
+def _end_of(done: subprocess.CompletedProcess[bytes]) -> str:
+    """How a process ended that gave no row."""
+    lines = done.stderr.decode(errors="replace").strip().splitlines() or [""]
+    if any(word in lines[-1] for word in ("MemoryError", "bad_alloc", "memory allocation")):
+        return "out of memory"
+    if done.returncode < 0:
+        number = -done.returncode
+        return f"died: signal {number} ({signal.Signals(number).name})"
+    return f"died: {lines[-1][:200]}"

@@ -1,0 +1,144 @@
+"""The extremes of the mechanics, each a pad, a material and a load of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from mitsuba_taxel.bench.slivers import SliverPad
+from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PatchForce, PlateDisplacement, PlateForce, Pressure
+from mitsuba_taxel.mechanics.materials import Material, MooneyRivlin, NeoHookean
+from mitsuba_taxel.mechanics.silicones import silicone
+from mitsuba_taxel.pads.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
+
+MESH_SIZE = 2.0
+"""Size of the elements in mm where a case is not about it: coarse, as the table is about what happens."""
+
+_PAD = Pad()
+_E = NeoHookean().youngs_modulus
+_NORMAL = (0.0, 0.0, -20.0)
+_TANGENTIAL = (20.0, 0.0, -8.0)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the table.
+
+    Attributes
+    ----------
+    value : of the load, in N, mm or MPa
+    mesh_size : of the finite elements, in mm
+    in_one_step : whether the load is put on in one Newton solve from rest, instead of along the load path
+    with_finer_mesh : whether the pad is solved on elements smaller by a factor of 1.5 too
+    """
+
+    name: str
+    pad: Pad = _PAD
+    material: Material = NeoHookean()
+    load: Load = SPREAD_FORCE
+    value: tuple[float, ...] = _NORMAL
+    mesh_size: float = MESH_SIZE
+    in_one_step: bool = False
+    with_finer_mesh: bool = False
+
+
+def stability_cases() -> list[Case]:
+    """The rows of the table, in its order."""
+    materials = (_poisson_ratios, _stiffnesses, _laws)
+    pads = (_walls, _sizes, _arrays)
+    loads = (_loads, _large_forces, _one_step)
+    meshes = (_default_meshes, _meshes)
+    return [case for kind in (*materials, *pads, *loads, *meshes) for case in kind()]
+
+
+def _poisson_ratios() -> Iterator[Case]:
+    for nu in (0.3, 0.45, 0.49, 0.499, 0.4999, 0.49999, 0.5):
+        yield Case(f"nu = {nu:g}, -20 N", material=NeoHookean(poisson_ratio=nu), with_finer_mesh=nu in (0.3, 0.49, 0.5))
+    for nu in (0.3, 0.5):
+        yield Case(
+            f"nu = {nu:g}, 20 N along x at -8 N",
+            material=NeoHookean(poisson_ratio=nu),
+            value=_TANGENTIAL,
+            with_finer_mesh=nu == 0.5,
+        )
+
+
+def _walls() -> Iterator[Case]:
+    for wall in (1.0, 0.3, 0.1, 0.05):
+        pad = replace(_PAD, wall=wall, pitch=_PAD.cell_size + wall)
+        yield Case(f"walls of {wall:g} mm, -20 N", pad)
+
+
+def _stiffnesses() -> Iterator[Case]:
+    for modulus in (0.05, 0.5, 50.0, 1000.0):
+        force = -20 * modulus / _E
+        yield Case(f"E = {modulus:g} MPa, {force:.4g} N", material=NeoHookean(modulus), value=(0.0, 0.0, force))
+        yield Case(f"E = {modulus:g} MPa, -20 N", material=NeoHookean(modulus))
+
+
+def _laws() -> Iterator[Case]:
+    mu = NeoHookean().shear_modulus
+    yield Case("Mooney-Rivlin, c10 = c01, -20 N", material=MooneyRivlin(mu / 4, mu / 4))
+    yield Case("Yeoh (dragon_skin_20), -2 N", material=silicone("dragon_skin_20"), value=(0.0, 0.0, -2.0))
+
+
+def _loads() -> Iterator[Case]:
+    yield Case("rigid plate bonded on top, -20 N", load=PlateForce(), with_finer_mesh=True)
+    yield Case("rigid plate bonded on top, 20 N along x at -8 N", load=PlateForce(), value=_TANGENTIAL)
+    yield Case("plate moved by 30 % of the height", load=PlateDisplacement(), value=(0.0, 0.0, -0.3 * _PAD.height))
+    yield Case("patch of 3 mm x 3 mm off the centre, -8 N", load=PatchForce((2.0, 1.0), (3.0, 3.0)), value=(0, 0, -8.0))
+    yield Case("pressure of 1 MPa", load=Pressure(), value=(1.0,))
+    yield Case("pulled, 20 N", value=(0.0, 0.0, 20.0))
+
+
+def _large_forces() -> Iterator[Case]:
+    for shape in CELL_SHAPES:
+        yield Case(f"{shape}, -200 N", Pad(shape), value=(0.0, 0.0, -200.0))
+    for shape in CELL_SHAPES:
+        for name, x, y in (("x", 40.0, 0.0), ("the diagonal", 40 * math.sqrt(0.5), 40 * math.sqrt(0.5))):
+            yield Case(f"{shape}, 40 N along {name} at -8 N", Pad(shape), value=(x, y, -8.0), with_finer_mesh=False)
+
+
+def _one_step() -> Iterator[Case]:
+    yield Case("one step to -20 N", in_one_step=True)
+    yield Case("one step to 20 N along x and -8 N", value=_TANGENTIAL, in_one_step=True)
+
+
+def _meshes() -> Iterator[Case]:
+    for name, value in (("-20 N", _NORMAL), ("20 N along x at -8 N", _TANGENTIAL)):
+        yield Case(f"slivers, {name}", SliverPad(), value=value)
+        for size in (4.0, 2.0, 1.2):
+            yield Case(f"mesh of {size:g} mm, {name}", value=value, mesh_size=size, with_finer_mesh=size > 1.2)
+
+
+def _default_meshes() -> Iterator[Case]:
+    for shape in CELL_SHAPES:
+        yield Case(f"{shape}, default mesh, -20 N", Pad(shape), mesh_size=DEFAULT_MESH_SIZE, with_finer_mesh=True)
+
+
+def _sizes() -> Iterator[Case]:
+    for extent, name in ((1.0, "1 mm"), (1000.0, "1 m")):
+        scale = extent / _PAD.extent[0]
+        lengths = ("pitch", "wall", "height", "cell_size", "cell_height")
+        pad = replace(_PAD, **{length: scale * getattr(_PAD, length) for length in lengths})
+        for value, words in ((_NORMAL, "-20 N"), (_TANGENTIAL, "20 N along x at -8 N")):
+            yield Case(
+                f"pad of {name}, {words}, to scale",
+                pad,
+                value=tuple(scale**2 * force for force in value),
+                mesh_size=MESH_SIZE * scale,
+            )
+
+
+def _arrays() -> Iterator[Case]:
+    for side in (1, 3, 6, 12):
+        force = -8 * side**2 / 9
+        yield Case(
+            f"{side} x {side} cells, {force:.4g} N",
+            replace(_PAD, rows=side, columns=side),
+            value=(0.0, 0.0, force),
+            with_finer_mesh=side == 1,
+        )
+    cell = replace(_PAD, rows=1, columns=1)
+    yield Case("1 x 1 cells, mesh of 3 mm, -1 N", cell, value=(0.0, 0.0, -1.0), mesh_size=3.0, with_finer_mesh=True)

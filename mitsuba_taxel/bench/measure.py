@@ -1,0 +1,221 @@
+"""One case of the table: solve it, and look at what came out with other means than the solver's."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.bench.cases import Case
+from mitsuba_taxel.bench.row import CONVERGED, Row
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.mechanics.balance import reactions
+from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.leg import TICKS, Leg
+from mitsuba_taxel.mechanics.path import State, _Path, _path, load_path
+from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.quality import map_determinants
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+FINER = 1.5
+"""Element size of a case, relative to that of the finer mesh that it is compared with."""
+JUST_BEFORE = 0.999
+"""Where the last state of a path that ends is looked at, relative to its end."""
+MOST_IMBALANCE = 1e-2
+"""Largest imbalance of an interpolated state that is right in its displacement."""
+MOST_UNDERSTATED = 2.0
+"""How much more than the stated error a finer mesh may change the roofs."""
+
+_MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """The verdict on a case, figures of its steps, and its last state, if there is one."""
+
+    verdict: str
+    figures: dict[str, float | str]
+    state: State | None
+
+
+def measure(case: Case) -> Row:
+    """The row of a case. It takes the solutions that the cache has: a fresh one makes the seconds honest."""
+    began = time.process_time()
+    outcome = _in_one_step(case) if case.in_one_step else _along_path(case)
+    seconds, megabytes = time.process_time() - began, peak_memory()
+    figures = outcome.figures | _looked_at(outcome.state)
+    if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
+        figures["finer_change"] = _finer_change(case, outcome.state)
+    row = Row(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
+    return Row(**(vars(row) | {"wrong": flaw(row)}))
+
+
+def peak_memory() -> float:
+    """Most memory that this process has taken so far, in MB."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024
+
+
+def flaw(row: Row) -> str:
+    """What a row that its process finished says, and must not; empty if nothing."""
+    numbers = (row.min_jacobian, row.residual, row.imbalance, row.roof)
+    if row.verdict == CONVERGED and not all(map(math.isfinite, numbers)):
+        return "not a number"
+    if row.inverted or min(row.min_jacobian, row.node_jacobian) <= 0:
+        return f"elements inverted from {row.inverted or 'the last state'} on"
+    if row.residual > RESIDUAL_TOLERANCE or row.imbalance > MOST_IMBALANCE:
+        return "out of balance"
+    if row.finer_change > MOST_UNDERSTATED * row.stated_error:
+        return "the stated error is too small"
+    return ""
+
+
+def _along_path(case: Case) -> _Outcome:
+    path = _path(case.pad, case.material, case.load, case.mesh_size)
+    try:
+        (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
+        return _Outcome(CONVERGED, _figures(case, path), state)
+    except ComputationError as error:
+        legs = list(path._legs.values())
+        if not legs or math.isinf(legs[-1].limit):
+            return _Outcome(f"refused: {error}", {}, None)
+        last = legs[-1]
+        value = last.value(last.limit)
+        where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
+        verdict = f"ends at {_listed(value)} {case.load.unit}: {last.reason}{where}"
+        before = last.value(JUST_BEFORE * last.limit)[None]
+        (state,) = load_path(case.pad, case.material, before, load=case.load, mesh_size=case.mesh_size)
+        return _Outcome(verdict, _figures(case, path), state)
+
+
+def _in_one_step(case: Case) -> _Outcome:
+    value = np.array(case.value)
+    path = _path(case.pad, case.material, case.load, case.mesh_size)
+    pad = path._pad_for(np.zeros_like(value), value)
+    try:
+        solution, _ = pad.solve(np.zeros(pad.unknowns), value)
+    except Rejected as rejection:
+        return _Outcome(f"refused: {rejection}", {}, None)
+    displacement, pressure = pad.split(solution.unknowns)
+    state = State(
+        mesh=path.mesh,
+        material=case.material,
+        load=case.load,
+        value=value,
+        displacement=displacement,
+        pressure=pressure,
+        min_jacobian=solution.min_jacobian,
+        residual=solution.residual,
+        newton_iterations=solution.iterations,
+        stability_checked=solution.stability_checked,
+        error=None,
+    )
+    return _Outcome(
+        CONVERGED,
+        {
+            "iterations": solution.iterations,
+            "steps": 1,
+            "cutbacks": 0,
+            "min_jacobian": solution.min_jacobian,
+            "residual": solution.residual,
+            "stability": _stability(solution.stability_checked),
+        },
+        state,
+    )
+
+
+def _figures(case: Case, path: _Path) -> dict[str, float | str]:
+    """What the steps of a path say of themselves, and the first load at which an element is inverted at a node."""
+    legs = list(path._legs.values())
+    nodes = [node for leg in legs for node in leg.nodes]
+    if not nodes:
+        return {}
+    return {
+        "iterations": sum(node.iterations for node in nodes),
+        "steps": sum(len(leg.nodes) - 1 for leg in legs),
+        "cutbacks": sum(cutbacks(leg) for leg in legs),
+        "min_jacobian": min(node.min_jacobian for node in nodes),
+        "residual": max(node.residual for node in nodes),
+        "stability": _stability(all(node.stability_checked for node in nodes)),
+        "inverted": next((text for leg in legs if (text := _first_inverted(case, path, leg))), ""),
+    }
+
+
+def _first_inverted(case: Case, path: _Path, leg: Leg) -> str:
+    """The load of the first accepted step of a leg, as far as the case goes, that inverts an element at a node."""
+    pad = path._pad_for(leg.origin, leg.direction)
+    reached = min(leg.limit, float((np.array(case.value) - leg.origin) @ leg.direction))
+    for node in leg.nodes:
+        if node.s <= reached and node_jacobian(path.mesh, pad.split(node.unknowns)[0]) <= 0:
+            return f"{_listed(leg.value(node.s))} {case.load.unit}"
+    return ""
+
+
+def cutbacks(leg: Leg) -> int:
+    """How often a step of a leg was halved or given up: its nodes tell, as each tries the longest interval first."""
+    positions = [round(node.s * TICKS / leg.step) for node in leg.nodes]
+    halved = 0
+    for position, following in zip(positions, positions[1:], strict=False):
+        halved += round(math.log2(_first_try(position) / (following - position)))
+    given_up = bool(positions) and leg.limit == leg.nodes[-1].s
+    return halved + (1 + round(math.log2(_first_try(positions[-1]))) if given_up else 0)
+
+
+def _first_try(position: int) -> int:
+    """Ticks of the first interval that a leg tries from a node."""
+    return min(position & -position, TICKS) or TICKS
+
+
+def _stability(checked: bool) -> str:
+    return "stable" if checked else "not checked"
+
+
+def _looked_at(state: State | None) -> dict[str, float | str]:
+    """Figures of a state that the solver did not make."""
+    if state is None:
+        return {}
+    roof = float(np.linalg.norm(mean_roof(state.mesh, state.displacement)))
+    stated = state.error.displacement / roof if state.error and roof else math.nan
+    return {
+        "node_jacobian": node_jacobian(state.mesh, state.displacement),
+        "imbalance": reactions(state).imbalance,
+        "roof": roof,
+        "stated_error": stated,
+    }
+
+
+def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray) -> float:
+    """Least volume ratio J at any of the ten nodes of any element, under a displacement (N, 3) in mm."""
+    before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
+    return float((after / before).min())
+
+
+def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
+    """(3,) mm: mean over the undeformed roofs' area of a displacement (N, 3)."""
+    faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
+    along = [np.einsum("qa,fai->fqi", slopes, mesh.points[faces]) for slopes in shape_slopes(_MIDPOINTS)]
+    area = np.linalg.norm(np.cross(*along), axis=2)
+    moved = np.einsum("qa,fai->fqi", shape_functions(_MIDPOINTS), displacement[faces])
+    return np.einsum("fq,fqi->i", area, moved) / area.sum()
+
+
+def _finer_change(case: Case, state: State | None) -> float:
+    """Change of the roofs' mean displacement on the finer mesh, relative; not a number if that cannot be loaded."""
+    assert state is not None
+    size = case.mesh_size / FINER
+    try:
+        (finer,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=size)
+    except ComputationError:
+        return math.nan
+    here, there = (mean_roof(s.mesh, s.displacement) for s in (state, finer))
+    return float(np.linalg.norm(there - here) / np.linalg.norm(here))
+
+
+def _listed(value: np.ndarray) -> str:
+    """Up to three numbers of four digits."""
+    numbers = ", ".join(f"{number:.4g}" for number in value + 0.0)
+    return f"({numbers})" if len(value) > 1 else numbers

@@ -1,0 +1,98 @@
+"""One row of a table of extremes, and its cells as text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+CONVERGED = "converged"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case; numbers that there are none of are not numbers (NaN).
+
+    Attributes
+    ----------
+    verdict : ``converged``, ``ends at ...``, ``refused: ...``, or how the process ended
+    wrong : what is wrong with the row itself, empty if nothing is
+    iterations : of Newton's method, over all accepted steps
+    steps : accepted steps
+    cutbacks : times that a step was halved, or given up
+    min_jacobian : least volume ratio J at the quadrature points, at any accepted step
+    node_jacobian : least J at the ten nodes of the elements of the last state
+    residual : largest out-of-balance force of any accepted step, relative to the load
+    imbalance : of the load and the board's reaction at the last state, relative
+    stability : whether each step was found stable: ``stable`` or ``not checked``
+    roof : length of the mean displacement of the roofs at the last state, in mm
+    stated_error : root mean square of the roofs' error that the state states, relative to `roof`
+    finer_change : change of the mean displacement on the finer mesh, relative to `roof`
+    seconds : of processors' time, for the state and its error
+    megabytes : most memory
+    inverted : load of the first accepted step with J of 0 or less at a node of an element, empty if there is none
+    """
+
+    case: str
+    verdict: str
+    wrong: str = ""
+    iterations: float = math.nan
+    steps: float = math.nan
+    cutbacks: float = math.nan
+    min_jacobian: float = math.nan
+    node_jacobian: float = math.nan
+    residual: float = math.nan
+    imbalance: float = math.nan
+    stability: str = ""
+    roof: float = math.nan
+    stated_error: float = math.nan
+    finer_change: float = math.nan
+    seconds: float = math.nan
+    megabytes: float = math.nan
+    inverted: str = ""
+
+
+HEADINGS = {
+    "case": "case",
+    "verdict": "verdict",
+    "iterations": "Newton",
+    "steps": "steps",
+    "cutbacks": "cutbacks",
+    "min_jacobian": "min J",
+    "node_jacobian": "min J at nodes",
+    "residual": "residual",
+    "imbalance": "imbalance",
+    "stability": "stability",
+    "roof": "mean roof [mm]",
+    "stated_error": "stated error",
+    "finer_change": "finer mesh",
+    "seconds": "CPU s",
+    "megabytes": "MB",
+}
+_FORMS = {
+    "iterations": ".0f",
+    "steps": ".0f",
+    "cutbacks": ".0f",
+    "min_jacobian": ".3f",
+    "node_jacobian": ".3f",
+    "residual": ".0e",
+    "imbalance": ".0e",
+    "roof": ".4g",
+    "stated_error": ".2%",
+    "finer_change": ".2%",
+    "seconds": ".1f",
+    "megabytes": ".0f",
+}
+
+
+def cells(row: Row) -> list[str]:
+    """The row's cells as text, in the order of :data:`HEADINGS`; "-" where there is no number."""
+    return [_cell(row, name) for name in HEADINGS]
+
+
+def _cell(row: Row, name: str) -> str:
+    value = getattr(row, name)
+    if name == "verdict" and row.wrong:
+        return f"{value}; WRONG: {row.wrong}"
+    if isinstance(value, str):
+        return value or "-"
+    return "-" if math.isnan(value) else format(value, _FORMS[name])

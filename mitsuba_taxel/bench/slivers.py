@@ -1,0 +1,69 @@
+"""A pad whose mesh has very flat elements on purpose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.quality import jacobians
+from mitsuba_taxel.pads.volume_mesh import TET_EDGES, VolumeMesh
+
+FLATNESS = 0.01
+"""Height of a flattened element, relative to what it was."""
+
+
+@dataclass(frozen=True)
+class SliverPad(Pad):
+    """A pad in whose mesh many an inner corner lies almost in the opposite face of one of its elements.
+
+    No mirror maps the mesh on itself, so that the whole pad is solved.
+    """
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What tells the pad from others, as values that JSON can write."""
+        return super().identity | {"flatness": FLATNESS}
+
+    def mesh(self, mesh_size: float) -> VolumeMesh:
+        """The pad's volume mesh with its slivers."""
+        return with_slivers(super().mesh(mesh_size))
+
+
+def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
+    """The mesh with corners that lie on no surface moved until an element is flat; no two of them share an element.
+
+    The edges at a moved corner become straight. A corner stays where it is if an element would turn inside out.
+    """
+    points, tets = mesh.points.copy(), mesh.tets
+    order = np.argsort(tets[:, :4].ravel(), kind="stable")
+    begin = np.searchsorted(tets[:, :4].ravel()[order], np.arange(mesh.corner_count + 1))
+    fixed = np.zeros(len(points), dtype=bool)
+    fixed[mesh.faces] = True
+    for corner in range(mesh.corner_count):
+        around = tets[order[begin[corner] : begin[corner + 1]] // 4]
+        if not fixed[corner] and _flatten(points, corner, around):
+            fixed[around[:, :4]] = True
+    return replace(mesh, points=points)
+
+
+def _flatten(points: np.ndarray, corner: int, around: np.ndarray) -> bool:
+    """Move a corner into one of the elements ``around`` it; whether one was found that leaves all of them valid."""
+    before = points[around]
+    for own in around[:, :4]:
+        base = points[own[own != corner]].mean(axis=0)
+        points[corner] = base + FLATNESS * (points[corner] - base)
+        for node, ends in enumerate(TET_EDGES, start=4):
+            at_corner = (around[:, list(ends)] == corner).any(axis=1)
+            points[around[at_corner, node]] = points[around[at_corner][:, list(ends)]].mean(axis=1)
+        if _valid(points, around):
+            return True
+        points[around] = before
+    return False
+
+
+def _valid(points: np.ndarray, tets: np.ndarray) -> bool:
+    corners = points[tets[:, :4]]
+    volume = np.linalg.det(corners[:, 1:] - corners[:, :1])
+    return bool((volume > 0).all() and (jacobians(points, tets) > 0).all())

@@ -1,0 +1,68 @@
+"""The mechanics' table of extremes, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from mitsuba_taxel.bench.apart import measure_apart
+from mitsuba_taxel.bench.cases import Case, stability_cases
+from mitsuba_taxel.bench.row import Row
+from mitsuba_taxel.bench.tables import write_csv, write_markdown
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.studies.files import check_new_file
+
+
+def stability(
+    only: str | None = None,
+    csv: Path | None = None,
+    markdown: Path | None = None,
+    starting: Callable[[int, int, str], None] | None = None,
+) -> Iterator[Row]:
+    """Rows of the table as they are measured, each in a process of its own; files hold those measured so far.
+
+    Parameters
+    ----------
+    only : a part of the names of the cases wanted, in which * and ? stand for anything
+    csv, markdown : files that the rows are written to
+    starting : called with the number of a case, that of all, and its name
+
+    Raises
+    ------
+    InputError
+        if no case has such a name, or a file cannot be written.
+    """
+    cases = chosen(stability_cases(), only)
+    for file, suffix in ((csv, ".csv"), (markdown, ".md")):
+        if file:
+            check_new_file(file, suffix)
+    rows = []
+    for number, case in enumerate(cases, start=1):
+        if starting:
+            starting(number, len(cases), case.name)
+        rows.append(measure_apart(case))
+        if csv:
+            write_csv(rows, csv)
+        if markdown:
+            write_markdown(rows, markdown, _command(only, markdown))
+        yield rows[-1]
+
+
+def chosen(cases: Sequence[Case], only: str | None) -> list[Case]:
+    """The cases whose name has a part that the pattern ``only`` fits; raises `InputError` if there are none."""
+    wanted = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
+    if not wanted:
+        raise InputError(f"only = {only!r} is not allowed: a part of the name of a case is needed.")
+    return wanted
+
+
+def check(rows: Sequence[Row]) -> None:
+    """Raise `ComputationError` if a row is wrong, or its process gave none."""
+    wrong = [row.case for row in rows if row.wrong]
+    if wrong:
+        raise ComputationError(f"{len(wrong)} of {len(rows)} rows are wrong: {'; '.join(wrong)}.")
+
+
+def _command(only: str | None, markdown: Path) -> str:
+    return f"taxel bench stability {f'--only {only!r} ' if only else ''}--markdown {markdown}"

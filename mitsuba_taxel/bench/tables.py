@@ -1,0 +1,64 @@
+"""Rows as files: CSV with all digits, and a page of Markdown."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+
+from mitsuba_taxel.bench.apart import MOST_MEMORY, MOST_SECONDS
+from mitsuba_taxel.bench.cases import MESH_SIZE
+from mitsuba_taxel.bench.row import HEADINGS, Row, cells
+from mitsuba_taxel.studies.files import replacing
+
+_PAGE = """\
+# The mechanics at the extremes
+
+Written by `{command}`; do not edit by hand. Where nothing else is said, a pad is that of the paper
+(3 x 3 parallelepiped cells, E = 4.16 MPa, nu = 0.49) on elements of {mesh_size:g} mm, which is coarse: the table is
+about what happens, not about the last digit. Forces are in N, compression is z < 0. The rigid plate stands for a stiff
+layer bonded on top, whose limit it is. For comparison: the paper's solver stopped at tangential forces of 11 N
+(parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at -8 N.
+
+{table}
+
+- **verdict**: `converged`; `ends at` a load and why: the pad touches something there, or no stable state was found
+  beyond it; `refused` where one Newton solve, which looks for no contact, was asked for and found no acceptable state.
+  A process that crashed or went beyond {seconds:g} s or {memory:g} GB says so. `WRONG` marks what must not be: a step
+  accepted with an inverted element, a number that is none, forces out of balance, a stated error less than half of
+  what the finer mesh shows. The command then exits with 1.
+- **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; how often a step was halved,
+  for want of an acceptable state or for the accuracy between steps, or given up.
+- **min J**, **min J at nodes**: least volume ratio at the quadrature points, at any step; and at the ten nodes of the
+  elements in the last state, where nothing in the solver looks. The last state is that of the whole load, or just
+  before the end.
+- **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and how far the board's
+  reaction and the load are from balance in the last state, interpolated between steps, by forces assembled anew.
+- **stability**: `stable` where the factored tangent had as many negative pivots as it should at every step, on each
+  block that the pad's symmetry leaves; `not checked` where the solver does not count them.
+- **mean roof**: length of the roofs' mean displacement. **stated error**: what the state itself states, root mean
+  square over the roofs, relative to it. **finer mesh**: change of the mean displacement on elements smaller by 1.5.
+- **CPU s**, **MB**: time of all processors for the state with its error, and most memory of the process.
+"""
+
+
+def write_csv(rows: Sequence[Row], file: Path) -> None:
+    """Write the rows with a heading, all digits; no number is ``nan``."""
+    with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow([field.name for field in fields(Row)])
+        writer.writerows(map(astuple, rows))
+
+
+def write_markdown(rows: Sequence[Row], file: Path, command: str) -> None:
+    """Write the rows as a page that says which ``command`` wrote it, and what its columns mean."""
+    with replacing(file) as temporary:
+        limits = {"seconds": MOST_SECONDS, "memory": MOST_MEMORY / 2**30}
+        temporary.write_text(_PAGE.format(command=command, mesh_size=MESH_SIZE, table=_table(rows), **limits))
+
+
+def _table(rows: Sequence[Row]) -> str:
+    aligned = [":--" if name in ("case", "verdict", "stability") else "--:" for name in HEADINGS]
+    lines = [list(HEADINGS.values()), aligned, *([cell.replace("|", r"\|") for cell in cells(row)] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
