@@ -140,7 +140,7 @@ class _Neighbours:
             "vertex": (vertex[0][~at_edge], vertex[1][~at_edge]),
             "edge": (edge[0][~sharp], edge[1][~sharp]),
         }
-        self._at_sharp_edge: np.ndarray = np.isin(faces, sharp_nodes).any(axis=1)
+        self._at_sharp_edge = np.asarray(np.isin(faces, sharp_nodes).any(axis=1))
         self._centre = points[faces[:, :3]].mean(axis=1)
         self._radius = np.linalg.norm(points[faces] - self._centre[:, None], axis=2).max(axis=1)
 

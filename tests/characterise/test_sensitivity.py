@@ -30,18 +30,14 @@ def test_slopes_of_a_parabola_without_noise():
 
 def test_order_of_the_forces_does_not_matter():
     power = 1e-3 + 2e-6 * FORCES**2
-    study = study_of(
-        np.tile(power[:, None, None], (1, 4, 1)), ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1]
-    )
+    study = study_of(np.tile(power[:, None, None], (1, 4, 1)), ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1])
     shuffled = study.isel(fz=np.random.default_rng(1).permutation(len(FORCES)))
     xr.testing.assert_allclose(sensitivity(study, "fz"), sensitivity(shuffled, "fz"))
 
 
 def test_noise_that_steps_share_does_not_enter_a_slope():
     noise = np.random.default_rng(2).normal(size=(1, REPLICATES, 3)) * 1e-5
-    study = study_of(
-        noise - 4e-5 * FORCES[:, None, None], ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1, 2, 3]
-    )
+    study = study_of(noise - 4e-5 * FORCES[:, None, None], ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1, 2, 3])
     slopes = sensitivity(study, "fz")
     np.testing.assert_allclose(slopes.mean_slope, -4e-5)
     np.testing.assert_allclose(slopes.max_slope, -4e-5)
@@ -53,9 +49,7 @@ def test_stated_errors_are_the_true_ones_and_the_maximum_is_not_biased():
     count, scale = 300, 1e-6
     noise = np.random.default_rng(3).normal(size=(len(FORCES), REPLICATES, count)) * scale
     power = noise - 4e-5 * FORCES[:, None, None]
-    slopes = sensitivity(
-        study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=np.arange(count)), "fz"
-    )
+    slopes = sensitivity(study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=np.arange(count)), "fz")
     for name in ("mean_slope", "max_slope"):
         z = (slopes[name] + 4e-5) / slopes[f"{name}_error"]
         assert abs(float(z.mean())) < 5 / np.sqrt(count), name

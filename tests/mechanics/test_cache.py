@@ -15,6 +15,8 @@ from mitsuba_taxel.mechanics.equilibrium import LoadedPad
 from mitsuba_taxel.pads import Pad
 
 PAD = Pad("cylindrical", rows=1, columns=1)
+FILES = 4
+"""Its mesh, one of twice the size (hardly coarser, so not loaded), a normal leg and a tangential one."""
 
 
 def displacement(material=None, size=1.5, pad=PAD):
@@ -27,7 +29,7 @@ def files():
 
 def test_a_kept_solution_is_used(fresh, monkeypatch):
     first = displacement()
-    assert len(files()) == 3  # mesh, normal leg, tangential leg
+    assert len(files()) == FILES
     fresh()
     monkeypatch.setattr(LoadedPad, "solve", None)
     monkeypatch.setitem(sys.modules, "netgen", None)
@@ -88,7 +90,7 @@ def test_a_folder_that_cannot_be_written_does_not_stop_the_run(fresh, monkeypatc
 
 def test_no_temporary_files_are_left(fresh):
     displacement()
-    assert [file.suffix for file in cache.folder().iterdir()] == [".npz"] * 3
+    assert [file.suffix for file in cache.folder().iterdir()] == [".npz"] * FILES
 
 
 def test_where_the_cache_lies(monkeypatch):

@@ -280,7 +280,7 @@ def test_a_state_between_nodes_is_first_brought_to_balance(number, pad_states):
     answer = linearise(state)
     assert size_of(state.displacement - exact.displacement) > 1e-8 * size_of(exact.displacement)
     assert_near(answer.displacement, exact.displacement, 1e-9)
-    assert_near(answer.pressure, exact.pressure, 1e-9)
+    assert_near(answer.pressure, exact.pressure, 1e-8)  # forces balance to 1e-9 of the load
 
 
 def test_a_symmetric_state_answers_changes_that_break_its_symmetry(pad_states):

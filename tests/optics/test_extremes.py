@@ -281,7 +281,9 @@ def test_a_cell_that_nearly_closes_agrees_with_hits_and_counted_rays(llvm_mono, 
 
 
 def test_a_force_that_the_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
-    with pytest.raises(ComputationError, match=r"cannot be loaded beyond the force \(0, 0, -\d.*\) N"):
+    with pytest.raises(
+        ComputationError, match=r"cannot be loaded further \(.*\): the load path ends at force = \(0, 0, -\d.*\) N"
+    ):
         soft_sensor(force=-10.0).scene().load()
 
 

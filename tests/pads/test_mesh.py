@@ -50,9 +50,7 @@ def face_normals(mesh):
     """Points (B, Q, 3) and area vectors (B, Q, 3) at the quadrature points of the curved faces."""
     (xi, eta), weight = triangle_rule()[0].T, triangle_rule()[1]
     zeta = 1 - xi - eta
-    shapes = np.stack(
-        [*(a * (2 * a - 1) for a in (zeta, xi, eta)), 4 * zeta * xi, 4 * xi * eta, 4 * eta * zeta]
-    )
+    shapes = np.stack([*(a * (2 * a - 1) for a in (zeta, xi, eta)), 4 * zeta * xi, 4 * xi * eta, 4 * eta * zeta])
     by_xi = np.stack([1 - 4 * zeta, 4 * xi - 1, 0 * xi, 4 * (zeta - xi), 4 * eta, -4 * eta])
     by_eta = np.stack([1 - 4 * zeta, 0 * xi, 4 * eta - 1, -4 * xi, 4 * xi, 4 * (zeta - eta)])
     nodes = mesh.points[mesh.faces]

@@ -22,9 +22,7 @@ def plate_study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("studies") / "plate"
     vary = {"z": "0.6:0.8:0.1", "law": "lambertian,uniform_solid_angle"}
     done = []
-    result = sweep(
-        "plate.xml", vary, PLATE, points=256, seed=5, output=folder, progress=lambda *n: done.append(n)
-    )
+    result = sweep("plate.xml", vary, PLATE, points=256, seed=5, output=folder, progress=lambda *n: done.append(n))
     assert done == [(i, 6) for i in range(1, 7)]
     return result, folder
 
@@ -55,9 +53,7 @@ def test_units_and_provenance(plate_study):
     result, _ = plate_study
     assert result.power.units == result.standard_error.units == "W" and result.z.units == "mm"
     assert result.seconds.units == "s" and "units" not in result.law.attrs
-    assert (
-        result.attrs["seed"] == 5 and result.attrs["points"] == 256 and result.attrs["scene"] == "plate.xml"
-    )
+    assert result.attrs["seed"] == 5 and result.attrs["points"] == 256 and result.attrs["scene"] == "plate.xml"
     parameters = json.loads(result.attrs["parameters"])
     assert parameters["hole"] == "0" and parameters["width"] == "4" and "z" not in parameters
     assert {"mitsuba", "mitsuba_taxel", "numpy"} <= set(json.loads(result.attrs["versions"]))
