@@ -36,7 +36,8 @@ def report() -> dict[str, object]:
     import drjit as dr
     import mitsuba as mi
 
-    names = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy", "netgen-mesher", "rslab", "xarray")
+    ours = ("mitsuba_taxel", "mitsuba", "drjit", "numpy", "scipy")
+    names = (*ours, "netgen-mesher", "rslab", "trimesh", "pytetwild", "meshio", "xarray")
     versions = {"python": platform.python_version()}
     for name in names:
         try:
