@@ -51,7 +51,7 @@ if TYPE_CHECKING:
         write_xml,
     )
     from mitsuba_taxel.pads import Pad, PadFile
-    from mitsuba_taxel.studies import sweep
+    from mitsuba_taxel.studies import open_study, run_study, sweep, training_set, write_template
 
 _LAZY = {
     "AnnularLed": "mitsuba_taxel.optics",
@@ -80,9 +80,13 @@ _LAZY = {
     "linearise": "mitsuba_taxel.mechanics",
     "load_path": "mitsuba_taxel.mechanics",
     "measure": "mitsuba_taxel.optics",
+    "open_study": "mitsuba_taxel.studies",
+    "run_study": "mitsuba_taxel.studies",
     "silicone": "mitsuba_taxel.mechanics",
     "sweep": "mitsuba_taxel.studies",
     "tessellate": "mitsuba_taxel.mechanics",
+    "training_set": "mitsuba_taxel.studies",
+    "write_template": "mitsuba_taxel.studies",
     "write_xml": "mitsuba_taxel.optics",
 }
 
@@ -115,9 +119,13 @@ __all__ = [
     "linearise",
     "load_path",
     "measure",
+    "open_study",
+    "run_study",
     "silicone",
     "sweep",
     "tessellate",
+    "training_set",
+    "write_template",
     "write_xml",
 ]
 

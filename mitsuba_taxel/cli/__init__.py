@@ -16,7 +16,9 @@ import click
 
 from .options import debug_option
 
-COMMANDS = ("render", "rays", "sweep", "deform", "plugins", "bench", "doctor")
+COMMANDS = (
+    "new", "render", "rays", "sweep", "status", "dataset", "deform", "plugins", "bench", "doctor",
+)  # fmt: skip
 
 
 class _Commands(click.Group):

@@ -1,8 +1,9 @@
-"""`taxel sweep`: a scene over ranges or lists of its parameters."""
+"""`taxel sweep`: a scene over values of its parameters, or a study file."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,65 +18,134 @@ from .options import (
     target_error_option,
 )
 
+OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "seed")
+MOST_FAILURES_SHOWN = 10
+
 
 @click.command(short_help="Readings over ranges or lists of parameters.")
-@click.argument("scene")
+@click.argument("source", metavar="SCENE|STUDY.toml")
 @click.option(
-    "--vary", multiple=True, required=True, metavar="NAME=VALUES", callback=assignments,
-    help="start:stop:step (stop included) or a,b,c; several make a product.",
+    "--vary", multiple=True, metavar="NAME=VALUES", callback=assignments,
+    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several make a product.",
 )  # fmt: skip
+@click.option(
+    "--together", multiple=True, metavar="NAME=VALUES", callback=assignments,
+    help="The same, but all of these go together, row by row, along one dimension 'step'.",
+)  # fmt: skip
+@click.option(
+    "--steps",
+    type=click.Path(path_type=Path),
+    metavar="STEPS.csv",
+    help="Such rows as a table; columns are parameters.",
+)
 @defines_option
 @target_error_option
 @points_option
 @seed_option
 @folder_option
+@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+)
+@click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@click.option("--parquet", is_flag=True, help="Also write readings.parquet.")
 @json_option
 @debug_option
+@click.pass_context
 def command(
-    scene: str,
+    ctx: click.Context,
+    source: str,
     vary: dict[str, str],
+    together: dict[str, str],
+    steps: Path | None,
     defines: dict[str, str],
     target_error: float | None,
     points: int | None,
     seed: int,
     folder: Path,
+    workers: int | None,
+    scheduler: str | None,
+    retry_failed: bool,
+    parquet: bool,
     as_json: bool,
 ) -> None:
-    """Read SCENE at every value of its varied parameters.
+    """Read a scene at every value of its varied parameters, or all scenes of a study file.
 
-    Tables, meshes, a plot and a summary go to DIR, which must be empty or new.
+    Each reading is in DIR as soon as it is there, and the same command goes on where it was stopped.
+    Tables, meshes and a plot are made of them at the end.
     """
-    from mitsuba_taxel.studies import stage_totals, sweep
+    from mitsuba_taxel.studies import run_study, sweep
+    from mitsuba_taxel.studies.batch import columns_of
 
-    from .tables import print_table, progress_bar, stage_line
+    from .tables import study_bar
 
-    with progress_bar("readings") as progress:
-        study = sweep(
-            scene,
-            vary,
-            defines,
-            target_error=target_error,
-            points=points,
-            seed=seed,
-            output=folder,
-            progress=progress,
-        )
-    seconds = stage_totals(study)
-    rows = _sensitivities(study)
+    how: dict[str, Any] = {
+        "workers": workers,
+        "scheduler": scheduler,
+        "retry_failed": retry_failed,
+        "parquet": parquet,
+    }
+    with study_bar() as progress:
+        if source.lower().endswith(".toml"):
+            _refuse_options_of_a_scene(ctx)
+            study = run_study(source, folder, progress=progress, **how)
+        else:
+            what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "output": folder}
+            rows = {**together, **(columns_of(steps) if steps else {})}
+            study = sweep(source, vary, defines, together=rows, progress=progress, **what, **how)
+    studies = {"": study} if hasattr(study, "power") else dict(study.children.items())
     if as_json:
         import json
 
-        click.echo(json.dumps({"output": str(folder), "sensitivity": rows, "seconds": seconds}))
-        return
+        described = {name: _as_json(one) for name, one in studies.items()}
+        about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
+        click.echo(json.dumps({**about, **(described.get("") or {"scenes": described})}))
+    else:
+        for name, one in studies.items():
+            _show(name, one)
+        print(f"Results: {folder}")
+    _end(study.attrs["failures"].splitlines(), folder)
+
+
+def _refuse_options_of_a_scene(ctx: click.Context) -> None:
+    for name in OF_A_SCENE:
+        if ctx.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{name} is not allowed with a study file, which says it itself.")
+
+
+def _as_json(study) -> dict[str, object]:
+    from mitsuba_taxel.studies import stage_totals
+
+    return {"sensitivity": _sensitivities(study), "seconds": stage_totals(study)}
+
+
+def _show(name: str, study) -> None:
+    from mitsuba_taxel.studies import stage_totals
+
+    from .tables import print_table, stage_line
+
+    if name:
+        print(f"\n{name}:")
+    rows = _sensitivities(study)
     if rows:
         names = list(rows[0])
         print_table(names, ([_cell(row[name]) for name in names] for row in rows))
     points, replicates = study.attrs["points"], study.sizes["replicate"]
-    print(f"{study.power.size} readings, each from {replicates} randomisations of {points} points.")
+    count = int(study.power.notnull().sum())
+    print(f"{count} readings, each from {replicates} randomisations of {points} points.")
     for note in study.attrs["notes"].splitlines():
         print(note)
-    print(stage_line(seconds))
-    print(f"Results: {folder}")
+    print(stage_line(stage_totals(study)))
+
+
+def _end(failures: list[str], folder: Path) -> None:
+    """Say what failed, and end the program with exit code 1 if anything did."""
+    for line in failures[:MOST_FAILURES_SHOWN]:
+        click.echo(f"failed: {line}", err=True)
+    if len(failures) > MOST_FAILURES_SHOWN:
+        click.echo(f"failed: {len(failures) - MOST_FAILURES_SHOWN} more (their reasons are in {folder})", err=True)
+    if failures:
+        raise click.exceptions.Exit(1)
 
 
 def _sensitivities(study) -> list[dict[str, object]]:

@@ -124,3 +124,19 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def study_bar() -> Iterator[Callable]:
+    """A function of a study's ``Progress`` that shows jobs, time left and error so far on a terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("readings", total=None)
+
+        def show(progress) -> None:
+            failed = f", {progress.failed} failed" if progress.failed else ""
+            words = f"readings (error {progress.error:.2%}{failed})"
+            bar.update(task, completed=progress.done, total=progress.total, description=words)
+
+        yield show

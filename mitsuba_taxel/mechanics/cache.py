@@ -1,21 +1,24 @@
 """Arrays kept on disk under a key of everything that determines them.
 
-A file is the SHA-256 of its content, then an npz archive (never a pickle). It is written whole under another name
-and renamed; one that is damaged is not used. A folder that cannot be written costs time, never the run.
+A file is written whole under another name and renamed; one that is damaged is not used. A folder that cannot be
+written costs time, never the run.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
 import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+
+from mitsuba_taxel import archive
 
 
 def folder() -> Path:
@@ -46,24 +49,34 @@ def load(name: str) -> dict[str, np.ndarray] | None:
         content = (folder() / f"{name}.npz").read_bytes()
     except OSError:
         return None
-    digest, archive = content[:32], content[32:]
-    if hashlib.sha256(archive).digest() != digest:
-        return None
-    with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
-        return dict(arrays)
+    return archive.unpack(content)
+
+
+@contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Let no other process compute what is kept under ``name`` meanwhile, so that it is computed once."""
+    from filelock import FileLock
+
+    lock = FileLock(folder() / "locks" / name)
+    try:
+        Path(lock.lock_file).parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except OSError:
+        pass  # nothing can be kept there either
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def store(name: str, arrays: dict[str, np.ndarray]) -> None:
     """Keep ``arrays`` under ``name``; warns where that is not possible."""
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
-    archive = buffer.getvalue()
     try:
         folder().mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=folder(), suffix=".tmp")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(archive).digest() + archive)
+                file.write(archive.pack(arrays))
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, folder() / f"{name}.npz")

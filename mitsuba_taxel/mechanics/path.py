@@ -178,11 +178,12 @@ class _Path:
     @cached_property
     def mesh(self) -> VolumeMesh:
         name = cache.key("mesh", self._identity)
-        arrays = cache.load(name)
-        if arrays is None:
-            mesh = self.pad.mesh(self.mesh_size)
-            cache.store(name, vars(mesh))
-            return mesh
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is None:
+                mesh = self.pad.mesh(self.mesh_size)
+                cache.store(name, vars(mesh))
+                return mesh
         return VolumeMesh(**arrays)
 
     @cached_property
@@ -286,11 +287,8 @@ class _Path:
     def _leg(self, origin: np.ndarray, direction: np.ndarray) -> Leg:
         index = (*origin, *direction)
         if index not in self._legs:
-            leg = Leg(origin, direction, self._step)
-            arrays = cache.load(self._leg_name(leg))
-            if arrays is not None:
-                leg.restore(arrays)
-            self._legs[index] = leg
+            leg = self._legs[index] = Leg(origin, direction, self._step)
+            self._take_stored(leg)
         return self._legs[index]
 
     def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
@@ -300,12 +298,20 @@ class _Path:
         return _loaded_pad(self, mirrors)
 
     def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: tuple[np.ndarray, np.ndarray]) -> None:
-        before = len(leg.nodes), leg.limit
-        try:
-            leg.extend(pad, s, pad.gather(*start), self._contact)
-        finally:
-            if (len(leg.nodes), leg.limit) != before:
-                cache.store(self._leg_name(leg), leg.arrays())
+        """Solve a leg as far as ``s``, unless another process has meanwhile."""
+        with cache.alone(self._leg_name(leg)):
+            self._take_stored(leg)
+            before = len(leg.nodes), leg.limit
+            try:
+                leg.extend(pad, s, pad.gather(*start), self._contact)
+            finally:
+                if (len(leg.nodes), leg.limit) != before:
+                    cache.store(self._leg_name(leg), leg.arrays())
+
+    def _take_stored(self, leg: Leg) -> None:
+        arrays = cache.load(self._leg_name(leg))
+        if arrays is not None and len(arrays["s"]) >= len(leg.nodes):
+            leg.restore(arrays)
 
     def _leg_name(self, leg: Leg) -> str:
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]

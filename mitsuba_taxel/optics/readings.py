@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -377,11 +377,15 @@ def check_request(target_error: float | None, points: int | None, seed: int, tim
     """
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")
-    if target_error is not None and not 0 < target_error < 1:
+    if target_error is not None and not (isinstance(target_error, Real) and 0 < target_error < 1):
         raise InputError(f"target_error = {target_error} is not allowed: a number between 0 and 1 is needed.")
-    if points is not None and not (isinstance(points, Integral) and 1 <= points <= MOST_POINTS):
+    if points is not None and not (_is_whole(points) and 1 <= points <= MOST_POINTS):
         raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
-    if time_budget is not None and not 0 < time_budget < math.inf:
+    if time_budget is not None and not (isinstance(time_budget, Real) and 0 < time_budget < math.inf):
         raise InputError(f"time_budget = {time_budget} is not allowed: a finite number of seconds above 0 is needed.")
-    if not (isinstance(seed, Integral) and 0 <= seed < 1 << 32):
+    if not (_is_whole(seed) and 0 <= seed < 1 << 32):
         raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ class Scene:
         if the file does not exist, is no XML, or a parameter is not one of the file's.
     """
 
-    def __init__(self, source: Path | dict[str, Any], parameters: dict[str, object] | None = None) -> None:
+    def __init__(self, source: Path | dict[str, Any], parameters: Mapping[str, object] | None = None) -> None:
         self.source = source
         self.defaults: dict[str, str] = {}
         given = {name: str(value) for name, value in (parameters or {}).items()}
@@ -128,14 +128,19 @@ def find_scene(source: str | Path) -> Path:
     path = Path(source)
     if path.is_file():
         return path
-    from importlib.resources import files
-
-    folder = Path(str(files("mitsuba_taxel.scenes")))
+    folder = shipped_scenes()
     shipped = folder / path.name
     if path.parent == Path(".") and shipped.is_file():
         return shipped
     names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
     raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def shipped_scenes() -> Path:
+    """The folder of the scenes that ship with the package."""
+    from importlib.resources import files
+
+    return Path(str(files("mitsuba_taxel.scenes"))).resolve()
 
 
 def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:

@@ -8,12 +8,35 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mitsuba_taxel.studies.dataset import stage_totals
     from mitsuba_taxel.studies.deformation import deform
+    from mitsuba_taxel.studies.opening import open_study
     from mitsuba_taxel.studies.steps import read_steps
-    from mitsuba_taxel.studies.study import sweep
+    from mitsuba_taxel.studies.study import Progress, run_study, sweep
+    from mitsuba_taxel.studies.templates import write_template
+    from mitsuba_taxel.studies.training import training_set
 
-_LAZY = {"deform": "deformation", "read_steps": "steps", "stage_totals": "dataset", "sweep": "study"}
+_LAZY = {
+    "Progress": "study",
+    "deform": "deformation",
+    "open_study": "opening",
+    "read_steps": "steps",
+    "run_study": "study",
+    "stage_totals": "dataset",
+    "sweep": "study",
+    "training_set": "training",
+    "write_template": "templates",
+}
 
-__all__ = ["deform", "read_steps", "stage_totals", "sweep"]
+__all__ = [
+    "Progress",
+    "deform",
+    "open_study",
+    "read_steps",
+    "run_study",
+    "stage_totals",
+    "sweep",
+    "training_set",
+    "write_template",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -4,59 +4,49 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.backend import report
-from mitsuba_taxel.optics import Readings, Scene
-from mitsuba_taxel.optics.readings import describe_mechanics
+from mitsuba_taxel.optics import Readings
+from mitsuba_taxel.optics.readings import describe_mechanics, standard_error
+from mitsuba_taxel.studies.job import Failure, describe
+from mitsuba_taxel.studies.store import Kept
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
-from mitsuba_taxel.studies.vary import as_numbers, curve_parameter
+from mitsuba_taxel.studies.vary import STEP, Axis, as_numbers, combinations, curve_dimension
+
+Place = tuple[int, ...]
 
 
-class Result(NamedTuple):
-    """What one scene of a study gave: readings, seconds by stage, and the files of its pads."""
-
-    readings: Readings
-    seconds: dict[str, float]
-    meshes: str
-
-
-def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tuple[int, ...], Result]) -> xr.Dataset:
-    """Dataset over the varied parameters, ``taxel``, ``replicate`` and ``stage``.
+def assemble(
+    axes: Sequence[Axis], results: Mapping[Place, Kept], failures: Mapping[Place, Failure], about: Mapping[str, Any]
+) -> xr.Dataset:
+    """Dataset over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
 
     Parameters
     ----------
-    scene : the scene with the values of the parameters that are not varied
-    varied : values by parameter, in the order of the dimensions
-    results : by index along each varied parameter
+    results, failures : by place along the axes; where there is no result, readings are not a number
+    about : ``scene``, ``seed``, ``points``, ``parameters``, ``versions``, ``pilot_seconds``
     """
-    shape = tuple(len(words) for words in varied.values())
+    shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
-    replicates = np.zeros(shape + first.replicates.shape)
+    replicates = np.full(shape + first.replicates.shape, math.nan)
     seconds = np.zeros((*shape, len(stages)))
     meshes = np.full(shape, "", dtype=object)
-    for index, result in results.items():
-        replicates[index] = result.readings.replicates
-        seconds[index] = [result.seconds.get(stage, 0.0) for stage in stages]
-        meshes[index] = result.meshes
-    dims = list(varied)
-    remarks = [remark for result in results.values() for remark in result.readings.remarks]
-    errors = [error for result in results.values() for error in result.readings.roof_errors]
+    for place, result in results.items():
+        replicates[place] = result.readings.replicates
+        seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
+        meshes[place] = result.meshes
     power = replicates.mean(axis=-2)
-    error = replicates.std(axis=-2, ddof=1) / np.sqrt(len(first.replicates))
+    error = standard_error(np.moveaxis(replicates, -2, 0))
+    about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
     study = xr.Dataset(
         {
             "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
-            "standard_error": (
-                [*dims, "taxel"],
-                error,
-                {"units": "W", "long_name": "1 sigma of power (light)"},
-            ),
+            "standard_error": ([*dims, "taxel"], error, about_error),
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
             **_roof_errors(dims, shape, results),
@@ -64,21 +54,44 @@ def assemble(scene: Scene, varied: Mapping[str, list[str]], results: Mapping[tup
             "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
         },
         coords={
-            **{name: (name, as_numbers(words) or words, _unit(name, words)) for name, words in varied.items()},
+            **_coordinates(axes),
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
         },
         attrs={
-            "scene": scene.name,
-            "curve": curve_parameter(varied),
-            "parameters": json.dumps({name: value for name, value in scene.parameters.items() if name not in varied}),
-            "versions": json.dumps(report()["versions"]),
-            "seed": first.seed,
-            "points": first.points,
-            "notes": "\n".join(dict.fromkeys([*remarks, *describe_mechanics(errors)])),
+            "scene": about["scene"],
+            "curve": curve_dimension(axes),
+            "seed": about["seed"],
+            "points": about["points"],
+            **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
+            "notes": "\n".join(_notes(results)),
+            "failures": "\n".join(_failures(axes, failures)),
         },
     )
     return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
+
+
+def _coordinates(axes: Sequence[Axis]) -> dict[str, tuple]:
+    """Values along each dimension; the parameters that go together are values along ``step``."""
+    coordinates: dict[str, tuple] = {}
+    for axis in axes:
+        for name, words in axis.values.items():
+            coordinates[name] = (axis.dim, as_numbers(words) or words, _unit(name, words))
+        if axis.dim == STEP:
+            coordinates[STEP] = (STEP, np.arange(1, axis.size + 1))
+    return coordinates
+
+
+def _notes(results: Mapping[Place, Kept]) -> list[str]:
+    """What the reader of the numbers must know, each once; of the mechanics, the worst."""
+    remarks = [remark for result in results.values() for remark in result.readings.remarks]
+    errors = [error for result in results.values() for error in result.readings.roof_errors]
+    return [*dict.fromkeys(remarks), *describe_mechanics(errors)]
+
+
+def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure]) -> list[str]:
+    values = dict(combinations(axes))
+    return [f"{describe(values[place])}: {failure.message}" for place, failure in failures.items()]
 
 
 def _responsivity(readings: Readings) -> dict[str, tuple]:
@@ -88,13 +101,11 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
     return {"responsivity": ("taxel", readings.responsivity, about)}
 
 
-def _roof_errors(
-    dims: list[str], shape: tuple[int, ...], results: Mapping[tuple[int, ...], Result]
-) -> dict[str, tuple]:
+def _roof_errors(dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]) -> dict[str, tuple]:
     """The worst error of the pads of each scene; not a number where it is unknown."""
     if not any(result.readings.roof_errors for result in results.values()):
         return {}
-    displacement, slope = np.zeros(shape), np.zeros(shape)
+    displacement, slope = np.full(shape, math.nan), np.full(shape, math.nan)
     for index, result in results.items():
         errors = result.readings.roof_errors
         displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)

@@ -1,37 +1,218 @@
-"""A study on disk: NetCDF, CSV, summary and plot, each file written whole or not at all."""
+"""The folder of a study: what it is, and one file for each job that is done or has failed.
+
+``study.toml`` says what is computed and by what; ``jobs/000042.npz`` is a result, whole or not there, and
+``failed/000042.json`` says why there is none. Everything else in the folder is derived from them.
+"""
 
 from __future__ import annotations
 
+import json
+import os
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from itertools import zip_longest
 from pathlib import Path
+from typing import Any, NamedTuple
 
-import xarray as xr
+import numpy as np
+import tomli_w
 
-from mitsuba_taxel.characterise import sensitivity_table
-from mitsuba_taxel.report.curves import plot_curves
-from mitsuba_taxel.studies.files import replacing
+from mitsuba_taxel import archive
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics import RoofError
+from mitsuba_taxel.optics import Readings
+from mitsuba_taxel.studies.files import make_folder, replacing
+from mitsuba_taxel.studies.job import Failure, Job, Result
 
-
-def write_study(study: xr.Dataset, folder: Path) -> None:
-    """Write ``readings.nc``, ``readings.csv``, ``power.png`` and, if a force is varied, ``summary.csv``."""
-    with replacing(folder / "readings.nc") as file:
-        study.to_netcdf(file, engine="scipy")
-    with replacing(folder / "readings.csv") as file:
-        file.write_text(_readings_csv(study), encoding="utf-8")
-    with replacing(folder / "power.png") as file:
-        plot_curves(study, file)
-    table = sensitivity_table(study)
-    if len(table):
-        with replacing(folder / "summary.csv") as file:
-            table.to_csv(file, index=False)
+STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
+JOBS, FAILED, MESHES = "jobs", "failed", "meshes"
+HEADING = "# What the results beside this file are of; it can be run again, into another folder.\n"
 
 
-def _readings_csv(study: xr.Dataset) -> str:
-    """One row per scene and taxel, after lines that start with # and tell where the numbers come from."""
-    head = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")]
-    head += [f"# {note}" for note in study.attrs["notes"].splitlines()]
-    units = {name: variable.attrs.get("units") for name, variable in study.variables.items()}
-    names = ["power", "standard_error", *(["mesh"] if "mesh" in study else [])]
-    table = study[names].to_dataframe().reset_index()
-    table = table[[*(name for name in study.power.dims), *names]]
-    table.columns = [f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns]
-    return "\n".join(head) + "\n" + table.to_csv(index=False)
+class StoreError(ComputationError):
+    """Results cannot be written: there is no sense in computing more of them."""
+
+
+class Kept(NamedTuple):
+    """The result of a job as it is stored: its pads' surfaces are files of their own."""
+
+    readings: Readings
+    seconds: dict[str, float]
+    meshes: str
+
+
+class Store:
+    """The folder of a study of one scene."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @contextmanager
+    def writing(self, content: Mapping[str, Any], workers: str) -> Iterator[None]:
+        """Keep the folder for one run of the study ``content``, which begins it or goes on with it.
+
+        Raises
+        ------
+        InputError
+            if the folder cannot be written to, another run is at work in it, or it holds something else.
+        """
+        from filelock import FileLock, Timeout
+
+        make_folder(self.folder)
+        lock = FileLock(self.folder / LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise InputError(f"output folder {self.folder} is in use: another run is at work in it.") from None
+        try:
+            self._begin(content)
+            self._note_run(workers)
+            yield
+        finally:
+            lock.release()
+
+    def _begin(self, content: Mapping[str, Any]) -> None:
+        if not (self.folder / STUDY).exists():
+            if any(not file.name.startswith(".") for file in self.folder.iterdir()):
+                raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
+            with replacing(self.folder / STUDY) as file:
+                file.write_text(HEADING + tomli_w.dumps(content))
+        difference = _difference(tomli_w.dumps(content), (self.folder / STUDY).read_text().removeprefix(HEADING))
+        if difference:
+            raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
+        for name in (JOBS, FAILED, MESHES):
+            (self.folder / name).mkdir(exist_ok=True)
+            for stale in (self.folder / name).glob(".*"):
+                stale.unlink()  # a temporary file of a run that was killed
+
+    def _note_run(self, workers: str) -> None:
+        """Who is at work, and since when: for :func:`status`."""
+        about = {"started": time.time(), "finished_before": len(self.done()) + len(self.failures()), "workers": workers}
+        self._write_json(RUN, {**about, "host": socket.gethostname(), "process": os.getpid()})
+
+    @property
+    def choice(self) -> tuple[int, dict[str, float]] | None:
+        """How many points pilot runs have led to, and the seconds that these took by stage; None before."""
+        try:
+            chosen = json.loads((self.folder / CHOICE).read_text())
+        except OSError:
+            return None
+        return chosen["points"], chosen["pilot_seconds"]
+
+    def keep_choice(self, points: int, pilot_seconds: Mapping[str, float]) -> None:
+        """Store what :attr:`choice` is from now on."""
+        self._write_json(CHOICE, {"points": points, "pilot_seconds": dict(pilot_seconds)})
+
+    def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        with replacing(self.folder / name) as file:
+            file.write_text(json.dumps(content))
+
+    def done(self) -> list[int]:
+        """Numbers of the jobs that a result is there of."""
+        return sorted(int(file.stem) for file in (self.folder / JOBS).glob("*.npz"))
+
+    def failures(self) -> dict[int, Failure]:
+        """Why there is none, by the numbers of the jobs that failed."""
+        files = sorted((self.folder / FAILED).glob("*.json"))
+        return {int(file.stem): Failure(**_read_json(file)) for file in files}
+
+    def forget_failures(self) -> None:
+        """Let the jobs that failed be done again."""
+        for file in (self.folder / FAILED).glob("*.json"):
+            file.unlink()
+
+    def keep(self, job: Job, outcome: Result | Failure) -> None:
+        """Store what a job gave; it is on disk when this returns. Raises `StoreError`."""
+        try:
+            if isinstance(outcome, Failure):
+                with replacing(self._failed(job.number)) as file:
+                    file.write_text(json.dumps(asdict(outcome)))
+                return
+            self._keep_meshes(outcome.meshes)
+            with replacing(self._job(job.number)) as file:
+                file.write_bytes(archive.pack(_arrays(keepable(outcome))))
+        except OSError as error:
+            raise StoreError(
+                f"results cannot be kept in {self.folder} ({error.strerror}): {len(self.done())} jobs are; "
+                "the same command goes on from there."
+            ) from error
+
+    def _keep_meshes(self, meshes: Mapping[str, bytes]) -> None:
+        for name, content in meshes.items():
+            target = self.folder / MESHES / name
+            if not target.exists():
+                with replacing(target) as file:
+                    file.write_bytes(content)
+
+    def load(self, number: int, parameters: Mapping[str, str]) -> Kept | None:
+        """What a job with these parameters gave; None if there is no result, or one that is damaged or another's."""
+        try:
+            arrays = archive.unpack(self._job(number).read_bytes())
+        except OSError:
+            return None
+        kept = None if arrays is None else _kept(arrays)
+        return kept if kept and kept.readings.parameters == parameters else None
+
+    def _job(self, number: int) -> Path:
+        return self.folder / JOBS / f"{number:06d}.npz"
+
+    def _failed(self, number: int) -> Path:
+        return self.folder / FAILED / f"{number:06d}.json"
+
+
+def keepable(result: Result) -> Kept:
+    """A result with its pads' surfaces named, and not held."""
+    return Kept(result.readings, result.seconds, " ".join(f"{MESHES}/{name}" for name in result.meshes))
+
+
+def _arrays(kept: Kept) -> dict[str, np.ndarray]:
+    readings = kept.readings
+    words = {
+        "points": readings.points,
+        "seed": readings.seed,
+        "parameters": readings.parameters,
+        "remarks": readings.remarks,
+        "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
+        "seconds": kept.seconds,
+        "meshes": kept.meshes,
+    }
+    arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
+    return arrays if readings.responsivity is None else {**arrays, "responsivity": readings.responsivity}
+
+
+def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
+    words = json.loads(str(arrays["words"]))
+    seconds, meshes = words.pop("seconds"), words.pop("meshes")
+    errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
+    readings = Readings(
+        arrays["replicates"], seconds=seconds, responsivity=arrays.get("responsivity"), roof_errors=errors, **words
+    )
+    return Kept(readings, seconds, meshes)
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    return json.loads(file.read_text())
+
+
+def _difference(now: str, before: str) -> str:
+    """The first line in which two study files differ, or nothing."""
+    pairs = zip_longest(now.splitlines(), before.splitlines(), fillvalue="nothing")
+    return next((f"it says {old.strip()}, and not {new.strip()}" for new, old in pairs if new != old), "")
+
+
+def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
+    """Make the folder of a study of several scenes, which each get a folder in it.
+
+    Raises
+    ------
+    InputError
+        if it cannot be written to, or holds something else.
+    """
+    make_folder(folder)
+    if any(folder.iterdir()) and not (folder / STUDY).exists():
+        raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
+    with replacing(folder / STUDY) as file:
+        file.write_text(HEADING + tomli_w.dumps(study))

@@ -1,23 +1,41 @@
-"""A sweep: one scene read at every combination of its varied parameters."""
+"""Studies: scenes read at every combination of their varied parameters."""
 
 from __future__ import annotations
 
-import gc
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import xarray as xr
 
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.optics import Scene, find_scene, measure, points_for
-from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR, check_request, prepare
-from mitsuba_taxel.studies.dataset import Result, assemble
-from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
-from mitsuba_taxel.studies.files import make_empty_folder
-from mitsuba_taxel.studies.vary import combinations, curve_parameter, parse_values
+from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR
+from mitsuba_taxel.studies.batch import Batch, batch_from, make_batch, read_study
+from mitsuba_taxel.studies.dataset import assemble
+from mitsuba_taxel.studies.job import Failure, Job, describe
+from mitsuba_taxel.studies.opening import open_study
+from mitsuba_taxel.studies.pilots import piloted_points
+from mitsuba_taxel.studies.pool import Pool, open_pool
+from mitsuba_taxel.studies.provenance import provenance
+from mitsuba_taxel.studies.store import Kept, Store, StoreError, begin_tree, keepable
+from mitsuba_taxel.studies.vary import combinations, curve_dimension
+
+
+class Progress(NamedTuple):
+    """How far a study is.
+
+    Attributes
+    ----------
+    done, failed, total : jobs that are finished, failed ones among them, and all
+    error : largest relative standard error of a reading so far
+    """
+
+    done: int
+    failed: int
+    total: int
+    error: float
 
 
 def sweep(
@@ -25,123 +43,206 @@ def sweep(
     vary: Mapping[str, str | Iterable[object]],
     defines: Mapping[str, object] | None = None,
     *,
+    together: Mapping[str, str | Iterable[object]] | None = None,
     target_error: float | None = None,
     points: int | None = None,
     seed: int = 0,
     output: str | Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
     """Read a scene at every combination of the varied parameters.
 
     All readings use the same seed and the same number of points, so that neighbouring ones share their random
-    numbers and a slope between them is not noise.
+    numbers and a slope between them is not noise. With ``output``, each is on disk as soon as it is there, and the same
+    call goes on where one before was stopped.
 
     Parameters
     ----------
     source : path of a scene, or the name of a shipped one
-    vary : by parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, or the values themselves
+    vary : by parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
+        values themselves; each makes a dimension
     defines : values for other parameters of the scene
+    together : values by parameter, all of one length, that are taken row by row along a dimension ``step``
     target_error : relative standard error wanted for the worst taxel of the first, middle and last scene of
         each curve (default 0.005)
     points : light paths for each taxel and randomisation, instead of a target
     seed : whole number from 0 to 2**32 - 1
-    output : folder for ``readings.nc``, ``readings.csv``, ``summary.csv``, ``power.png`` and, where the scene
-        holds pads, ``meshes/``; must be empty or not exist
-    progress : called with (jobs done, jobs in all)
+    output : folder for the results; new, empty, or that of the same study
+    workers : number of processes to use, in place of this one
+    scheduler : address of a Dask scheduler whose workers to use; they must see the same files
+    retry_failed : whether scenes that failed in an earlier call are computed again
+    parquet : whether to write the readings to ``output`` as ``readings.parquet`` as well
+    progress : called when a scene is done
 
     Returns
     -------
     Over the varied parameters and ``taxel``: ``power`` and ``standard_error`` in W; ``replicate_power`` in W,
-    also over ``replicate``; ``seconds`` by ``stage``; ``mesh``, the file of the pad. Attributes are seed,
-    points, versions, the other parameters, and the seconds of the pilot runs that chose the points.
+    also over ``replicate``; ``seconds`` by ``stage``; ``mesh``, the file of the pad. What failed is not a number, and
+    the attribute ``failures`` says why, a line for each. Other attributes are seed, points, versions, the other
+    parameters, and the seconds of the pilot runs that chose the points.
 
     Raises
     ------
     InputError
-        if a parameter, a value or the folder is refused.
+        if a parameter, a value or the folder is refused, or every scene.
     ComputationError
-        if a scene could not be computed; the message names its values.
+        if no scene could be computed, or results could not be stored.
     """
-    file = find_scene(source)
-    fixed = {name: str(value) for name, value in (defines or {}).items()}
-    varied = {name: parse_values(name, values) for name, values in vary.items()}
-    _check(file, varied, fixed)
-    check_request(target_error, points, seed)
-    jobs = list(combinations(varied))
-    folder = None if output is None else Path(output)
-    if folder is not None:
-        make_empty_folder(folder)
+    batch = make_batch(source, vary, defines, together=together, target_error=target_error, points=points, seed=seed)
+    with open_pool(workers, scheduler) as pool:
+        return run_batch(batch, pool, None if output is None else Path(output), retry_failed, parquet, progress)
 
-    pilots: dict[str, float] = {}
-    if points is None:
-        with stages.record() as pilots:
-            points = _points_for_all(file, fixed, varied, target_error or DEFAULT_TARGET_ERROR, seed)
-    results: dict[tuple[int, ...], Result] = {}
-    meshes: dict[str, str] = {}
-    for index, values in jobs:
-        with _naming(values):
-            results[index] = _read(Scene(file, {**fixed, **values}), points, seed, folder, meshes)
-        if progress is not None:
-            progress(len(results), len(jobs))
-    study = assemble(Scene(file, {**fixed}), varied, results)
-    study.attrs["pilot_seconds"] = json.dumps(pilots)
-    if folder is not None:
-        from mitsuba_taxel.studies.store import write_study
 
-        write_study(study, folder)
+def run_batch(
+    batch: Batch,
+    pool: Pool,
+    folder: Path | None,
+    retry_failed: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xr.Dataset:
+    """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
+    origin = provenance(batch)
+    if folder is None:
+        return _dataset(batch, origin, _compute(batch, pool, None, progress))
+    from mitsuba_taxel.studies.results import check_parquet, write_results
+
+    if parquet:
+        check_parquet()
+    store = Store(folder)
+    with store.writing({**batch.as_toml(), "provenance": origin}, pool.name):
+        if retry_failed:
+            store.forget_failures()
+        study = _dataset(batch, origin, _compute(batch, pool, store, progress))
+        write_results(study, folder, parquet)
     return study
 
 
-def _check(file: Path, varied: Mapping[str, list[str]], fixed: Mapping[str, str]) -> None:
-    if not varied:
-        raise InputError("nothing is varied: at least one parameter is needed.")
-    for name in varied:
-        if name in fixed:
-            raise InputError(f"{name} is both varied and given a value.")
-    Scene(file, {**fixed, **{name: values[0] for name, values in varied.items()}})
+def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr.Dataset:
+    """What was computed, as :func:`sweep` returns it; raises the first failure if there is nothing else."""
+    failures = computed.failures
+    if not computed.results:
+        index, failure = next(iter(failures.items()))
+        values = dict(combinations(batch.axes))[index]
+        raise type(failure.error())(f"{describe(values)}: {failure.message}")
+    about = {"scene": batch.file.name, "seed": batch.seed}
+    run = {"points": computed.points, "pilot_seconds": computed.pilot_seconds}
+    return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
 
 
-def _points_for_all(
-    file: Path, fixed: Mapping[str, str], varied: Mapping[str, list[str]], target_error: float, seed: int
-) -> int:
-    """Points that reach the target at the first, middle and last scene of each curve."""
-    curve = curve_parameter(varied)
-    count = len(varied[curve])
-    pilots = {**varied, curve: [varied[curve][i] for i in sorted({0, count // 2, count - 1})]}
-    points = 0
-    for _, values in combinations(pilots):
-        with _naming(values):
-            with stages.stage("optics"):
-                points = max(points, points_for(Scene(file, {**fixed, **values}), target_error, seed))
-        gc.collect()
-    return points
+class _Computed(NamedTuple):
+    """What the jobs of a batch gave, by place along its dimensions."""
+
+    results: dict[tuple[int, ...], Kept]
+    failures: dict[tuple[int, ...], Failure]
+    points: int
+    pilot_seconds: dict[str, float]
 
 
-def _read(scene: Scene, points: int, seed: int, folder: Path | None, meshes: dict[str, str]) -> Result:
-    """One job: its readings; its pads are written unless an earlier job did (``meshes``: key -> file)."""
-    with stages.record() as seconds:
-        ready = prepare(scene)
-        readings = measure(ready, points=points, seed=seed)
-        names = []
-        if folder is not None:
-            with stages.stage("meshes"):
-                for pad in deformed_pads(ready.scene):
-                    key = mesh_key(pad)
-                    if key not in meshes:
-                        meshes[key] = f"meshes/pad_{len(meshes) + 1:04d}.ply"
-                        (folder / "meshes").mkdir(exist_ok=True)
-                        write_mesh(pad, folder / meshes[key])
-                    names.append(meshes[key])
-    del ready
-    gc.collect()  # a scene that lives on adds its plugins to the kernels of the next one
-    return Result(readings, seconds, " ".join(names))
+def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None) -> _Computed:
+    points, pilot_seconds = _points(batch, store)
+    place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
+    jobs = list(_jobs(batch, points, store is not None))
+    failures = store.failures() if store else {}
+    stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
+    results = {number: kept for number, kept in stored if kept is not None}
+    errors = [kept.readings.relative_error for kept in results.values()]
+    left = [job for job in jobs if job.number not in results and job.number not in failures]
+    for job, outcome in pool.outcomes(left):
+        if store:
+            store.keep(job, outcome)
+        if isinstance(outcome, Failure):
+            failures[job.number] = outcome
+        else:
+            results[job.number] = keepable(outcome)
+            errors.append(outcome.readings.relative_error)
+        if progress:
+            done = len(results) + len(failures)
+            progress(Progress(done, len(failures), len(jobs), max(errors, default=0.0)))
+    return _Computed(
+        {place[number]: kept for number, kept in sorted(results.items())},
+        {place[number]: failure for number, failure in sorted(failures.items())},
+        points,
+        pilot_seconds,
+    )
 
 
-@contextmanager
-def _naming(values: Mapping[str, str]) -> Iterator[None]:
-    """Put the values of a scene before the message of its error."""
-    try:
-        yield
-    except (InputError, ComputationError) as error:
-        words = ", ".join(f"{name}={value}" for name, value in values.items())
-        raise type(error)(f"{words}: {error}") from error
+def _jobs(batch: Batch, points: int, meshes: bool) -> Iterator[Job]:
+    """The jobs curve by curve, so that those which share a load path come one after the other."""
+    curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
+    numbered = enumerate(combinations(batch.axes))
+    for number, (_, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
+        parameters = batch.scene(values).parameters
+        yield Job(number, batch.file, parameters, values, points, batch.seed, meshes)
+
+
+def _points(batch: Batch, store: Store | None) -> tuple[int, dict[str, float]]:
+    """Points for each scene: those asked for, those of an earlier run, or those that pilot runs say."""
+    if batch.points is not None:
+        return batch.points, {}
+    choice = store.choice if store else None
+    if choice is not None:
+        return choice
+    with stages.record() as seconds, stages.stage("optics"):
+        points = piloted_points(batch, DEFAULT_TARGET_ERROR if batch.target_error is None else batch.target_error)
+    if store:
+        store.keep_choice(points, seconds)
+    return points, seconds
+
+
+def run_study(
+    file: str | Path,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xr.Dataset | xr.DataTree:
+    """Run a study file: one scene, or several whose results go to folders of their own.
+
+    Parameters
+    ----------
+    file : TOML, as ``taxel new study`` writes it
+    output : folder for the results; new, empty, or that of the same study
+
+    The others are those of :func:`sweep`.
+
+    Returns
+    -------
+    The dataset of :func:`sweep`, or a tree of them by the scenes' names. A scene that failed as a whole is not there;
+    the tree's attribute ``failures`` says why, a line for each.
+
+    Raises
+    ------
+    InputError
+        if the study or the folder is refused.
+    ComputationError
+        if no scene could be computed, or results could not be stored.
+    """
+    content, here, folder = read_study(file), Path(file).resolve().parent, Path(output)
+    with open_pool(workers, scheduler) as pool:
+        if not content["scenes"][0].get("name"):
+            return run_batch(batch_from(content, 0, here), pool, folder, retry_failed, parquet, progress)
+        begin_tree(folder, content)
+        failures: dict[str, InputError | ComputationError] = {}
+        for number, scene in enumerate(content["scenes"]):
+            try:
+                batch = batch_from(content, number, here)
+                run_batch(batch, pool, folder / batch.name, retry_failed, parquet, progress)
+            except StoreError:
+                raise
+            except (InputError, ComputationError) as error:
+                failures[scene["name"]] = error
+    if len(failures) == len(content["scenes"]):
+        name, reason = next(iter(failures.items()))
+        raise type(reason)(f"{name}: {reason}")
+    tree = open_study(folder)
+    lines = [*tree.attrs["failures"].splitlines(), *(f"{name}: {reason}" for name, reason in failures.items())]
+    tree.attrs["failures"] = "\n".join(lines)
+    return tree

@@ -1,44 +1,124 @@
-"""What a study varies: ranges and lists of parameter values, and their product."""
+"""What a study varies: ranges, lists and files of parameter values; products of them, or values taken row by row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import product
 from math import isfinite, prod
+from pathlib import Path
+from typing import NamedTuple
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.units import FORCES
 
 MOST_JOBS = 100_000
 """More scenes than this in one study are taken for a slip."""
+STEP = "step"
+"""The dimension of values that are taken together, row by row."""
 
 
-def parse_values(name: str, values: str | Iterable[object]) -> list[str]:
+class Axis(NamedTuple):
+    """One dimension of a study.
+
+    Attributes
+    ----------
+    dim : its name: that of its one parameter, or ``step``
+    values : by parameter, one word for each place along the dimension
+    """
+
+    dim: str
+    values: dict[str, list[str]]
+
+    @property
+    def size(self) -> int:
+        """Number of places along the dimension."""
+        return len(next(iter(self.values.values())))
+
+
+def make_axes(
+    vary: Mapping[str, str | Iterable[object]],
+    together: Mapping[str, str | Iterable[object]] | None = None,
+    folder: Path = Path(),
+) -> tuple[Axis, ...]:
+    """The dimensions of a study.
+
+    Parameters
+    ----------
+    vary : values by parameter, a dimension each
+    together : values by parameter, all of one length, that make one more dimension
+    folder : what files of values are named relative to
+
+    Raises
+    ------
+    InputError
+        if nothing is varied, a parameter comes twice, values are not allowed, or there are too many scenes.
+    """
+    rows = {name: parse_values(name, values, folder) for name, values in (together or {}).items()}
+    axes = [Axis(name, {name: _distinct(name, parse_values(name, values, folder))}) for name, values in vary.items()]
+    lengths = {name: len(words) for name, words in rows.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise InputError(f"values that go together must be equally many: there are of {shown}.")
+    for name in rows:
+        if name in vary:
+            raise InputError(f"{name} is varied twice: alone, and together with others.")
+    if rows:
+        axes.append(Axis(STEP, rows))
+    if STEP in (*vary, *rows):
+        raise InputError(f"{STEP} is not allowed as a varied parameter: it is the name of a dimension.")
+    if not axes:
+        raise InputError("nothing is varied: at least one parameter is needed.")
+    count = prod(axis.size for axis in axes)
+    if count > MOST_JOBS:
+        raise InputError(f"the study holds {count} scenes: at most {MOST_JOBS} are allowed.")
+    return tuple(axes)
+
+
+def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
     """The values of one varied parameter, as the words that the scene gets.
 
     Parameters
     ----------
     name : the parameter, for error messages
-    values : ``start:stop:step`` (stop included), ``a,b,c``, or the values themselves
+    values : ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values
+    folder : what a file is named relative to
 
     Raises
     ------
     InputError
-        if the range is empty, endless, or does not end at its stop; if a value is missing or comes twice.
+        if the range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
     """
-    if isinstance(values, str):
-        words = _range(name, values) if ":" in values else [word.strip() for word in values.split(",")]
-    else:
+    if not isinstance(values, str):
         words = [str(value) for value in values]
+    elif values.startswith("@"):
+        words = _lines(name, folder / values[1:])
+    else:
+        words = _range(name, values) if ":" in values else [word.strip() for word in values.split(",")]
     if not words or not all(words):
         raise InputError(f"{name} = {values!r}: at least one value, and none of them blank, is needed.")
-    if len(set(as_numbers(words) or words)) < len(words):
-        raise InputError(f"{name} = {values!r} holds a value twice.")
     return words
 
 
-def as_numbers(words: list[str]) -> list[float] | None:
+def _lines(name: str, file: Path) -> list[str]:
+    """The lines of a file without what follows a #."""
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise InputError(
+            f"{name} = '@{file}' cannot be read ({reason}): a file with a value per line is needed."
+        ) from error
+    return [word for line in lines if (word := line.split("#")[0].strip())]
+
+
+def _distinct(name: str, words: list[str]) -> list[str]:
+    if len(set(as_numbers(words) or words)) < len(words):
+        raise InputError(f"{name} = {','.join(words)!r} holds a value twice.")
+    return words
+
+
+def as_numbers(words: Sequence[str]) -> list[float] | None:
     """The values as numbers, or None where one of them is no finite number."""
     try:
         numbers = [float(word) for word in words]
@@ -47,19 +127,11 @@ def as_numbers(words: list[str]) -> list[float] | None:
     return numbers if all(map(isfinite, numbers)) else None
 
 
-def combinations(varied: Mapping[str, list[str]]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:
-    """Every combination of values: its index along each parameter, and its values; the last runs fastest.
-
-    Raises
-    ------
-    InputError
-        if there are more than :data:`MOST_JOBS`.
-    """
-    count = prod(len(values) for values in varied.values())
-    if count > MOST_JOBS:
-        raise InputError(f"the study holds {count} scenes: at most {MOST_JOBS} are allowed.")
-    for index in product(*(range(len(values)) for values in varied.values())):
-        yield index, {name: values[i] for (name, values), i in zip(varied.items(), index, strict=True)}
+def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:
+    """Every combination of values: its index along each dimension, and its values; the last dimension runs fastest."""
+    for index in product(*(range(axis.size) for axis in axes)):
+        places = zip(axes, index, strict=True)
+        yield index, {name: words[i] for axis, i in places for name, words in axis.values.items()}
 
 
 def _range(name: str, text: str) -> list[str]:
@@ -81,7 +153,9 @@ def _range(name: str, text: str) -> list[str]:
     return [f"{start + i * step:f}" for i in range(int(steps) + 1)]
 
 
-def curve_parameter(varied: Mapping[str, list[str]]) -> str:
-    """What readings are drawn against: the first force, else the first number, else the first parameter."""
-    numeric = [name for name, words in varied.items() if len(words) > 1 and as_numbers(words)]
-    return next((name for name in numeric if name in FORCES), next(iter(numeric), next(iter(varied))))
+def curve_dimension(axes: Sequence[Axis]) -> str:
+    """What readings are drawn against: steps or the first force, else the first number, else the first parameter."""
+    longer = [axis for axis in axes if axis.size > 1]
+    forces = [axis.dim for axis in longer if axis.dim in (STEP, *FORCES)]
+    numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
+    return next(iter([*forces, *numeric]), axes[0].dim)

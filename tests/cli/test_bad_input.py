@@ -57,7 +57,7 @@ CASES = {
     "vary huge": ((*SWEEP, "--vary", "z=0:1:1e-300", "-o", "out"), "100000"),
     "vary nothing": ((*SWEEP, "--vary", "z=", "-o", "out"), "name=value"),
     "vary and define": ((*SWEEP, "--vary", "z=1,2", "-D", "z=1", "-o", "out"), "both"),
-    "vary to a bad value": ((*SWEEP, "--vary", "law=lambertian,loud", "-o", "out"), "law=loud"),
+    "vary to a bad value": ((*SWEEP, "--vary", "law=silent,loud", "-o", "out"), "law=silent"),
     "no plugin": (("plugins", "wal"), "wal"),
     "no command": (("renderr",), "renderr"),
     "no scene": (("render",), "SCENE"),

@@ -128,8 +128,49 @@ def test_sweep_prints_one_object(taxel, tmp_path):
     done = taxel("sweep", *PLATE, "--vary", "z=0.5,1", "--points", 64, "-o", "out", "--json")
     assert done.returncode == 0 and done.stderr == ""
     answer = json.loads(done.stdout)
-    assert list(answer) == ["output", "sensitivity", "seconds"] and answer["sensitivity"] == []
-    assert sorted(os.listdir(tmp_path / "out")) == ["power.png", "readings.csv", "readings.nc"]
+    assert list(answer) == ["output", "failures", "sensitivity", "seconds"]
+    assert answer["sensitivity"] == answer["failures"] == []
+    assert {"power.png", "readings.csv", "readings.nc"} <= set(os.listdir(tmp_path / "out"))
+    (state,) = json.loads(taxel("status", "out", "--json").stdout)["scenes"]
+    assert (state["done"], state["total"], state["running"]) == (2, 2, False)
+
+
+def test_sweep_with_a_failed_scene_ends_with_exit_code_1(taxel, tmp_path):
+    done = taxel("sweep", *PLATE, "--vary", "law=lambertian,loud", "--points", 64, "-o", "out")
+    assert done.returncode == 1 and "1 readings" in done.stdout
+    assert done.stderr.startswith("failed: law=loud: law = 'loud' is not allowed") and done.stderr.count("\n") == 1
+
+
+def test_sweep_of_a_study_file(taxel, tmp_path):
+    (tmp_path / "study.toml").write_text('scene = "plate.xml"\npoints = 64\n[vary]\nz = "0.5,1"\n')
+    done = taxel("sweep", "study.toml", "-o", "out", "--workers", 1)
+    assert done.returncode == 0 and done.stderr == "" and "2 readings" in done.stdout
+    refused = taxel("sweep", "study.toml", "-o", "other", "--points", 128)
+    assert refused.returncode == 2 and "points is not allowed with a study file" in refused.stderr
+
+
+def test_interrupt_ends_workers_too(program, tmp_path):
+    command = [
+        program,
+        "sweep",
+        "plate.xml",
+        "--vary",
+        "z=0.1:90:0.1",
+        "--points",
+        "4096",
+        "-o",
+        "out",
+        "--workers",
+        "2",
+    ]
+    run = subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while not list(tmp_path.glob("out/jobs/*.npz")):
+        time.sleep(0.05)
+    os.killpg(run.pid, signal.SIGINT)  # as a terminal does
+    out, err = run.communicate(timeout=30)
+    assert run.returncode == 130 and out == "" and err.strip() == "taxel: interrupted"
 
 
 def test_interrupt_ends_cleanly(program, tmp_path):

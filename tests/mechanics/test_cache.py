@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_written_does_not_stop_the_run(fresh, monkeypatc
 
 def test_no_temporary_files_are_left(fresh):
     displacement()
-    assert [file.suffix for file in cache.folder().iterdir()] == [".npz"] * FILES
+    assert [file.suffix for file in cache.folder().iterdir() if file.is_file()] == [".npz"] * FILES
 
 
 def test_where_the_cache_lies(monkeypatch):

@@ -7,12 +7,13 @@ import os
 import re
 
 import numpy as np
+import pandas
 import pytest
 import xarray as xr
 
-from mitsuba_taxel import ComputationError, InputError, measure, sweep
+from mitsuba_taxel import ComputationError, InputError, measure, open_study, sweep
 from mitsuba_taxel.optics import Scene
-from mitsuba_taxel.studies import deform, stage_totals, study
+from mitsuba_taxel.studies import deform, job, stage_totals
 
 PLATE = {"scattering": "lambertian", "hole": "0"}
 
@@ -22,8 +23,9 @@ def plate_study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("studies") / "plate"
     vary = {"z": "0.6:0.8:0.1", "law": "lambertian,uniform_solid_angle"}
     done = []
-    result = sweep("plate.xml", vary, PLATE, points=256, seed=5, output=folder, progress=lambda *n: done.append(n))
-    assert done == [(i, 6) for i in range(1, 7)]
+    result = sweep("plate.xml", vary, PLATE, points=256, seed=5, output=folder, progress=done.append)
+    assert [(at.done, at.failed, at.total) for at in done] == [(i, 0, 6) for i in range(1, 7)]
+    assert done[-1].error == pytest.approx(float((result.standard_error / result.power).max()))
     return result, folder
 
 
@@ -62,7 +64,7 @@ def test_units_and_provenance(plate_study):
 
 def test_files_hold_the_study(plate_study):
     result, folder = plate_study
-    assert sorted(os.listdir(folder)) == ["power.png", "readings.csv", "readings.nc"]
+    assert {"power.png", "readings.csv", "readings.nc", "study.toml"} <= set(os.listdir(folder))
     with xr.open_dataset(folder / "readings.nc", engine="scipy") as kept:
         xr.testing.assert_identical(kept.load().drop_vars("law"), result.drop_vars("law"))
         assert list(kept.law.values) == list(result.law.values)
@@ -89,7 +91,11 @@ def test_target_error_is_met_along_the_curve(tmp_path):
         ({"z": "1,2"}, {"target_error": 0.0}, "target_error"),
         ({"z": "1,2"}, {"target_error": float("nan")}, "target_error"),
         ({"z": "1,2"}, {"target_error": 0.1, "points": 64}, "target_error"),
-        ({"law": "lambertian,loud"}, {"points": 64}, "law=loud: .*loud"),
+        ({"law": "silent,loud"}, {"points": 64}, "law=silent: .*silent"),
+        ({"law": "silent,loud"}, {}, "law=silent: .*silent"),
+        ({"z": "1,2"}, {"workers": 0}, "workers = 0"),
+        ({"z": "1,2"}, {"workers": 1, "scheduler": "tcp://127.0.0.1:1"}, "exclude"),
+        ({"z": "1,2"}, {"scheduler": "nonsense://here"}, "scheduler = 'nonsense://here'"),
     ],
 )
 def test_refused(vary, options, culprit):
@@ -101,16 +107,38 @@ def test_failed_scene_is_named(monkeypatch):
     def fail(*_, **__):
         raise ComputationError("the pad buckles")
 
-    monkeypatch.setattr(study, "measure", fail)
+    monkeypatch.setattr(job, "measure", fail)
     with pytest.raises(ComputationError, match="z=0.7, hole=0: the pad buckles"):
         sweep("plate.xml", {"z": "0.7", "hole": "0"}, points=64)
+
+
+def test_others_go_on_where_one_fails():
+    result = sweep("plate.xml", {"law": "lambertian,loud,uniform_solid_angle"}, points=64)
+    assert np.isnan(result.power.sel(law="loud")).all() and np.isnan(result.standard_error.sel(law="loud")).all()
+    assert (result.power.sel(law=["lambertian", "uniform_solid_angle"]) > 0).all()
+    (line,) = result.attrs["failures"].splitlines()
+    assert line.startswith("law=loud: law = 'loud' is not allowed")
+
+
+def test_parameters_that_go_together(tmp_path):
+    rows = {"z": "0.6,0.7", "spacing": [0.7, 0.9]}
+    result = sweep("plate.xml", {}, PLATE, together=rows, points=64, output=tmp_path / "out", parquet=True)
+    assert result.power.dims == ("step", "taxel")
+    assert result.z.dims == ("step",) and result.z.values.tolist() == [0.6, 0.7] and result.spacing.units == "mm"
+    alone = measure(Scene.from_file("plate.xml", z="0.7", spacing="0.9", **PLATE), points=64)
+    np.testing.assert_array_equal(result.replicate_power.sel(step=2), alone.replicates)
+    table = pandas.read_parquet(tmp_path / "out" / "readings.parquet")
+    assert list(table.columns) == ["step", "z_mm", "spacing_mm", "taxel", "power_W", "standard_error_W"]
+    np.testing.assert_array_equal(table.power_W, result.power.squeeze("taxel"))
+    xr.testing.assert_identical(open_study(tmp_path / "out"), result)
 
 
 def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     vary = {"fz": "0,-1", "scattering": "isotropic,lambertian"}
     result = sweep("pad.xml", vary, points=64, output=tmp_path / "out")
-    assert result.mesh.values.tolist() == [["meshes/pad_0001.ply"] * 2, ["meshes/pad_0002.ply"] * 2]
-    assert sorted(os.listdir(tmp_path / "out" / "meshes")) == ["pad_0001.ply", "pad_0002.ply"]
+    (rest, also_rest), (pressed, also_pressed) = result.mesh.values.tolist()
+    assert rest == also_rest and pressed == also_pressed and rest != pressed
+    assert {f"meshes/{name}" for name in os.listdir(tmp_path / "out" / "meshes")} == {rest, pressed}
     assert result.attrs["notes"].count("mechanics: roofs right to") == 1
     assert np.all(result.roof_error.sel(fz=0) == 0)
     assert np.all(result.roof_error.sel(fz=-1) > 0) and np.all(result.slope_error.sel(fz=-1) > 0)

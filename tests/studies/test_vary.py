@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.studies.vary import MOST_JOBS, combinations, curve_parameter, parse_values
+from mitsuba_taxel.studies.vary import MOST_JOBS, combinations, curve_dimension, make_axes, parse_values
 
 DECIMALS = st.decimals(-1000, 1000, allow_nan=False, allow_infinity=False, places=3)
 
@@ -45,34 +45,60 @@ def test_lists():
         ("", "blank"),
         ("1,,2", "blank"),
         ("1,2,1.0", "twice"),
+        ("@nowhere.txt", "cannot be read"),
     ],
 )
 def test_refused(text, complaint):
     with pytest.raises(InputError, match=complaint) as refusal:
-        parse_values("fz", text)
+        make_axes({"fz": text})
     assert "fz" in str(refusal.value)
 
 
+def test_a_file_holds_a_value_per_line(tmp_path):
+    (tmp_path / "forces.txt").write_text("# in N\n0\n-0.5  # first touch\n\n-2\n")
+    assert parse_values("fz", "@forces.txt", tmp_path) == ["0", "-0.5", "-2"]
+
+
 def test_product_runs_fastest_along_the_last():
-    jobs = list(combinations({"cell": ["a", "b"], "fz": ["0", "-1"]}))
+    jobs = list(combinations(make_axes({"cell": ["a", "b"], "fz": ["0", "-1"]})))
     assert [index for index, _ in jobs] == [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert jobs[2][1] == {"cell": "b", "fz": "0"}
+
+
+def test_values_that_go_together_are_one_dimension():
+    jobs = list(combinations(make_axes({"cell": "a,b"}, {"fx": "0:2:1", "fz": "-8,-8,-9"})))
+    assert [index for index, _ in jobs] == [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)]
+    assert jobs[5][1] == {"cell": "b", "fx": "2", "fz": "-9"}
+
+
+@pytest.mark.parametrize(
+    "vary, together, complaint",
+    [
+        ({}, {}, "nothing is varied"),
+        ({}, {"fx": "0,1", "fy": "0,1,2"}, "fx 2, fy 3"),
+        ({"fx": "0,1"}, {"fx": "0,1"}, "fx is varied twice"),
+    ],
+)
+def test_dimensions_refused(vary, together, complaint):
+    with pytest.raises(InputError, match=complaint):
+        make_axes(vary, together)
 
 
 def test_product_is_bounded():
     many = [str(i) for i in range(1000)]
     with pytest.raises(InputError, match="1000000000 scenes"):
-        next(combinations(dict.fromkeys("abc", many)))
+        make_axes(dict.fromkeys("abc", many))
 
 
 @pytest.mark.parametrize(
-    "varied, curve",
+    "varied, together, curve",
     [
-        ({"cell": ["a", "b"]}, "cell"),
-        ({"cell": ["a", "b"], "z": ["1", "2"]}, "z"),
-        ({"z": ["1", "2"], "fz": ["0", "-1"]}, "fz"),
-        ({"fz": ["0"], "z": ["1", "2"]}, "z"),
+        ({"cell": ["a", "b"]}, {}, "cell"),
+        ({"cell": ["a", "b"], "z": ["1", "2"]}, {}, "z"),
+        ({"z": ["1", "2"], "fz": ["0", "-1"]}, {}, "fz"),
+        ({"fz": ["0"], "z": ["1", "2"]}, {}, "z"),
+        ({"z": ["1", "2"]}, {"fx": ["0", "1"], "fy": ["0", "1"]}, "step"),
     ],
 )
-def test_curve_parameter(varied, curve):
-    assert curve_parameter(varied) == curve
+def test_curve_dimension(varied, together, curve):
+    assert curve_dimension(make_axes(varied, together)) == curve

@@ -1,0 +1,64 @@
+"""`taxel dataset`: a finished study as tables to train a calibration model on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option, json_option, seed_option
+
+
+def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(share) for share in value.split(","))
+    except ValueError:
+        raise click.BadParameter(f"{value!r} is not of the form 0.7,0.15,0.15.", ctx, param) from None
+
+
+@click.command(short_help="Training, validation and test tables of a study.")
+@click.argument("study", type=click.Path(path_type=Path), metavar="DIR")
+@folder_option
+@click.option(
+    "--noise", default="0", show_default=True, metavar="SIGMA",
+    help="Gaussian noise of every reading: 1 sigma in W, or as 0.5% of the reading.",
+)  # fmt: skip
+@click.option(
+    "--copies", type=click.IntRange(min=1), default=1, show_default=True, help="Noisy copies of each job of the study."
+)
+@click.option(
+    "--split", default="0.7,0.15,0.15", show_default=True, metavar="SHARES", callback=_shares,
+    help="Shares of train, validation and test.",
+)  # fmt: skip
+@seed_option
+@click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs pyarrow.")
+@json_option
+@debug_option
+def command(
+    study: Path,
+    folder: Path,
+    noise: str,
+    copies: int,
+    split: tuple[float, ...],
+    seed: int,
+    parquet: bool,
+    as_json: bool,
+) -> None:
+    """Write force and readings of the study in DIR as train.csv, validation.csv and test.csv, with a datasheet.
+
+    All rows of one force go into the same table. The folder for the results must be empty or new.
+    """
+    from mitsuba_taxel.studies import open_study
+    from mitsuba_taxel.studies.training import training_set
+
+    tables = training_set(
+        open_study(study), folder, noise=noise, copies=copies, split=split, seed=seed, parquet=parquet
+    )
+    rows = {name: len(table) for name, table in tables.items()}
+    if as_json:
+        import json
+
+        click.echo(json.dumps({"output": str(folder), "rows": rows}))
+        return
+    click.echo(f"Rows: {', '.join(f'{name} {count}' for name, count in rows.items())}")
+    click.echo(f"Results: {folder}")

@@ -1,0 +1,186 @@
+"""A batch: one scene, what is varied in it, and how well it is read; and the TOML file that says the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics import Scene, find_scene
+from mitsuba_taxel.optics.readings import check_request
+from mitsuba_taxel.optics.scene import shipped_scenes
+from mitsuba_taxel.studies.steps import read_steps
+from mitsuba_taxel.studies.vary import STEP, Axis, make_axes
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+SCENE_KEYS = ("scene", "define", "vary", "together", "steps")
+RUN_KEYS = ("target_error", "points", "seed")
+WRITTEN_KEYS = ("provenance",)
+"""What a study file in a folder of results holds besides; it may be run again as it is."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One scene at every combination of its varied values.
+
+    Attributes
+    ----------
+    name : label, and folder of the results within those of a study of several scenes; may be blank
+    file : the scene
+    defines : values of parameters that are not varied, by name
+    axes : dimensions, at least one
+    target_error, points, seed : as for ``measure``; all scenes share seed and number of points
+    """
+
+    name: str
+    file: Path
+    defines: dict[str, str]
+    axes: tuple[Axis, ...]
+    target_error: float | None
+    points: int | None
+    seed: int
+
+    def scene(self, values: Mapping[str, str]) -> Scene:
+        """The scene with these values of the varied parameters."""
+        return Scene(self.file, {**self.defines, **values})
+
+    def as_toml(self) -> dict[str, Any]:
+        """The batch as a study file says it, with every value written out."""
+        vary = {axis.dim: axis.values[axis.dim] for axis in self.axes if axis.dim != STEP}
+        together = {
+            name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
+        }
+        chosen = {"target_error": self.target_error, "points": self.points}
+        tables = {"define": self.defines, "vary": vary, "together": together}
+        return {
+            "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
+            "seed": self.seed,
+            **{name: value for name, value in chosen.items() if value is not None},
+            **{name: table for name, table in tables.items() if table},
+        }
+
+
+def make_batch(
+    source: str | Path,
+    vary: Mapping[str, str | Iterable[object]],
+    defines: Mapping[str, object] | None = None,
+    *,
+    together: Mapping[str, str | Iterable[object]] | None = None,
+    target_error: float | None = None,
+    points: int | None = None,
+    seed: int = 0,
+    name: str = "",
+    folder: Path = Path(),
+) -> Batch:
+    """A batch, checked as far as it can be without loading a scene; parameters are those of ``sweep``.
+
+    Raises
+    ------
+    InputError
+        if a parameter or a value is refused.
+    """
+    beside = folder / source
+    file = find_scene(beside if beside.is_file() else source).resolve()
+    fixed = {name: str(value) for name, value in (defines or {}).items()}
+    axes = make_axes(vary, together, folder)
+    for parameter in (name for axis in axes for name in axis.values):
+        if parameter in fixed:
+            raise InputError(f"{parameter} is both varied and given a value.")
+    check_request(target_error, points, seed)
+    batch = Batch(name, file, fixed, axes, target_error, points, seed)
+    batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
+    return batch
+
+
+def read_study(file: str | Path) -> dict[str, Any]:
+    """A study file as it stands, its scenes in a list under ``scenes``.
+
+    Raises
+    ------
+    InputError
+        if it cannot be read, or holds what no study has.
+    """
+    try:
+        with Path(file).open("rb") as stream:
+            content = tomllib.load(stream)
+    except OSError as error:
+        raise InputError(f"study {str(file)!r} cannot be read: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"study {str(file)!r} is no TOML: {error}.") from error
+    several = "scenes" in content
+    allowed = (*RUN_KEYS, *WRITTEN_KEYS, *(("scenes",) if several else SCENE_KEYS))
+    _check_names(content, allowed, f"study {Path(file).name}")
+    scenes = content.pop("scenes", None)
+    if not several:
+        scenes = [{name: content.pop(name) for name in SCENE_KEYS if name in content}]
+    if not (isinstance(scenes, list) and scenes and all(isinstance(scene, dict) for scene in scenes)):
+        raise InputError(f"study {Path(file).name}: scenes is not allowed so: [[scenes]] tables are needed.")
+    for number, scene in enumerate(scenes, start=1):
+        _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), f"scene {number} of {Path(file).name}")
+        if several:
+            scene.setdefault("name", f"scene_{number}")
+    names = [scene.get("name", "") for scene in scenes]
+    if len(set(names)) < len(names):
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: each once is needed.")
+    if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
+    return {**content, "scenes": scenes}
+
+
+def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
+    """The batch of one scene of what :func:`read_study` returned; files are named relative to ``folder``.
+
+    Raises
+    ------
+    InputError
+        if a parameter or a value is refused.
+    """
+    scene = study["scenes"][number]
+    if "scene" not in scene:
+        raise InputError("scene is missing: the name of a scene is needed.")
+    tables = {name: scene.get(name, {}) for name in ("define", "vary", "together")}
+    for name, table in tables.items():
+        if not isinstance(table, dict):
+            raise InputError(f"{name} = {table!r} is not allowed: a table of values by parameter is needed.")
+    together = dict(tables["together"])
+    if "steps" in scene:
+        together.update(columns_of(folder / str(scene["steps"])))
+    run = {name: study[name] for name in RUN_KEYS if name in study}
+    return make_batch(
+        str(scene["scene"]),
+        {name: _listed(values) for name, values in tables["vary"].items()},
+        {name: _word(value) for name, value in tables["define"].items()},
+        together={name: _listed(values) for name, values in together.items()},
+        name=scene.get("name", ""),
+        folder=folder,
+        **run,
+    )
+
+
+def columns_of(file: Path) -> dict[str, list[str]]:
+    """The columns of a CSV file of steps; see :func:`read_steps`."""
+    rows = read_steps(file)
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def _listed(values: object) -> str | list[object]:
+    """Values as :func:`make_axes` takes them: one number alone is a list of one."""
+    if isinstance(values, list):
+        return [_word(value) for value in values]
+    return values if isinstance(values, str) else [_word(values)]
+
+
+def _word(value: object) -> object:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _check_names(table: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
+    for name in table:
+        if name not in allowed:
+            raise InputError(f"{where}: {name} is not known: allowed are {', '.join(sorted(allowed))}.")

@@ -1,0 +1,153 @@
+"""The datasheet of a training set: where it comes from, what its columns are, and what it is not good for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import pandas as pd
+import xarray as xr
+
+MOST_NAMED = 20
+"""Of jobs that are left out, no more than this are named one by one."""
+
+
+class Making(NamedTuple):
+    """How a training set was made: standard deviation of the noise in words, if any is added, copies and seed."""
+
+    noise: str
+    noisy: bool
+    copies: int
+    seed: int
+
+
+def datasheet(
+    studies: Mapping[str, xr.Dataset], tables: Mapping[str, pd.DataFrame], making: Making, left_out: pd.DataFrame
+) -> str:
+    """A page in Markdown.
+
+    Parameters
+    ----------
+    studies : what the readings are of, by the scene's name
+    tables : the training set by part
+    making : how it was made
+    left_out : parameters of the jobs without readings, one row for each
+    """
+    sections = {
+        "Where the readings come from": _source(studies),
+        "Columns": _columns(pd.concat(tables.values())),
+        "Noise": _noise(making),
+        "Parts": _parts(tables, making),
+        "Left out": _left_out(left_out),
+        "Before you train": _caveats(studies),
+    }
+    body = "\n\n".join(f"## {heading}\n{text}" for heading, text in sections.items())
+    return f"# Force and readings of {', '.join(_distinct(s.attrs['scene'] for s in studies.values()))}\n\n{body}\n"
+
+
+def _source(studies: Mapping[str, xr.Dataset]) -> str:
+    """Scene, fixed parameters, seed and versions of each study."""
+    lines = [
+        "Simulated with mitsuba_taxel: a silicone pad deformed by finite elements, and the light in its cells.",
+        "",
+    ]
+    for name, study in studies.items():
+        about = study.attrs
+        fixed = ", ".join(f"{word} = {value}" for word, value in json.loads(about["parameters"]).items())
+        lines.append(f"- {f'{name}: ' if name else ''}scene {about['scene']} with {fixed or 'no fixed parameters'}; ")
+        lines[-1] += f"seed {about['seed']}, {about['points']} points for each taxel and randomisation"
+    versions = _distinct(
+        ", ".join(f"{package} {version}" for package, version in json.loads(study.attrs["versions"]).items())
+        for study in studies.values()
+    )
+    return "\n".join([*lines, *(f"- versions: {words}" for words in versions)])
+
+
+def _columns(rows: pd.DataFrame) -> str:
+    """What each column is, and the range of its values."""
+    lines = ["Each row is one job of the study, or one noisy copy of it.", ""]
+    lines += ["| column | unit | what it is | smallest | largest |", "|---|---|---|---|---|"]
+    for name, column in rows.items():
+        unit, meaning = _meaning(str(name))
+        if pd.api.types.is_numeric_dtype(column):
+            extent = f"{column.min():.6g} | {column.max():.6g}"
+        else:
+            extent = f"one of {', '.join(_distinct(column.astype(str)))} |"
+        lines.append(f"| {name} | {unit} | {meaning} | {extent} |")
+    return "\n".join(lines)
+
+
+def _meaning(column: str) -> tuple[str, str]:
+    """Unit and meaning of a column."""
+    stem, _, unit = column.rpartition("_")
+    if column in ("fx_N", "fy_N", "fz_N"):
+        return "N", f"{column[1]} component of the force on the pad; compression is fz < 0"
+    if stem.startswith("power_") and unit == "W":
+        return "W", f"reading of taxel {stem.removeprefix('power_')}: optical power on its phototransistor"
+    if stem.startswith("standard_error_") and unit == "W":
+        return (
+            "W",
+            f"1 sigma of taxel {stem.removeprefix('standard_error_')} from the simulated light, without the noise",
+        )
+    if column == "scene":
+        return "", "which of the scenes above"
+    return (unit if unit in ("mm", "MPa", "W", "nm") else ""), "parameter of the scene"
+
+
+def _noise(making: Making) -> str:
+    if not making.noisy:
+        return "None was added. Readings carry the Monte Carlo error of the light, which has its own columns."
+    copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
+    return (
+        "Gaussian, added to each reading, independent from number to number and of the Monte Carlo error; its standard "
+        f"deviation is {making.noise}. {copies} of each job. "
+        "Nothing is clipped: where the noise is large, a reading can be negative."
+    )
+
+
+def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:
+    """How rows were split, and how many there are."""
+    lines = ["| part | forces | rows |", "|---|---|---|"]
+    for name, table in tables.items():
+        forces = [column for column in ("fx_N", "fy_N", "fz_N") if column in table]
+        lines.append(f"| {name} | {len(table[forces].drop_duplicates())} | {len(table)} |")
+    lines += [
+        "",
+        "All rows of one force, whatever their noise and other parameters, are in the same part. Forces are ranked by "
+        f"a hash of force and seed ({making.seed}), and the ranking is cut at the shares that were asked for. The part "
+        "of a force changes neither with noise, copies or other parameters, nor when failed jobs are done again. Where "
+        "forces are added to the study, only those beside a cut can change part.",
+    ]
+    return "\n".join(lines)
+
+
+def _left_out(jobs: pd.DataFrame) -> str:
+    """Jobs that gave no reading."""
+    if jobs.empty:
+        return "Nothing: every job of the study gave readings."
+    varied = jobs[[name for name in jobs if name in ("fx", "fy", "fz", "scene") or jobs[name].nunique() > 1]]
+    named = ["; ".join(f"{name} = {value}" for name, value in job.items()) for job in varied.to_dict("records")]
+    lines = [f"{len(jobs)} jobs of the study that failed or were not done:", "", *(f"- {job}" for job in named)]
+    more = len(named) - MOST_NAMED
+    return "\n".join(lines if more <= 0 else [*lines[:-more], f"- and {more} more"])
+
+
+def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
+    """What the numbers do not say by themselves."""
+    notes = _distinct(note for study in studies.values() for note in study.attrs.get("notes", "").splitlines())
+    caveats = [
+        "Readings of one study share their random numbers: their Monte Carlo errors are correlated from row to row, "
+        "and across the parts. A model can learn the common error without the test showing it; a test set from a study "
+        "with another seed would.",
+        "The standard error is that of the light alone. What the deformed pad is off by is not in it, and is the "
+        "same in all copies of a job; what the study knows of it stands below.",
+        "All parts draw on the same ranges of force: the test tells how well a model interpolates within them, and "
+        "nothing of forces beyond.",
+        "Nothing here is measured: hysteresis, drift, temperature and the spread between sensors are not in it.",
+    ]
+    return "\n".join([*(f"- {caveat}" for caveat in caveats), *(f"- The study says: {note}" for note in notes)])
+
+
+def _distinct(words: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(words))

@@ -1,0 +1,111 @@
+"""One job of a study: a scene read once. It and its result can be sent to another process."""
+
+from __future__ import annotations
+
+import gc
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_taxel import stages
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.optics import Readings, Scene, measure
+from mitsuba_taxel.optics.readings import prepare
+from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene to read.
+
+    Attributes
+    ----------
+    number : place in its batch's row of scenes, from 0; the last dimension runs fastest
+    file : the scene
+    parameters : values that it gets
+    varied : those of them that the batch varies
+    points, seed : as for ``measure``
+    meshes : whether the surfaces of its pads are wanted
+    """
+
+    number: int
+    file: Path
+    parameters: dict[str, str]
+    varied: dict[str, str]
+    points: int
+    seed: int
+    meshes: bool
+
+    @property
+    def label(self) -> str:
+        """The varied values, in words."""
+        return describe(self.varied)
+
+
+class Result(NamedTuple):
+    """What a job gave: readings, seconds by stage, and its pads' surfaces as PLY (mm), by file name."""
+
+    readings: Readings
+    seconds: dict[str, float]
+    meshes: dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a job gave nothing.
+
+    Attributes
+    ----------
+    message : one line
+    bad_input : whether the scene was refused, as against a computation that failed
+    """
+
+    message: str
+    bad_input: bool = field(default=False)
+
+    def error(self) -> InputError | ComputationError:
+        """The failure as an exception."""
+        return (InputError if self.bad_input else ComputationError)(self.message)
+
+
+def run(job: Job) -> Result | Failure:
+    """Read the scene of a job; whatever goes wrong in it is its result, so that others go on."""
+    try:
+        return _read(job)
+    except Exception as error:
+        return failure_of(error)
+    finally:
+        gc.collect()  # a scene that lives on adds its plugins to the kernels of the next one
+
+
+def failure_of(error: BaseException) -> Failure:
+    """An exception as a failure."""
+    if isinstance(error, (InputError, ComputationError)):
+        return Failure(str(error), isinstance(error, InputError))
+    return Failure(" ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def describe(values: Mapping[str, str]) -> str:
+    """Values of parameters, in words."""
+    return ", ".join(f"{name}={value}" for name, value in values.items())
+
+
+def _read(job: Job) -> Result:
+    with stages.record() as seconds:
+        ready = prepare(Scene(job.file, job.parameters))
+        readings = measure(ready, points=job.points, seed=job.seed)
+        meshes = {}
+        if job.meshes:
+            with stages.stage("meshes"):
+                meshes = dict(_surface(pad) for pad in deformed_pads(ready.scene))
+    return Result(readings, seconds, meshes)
+
+
+def _surface(pad: object) -> tuple[str, bytes]:
+    """A name that only the same surface has, and the surface."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "pad.ply"
+        write_mesh(pad, file)
+        return f"pad_{mesh_key(pad)[:16]}.ply", file.read_bytes()

@@ -1,0 +1,55 @@
+"""Results that are on disk, as labelled arrays; no scene is loaded for it, and nothing executed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import xarray as xr
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.studies.batch import read_study
+from mitsuba_taxel.studies.dataset import assemble
+from mitsuba_taxel.studies.store import STUDY, Store
+from mitsuba_taxel.studies.vary import combinations, make_axes
+
+
+def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
+    """The results in a folder, as far as they go.
+
+    Returns
+    -------
+    What ``sweep`` or ``run_study`` returned, or of a study that has not ended what there is of it; what is missing is
+    not a number.
+
+    Raises
+    ------
+    InputError
+        if the folder holds no study, or no result yet.
+    """
+    folder = Path(folder)
+    study = read_study(folder / STUDY)
+    names = [scene.get("name") for scene in study["scenes"]]
+    if names != [None]:
+        begun = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
+        if not begun:
+            raise InputError(f"{folder} holds no result yet.")
+        tree = xr.DataTree.from_dict({name: open_study(folder / name) for name in begun})
+        lines = [f"{name}: {line}" for name in begun for line in tree[name].attrs["failures"].splitlines()]
+        tree.attrs["failures"] = "\n".join(lines)
+        return tree
+    (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
+    axes = make_axes(scene.get("vary", {}), scene.get("together"))
+    places = list(combinations(axes))
+    results = {}
+    for number in store.done():
+        place, values = places[number]
+        kept = store.load(number, {**origin["parameters"], **values})
+        if kept:
+            results[place] = kept
+    if not results:
+        raise InputError(f"{folder} holds no result yet.")
+    failures = {places[number][0]: failure for number, failure in store.failures().items()}
+    points, pilot_seconds = store.choice or (study.get("points"), {})
+    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
+    run = {"points": points, "pilot_seconds": pilot_seconds}
+    return assemble(axes, results, failures, {**origin, **about, **run})

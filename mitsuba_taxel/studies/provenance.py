@@ -1,0 +1,73 @@
+"""Where results come from: versions, this package's own code, and the content of a scene and its files."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.backend import plugin_files, report
+from mitsuba_taxel.studies.batch import Batch
+
+ROOMS = ("backend", "pads", "mechanics", "optics")
+"""Where the code is that, with the plugins, decides what a reading is."""
+
+
+def provenance(batch: Batch) -> dict[str, Any]:
+    """What the results of a batch depend on besides its values.
+
+    Returns
+    -------
+    ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
+    that decide what a reading is; ``versions`` by name; and ``parameters``, values of all that are not varied.
+    """
+    first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    parameters = batch.scene(first).parameters
+    words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
+    return {
+        "scene_content": _digest(_files_of(batch.file, set(words))),
+        "code": _code(),
+        "versions": {name: str(version) for name, version in _versions().items()},
+        "parameters": {name: value for name, value in parameters.items() if name not in first},
+    }
+
+
+def _versions() -> dict[str, str]:
+    versions = report()["versions"]
+    assert isinstance(versions, dict)
+    return versions
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    package = Path(__file__).parent.parent
+    sources = (file for room in ROOMS for file in sorted((package / room).glob("*.py")))
+    return _digest([*sources, *plugin_files().values()])
+
+
+def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:
+    """The scene, and every file beside it that it or one of the values of its parameters names."""
+    yield scene
+    words = {word for element in ElementTree.parse(scene).iter() for word in element.attrib.values()}
+    for word in sorted(words | values):
+        file = scene.parent / re.sub(r"^@", "", word)
+        if word and _is_file(file) and file != scene:
+            yield from _files_of(file, set()) if file.suffix == ".xml" else [file]
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a word too long for a name
+        return False
+
+
+def _digest(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:16]
