@@ -7,88 +7,86 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, runs
+from mitsuba_taxel.characterise.slopes import Slopes, slopes
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.studies.units import FORCES
 
 if TYPE_CHECKING:
     import pandas
 
 
 def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
-    """Slopes of the readings along one force component.
+    """Slopes of the readings along one force.
 
-    The maximum slope is the one between neighbouring load steps that is largest in magnitude, which the
-    literature on this kind of sensor calls the sensitivity of a simulated taxel. The largest of many noisy
-    slopes is too large; so each half of the replicates takes its slope where the other half is steepest. The
-    mean slope joins the first and the last step. The scatter of the replicates' slopes gives the errors.
+    All scenes of a study share their random numbers, so slopes are formed replicate by replicate; the scatter of
+    the replicates' slopes gives the errors, of the light alone. Readings that are missing are left out.
 
     Parameters
     ----------
     study : as ``sweep`` returns it
-    force : ``fx``, ``fy`` or ``fz``, one of its dimensions with at least two values
+    force : ``fx``, ``fy`` or ``fz``, if it changes by itself, along a dimension of its own or in the steps of a
+        path; or the dimension of a path along which a force changes in one direction (its abscissa is then the
+        component along this direction: the resultant, of a diagonal load)
 
     Returns
     -------
-    Over the other varied parameters and ``taxel``: ``max_slope``, ``max_slope_error``, ``mean_slope``,
-    ``mean_slope_error`` in W/N, and ``max_slope_at``, the middle of the steepest step, in N.
+    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, each
+    with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them.
 
     Raises
     ------
     InputError
-        if ``force`` is not varied, or has one value only.
+        if ``force`` does not change by itself, has one value only, or grows along several runs of a path.
     """
-    if force not in study.dims or study.sizes[force] < 2:
+    lines = [line for line in load_lines(study) if force in (line.name, line.dim) and line.loading]
+    if not lines:
         raise InputError(f"{force} has no slope in this study: at least two values of it are needed.")
-    power = study.replicate_power.sortby(force)
-    at = power[force]
-    steps = power.diff(force) / at.diff(force)
-    middle = ((at + at.shift({force: 1})) / 2).isel({force: slice(1, None)})
-    steepest = abs(steps.mean("replicate")).argmax(force)
-    halves = [steps.isel(replicate=slice(start, None, 2)) for start in (0, 1)]
-    max_slope = xr.concat(
-        [
-            half.isel({force: abs(other.mean("replicate")).argmax(force)}).drop_vars(force)
-            for half, other in (halves, halves[::-1])
-        ],
-        dim="replicate",
-    )
-    mean_slope = (power.isel({force: -1}) - power.isel({force: 0})) / float(at[-1] - at[0])
-    result = xr.Dataset(
-        {
-            "max_slope": max_slope.mean("replicate"),
-            "max_slope_error": _standard_error(max_slope),
-            "max_slope_at": (steepest.dims, middle.values[steepest.values]),
-            "mean_slope": mean_slope.mean("replicate"),
-            "mean_slope_error": _standard_error(mean_slope),
-        }
-    ).drop_vars(force, errors="ignore")
-    for name, variable in result.data_vars.items():
-        variable.attrs["units"] = "N" if name == "max_slope_at" else "W/N"
-    return result
+    if len(lines) > 1:
+        raise InputError(f"{force} grows along {len(lines)} runs of this study: sensitivity_table lists their slopes.")
+    return _slopes_along(study, lines[0])
 
 
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
-    """:func:`sensitivity` along every force component that the study varies, one row per curve and taxel.
+    """:func:`sensitivity` along every line of load of a study, one row per line and taxel.
 
-    Columns: ``force``, the other varied parameters, ``taxel``, and the slopes with their unit in the name.
-    There is no row if no force is varied.
+    Of a path that goes back and forth along a line, this is the first run of growing force. Columns: ``force``,
+    the other varied parameters, ``taxel``, and the slopes with their unit in the name. There is no row if no
+    force is varied.
     """
     import pandas
 
+    first: dict[tuple, LoadLine] = {}
+    for line in load_lines(study):
+        if line.loading:
+            first.setdefault((line.dim, line.name, *line.constant.items()), line)
     tables = []
-    for force in FORCES:
-        if force in study.dims and study.sizes[force] > 1:
-            slopes = sensitivity(study, force)
-            names = {str(name): f"{name}_{'N' if name == 'max_slope_at' else 'W_per_N'}" for name in slopes.data_vars}
-            table = slopes.to_dataframe().reset_index().rename(columns=names)
-            others = [str(dim) for dim in slopes.max_slope.dims]
-            tables.append(table[[*others, *names.values()]].assign(force=force))
+    for line in first.values():
+        result = _slopes_along(study, line)
+        names = {name: f"{name}_{'N' if name == 'max_slope_at' else 'W_per_N'}" for name in Slopes._fields}
+        table = result.to_dataframe().reset_index().rename(columns=names).assign(force=line.name, **line.constant)
+        others = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
+        tables.append(table[["force", *others, *names.values()]])
     if not tables:
         return pandas.DataFrame()
     table = pandas.concat(tables, ignore_index=True)
-    return table[["force", *(column for column in table.columns if column != "force")]]
+    last = [name for name in table.columns if name in names.values()]
+    others = [name for name in table.columns if name not in (*last, "force", "taxel")]
+    return table[["force", *others, "taxel", *last]]
 
 
-def _standard_error(slopes: xr.DataArray) -> xr.DataArray:
-    """Standard error of the mean over the replicates."""
-    return slopes.std("replicate", ddof=1) / np.sqrt(slopes.sizes["replicate"])
+def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
+    others = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
+    shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
+    found = np.array([slopes(run) for _, run in runs(study, line)])
+    coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
+    return xr.Dataset(
+        {
+            name: ([*others, "taxel"], found[:, number].reshape(shape), {"units": _unit(name)})
+            for number, name in enumerate(Slopes._fields)
+        },
+        coords=coordinates,
+    )
+
+
+def _unit(name: str) -> str:
+    return "N" if name == "max_slope_at" else "W/N"

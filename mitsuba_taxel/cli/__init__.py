@@ -17,7 +17,7 @@ import click
 from .options import debug_option
 
 COMMANDS = (
-    "new", "render", "rays", "sweep", "status", "dataset", "deform", "plugins", "bench", "doctor",
+    "new", "render", "rays", "sweep", "status", "characterise", "dataset", "deform", "plugins", "bench", "doctor",
 )  # fmt: skip
 
 

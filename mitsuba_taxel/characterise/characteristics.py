@@ -1,0 +1,83 @@
+"""All figures of merit of experiments in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.characterise.equations import Deviation, hysteresis, nonlinearity, repeatability, share_forces
+from mitsuba_taxel.characterise.experiment import Branch, Experiment
+from mitsuba_taxel.characterise.slopes import slopes
+
+if TYPE_CHECKING:
+    import pandas
+
+SLOPES = ("max_slope", "mean_slope", "zero_slope")
+DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
+
+
+def characteristics(experiments: Iterable[Experiment]) -> pandas.DataFrame:
+    """Sensitivities, nonlinearity, hysteresis and repeatability, one number a row.
+
+    Slopes are those of each run of growing force; the nonlinearity that of each branch of growing force; the
+    hysteresis that of each such branch with the one of falling force that follows; the repeatability that of each
+    such branch with the first one.
+
+    Returns
+    -------
+    Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of
+    growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N`` and
+    ``to_N``, the forces looked at.
+    """
+    import pandas
+
+    rows = [row for experiment in experiments for row in (*_slopes(experiment), *_deviations(experiment))]
+    last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N")
+    others = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *last))
+    return pandas.DataFrame(rows, columns=["figure", "force", *others, *last])
+
+
+def _slopes(experiment: Experiment) -> Iterator[dict[str, Any]]:
+    for number, run in enumerate(experiment.loading_runs, start=1):
+        found = slopes(run)._asdict()
+        for name in SLOPES:
+            at = found.get(f"{name}_at", np.full(len(experiment.taxel), 0.0 if name == "zero_slope" else np.nan))
+            unit = f"{experiment.unit}/N"
+            yield from _rows(experiment, name, number, (found[name], found[f"{name}_error"], at), unit, run)
+
+
+def _deviations(experiment: Experiment) -> Iterator[dict[str, Any]]:
+    largest, branches = experiment.largest_change, experiment.branches
+    loading = [number for number, branch in enumerate(branches) if branch.loading]
+    for count, number in enumerate(loading, start=1):
+        branch = branches[number]
+        first = next(branches[other] for other in loading if branches[other].side == branch.side)
+        found: dict[str, Deviation] = {}
+        if len(branch.force) > 2:  # any two points lie on a line
+            found["nonlinearity"] = nonlinearity(branch, largest)
+        for after in branches[number + 1 : number + 2]:
+            if not after.loading and after.side == branch.side and share_forces(branch, after):
+                found["hysteresis"] = hysteresis(branch, after, largest)
+        if first is not branch and share_forces(first, branch):
+            found["repeatability"] = repeatability(first, branch, largest)
+        for name, deviation in found.items():
+            yield from _rows(experiment, name, count, deviation, "%", branch)
+
+
+def _rows(
+    experiment: Experiment, figure: str, loading: int, numbers: tuple, unit: str, part: Branch
+) -> Iterator[dict[str, Any]]:
+    ends = part.force[[0, -1]] if len(part.force) else (np.nan, np.nan)
+    for taxel, value, error, at in zip(experiment.taxel.tolist(), *numbers, strict=True):
+        yield {
+            "figure": figure,
+            "force": experiment.force,
+            **experiment.where,
+            "taxel": taxel,
+            "loading": loading,
+            **dict(
+                zip(("value", "error", "unit", "at_N", "from_N", "to_N"), (value, error, unit, at, *ends), strict=True)
+            ),
+        }

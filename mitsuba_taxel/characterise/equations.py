@@ -1,0 +1,120 @@
+"""Hysteresis, repeatability and nonlinearity of a taxel: equations 5 to 7 of the paper, made definite.
+
+The paper compares voltage changes dv of two ranges of time and divides by the largest dv of the experiment. Here
+two branches are compared at equal force: each is a straight line between its points, and the largest difference
+over all forces that both have counts. One number comes with each: where it is largest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.replicates import at_largest, error_at_largest
+from mitsuba_taxel.errors import InputError
+
+
+class Deviation(NamedTuple):
+    """A deviation in percent of the largest change, one per channel.
+
+    ``percent`` is free of the bias that the largest of noisy magnitudes has (each half of the replicates is read
+    where, and with the sign that, the other half has it largest), so it may come out below zero where there is
+    no deviation. ``error`` is 1 sigma from the replicates; not a number with only one, and then the bias stays.
+    ``at`` is the force in N.
+    """
+
+    percent: np.ndarray
+    error: np.ndarray
+    at: np.ndarray
+
+
+def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarray) -> Deviation:
+    """Equation 5: e_h = max |dv_incr - dv_decr| / v_max, over the forces that both branches have.
+
+    Parameters
+    ----------
+    increasing, decreasing : a branch with the force's magnitude growing, and one with it falling
+    largest_change : v_max (replicates, channels), as :attr:`Experiment.largest_change`
+
+    Raises
+    ------
+    InputError
+        if the branches do not go opposite ways or share no range of force.
+    """
+    if not increasing.loading or decreasing.loading:
+        raise InputError("hysteresis compares a branch of growing force with one of falling force.")
+    return _deviation(*_difference(increasing, decreasing), largest_change)
+
+
+def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Deviation:
+    """Equation 6: e_r = max |dv_a - dv_b| / v_max, over the forces that both branches have.
+
+    Parameters
+    ----------
+    one, other : two branches with the force's magnitude growing, or two with it falling
+    largest_change : v_max (replicates, channels)
+
+    Raises
+    ------
+    InputError
+        if the branches go opposite ways or share no range of force.
+    """
+    if one.loading != other.loading:
+        raise InputError("repeatability compares two branches of growing force, or two of falling force.")
+    return _deviation(*_difference(one, other), largest_change)
+
+
+def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
+    """Equation 7: e_nl = max |dv_incr - dv_nom| / v_max.
+
+    The paper leaves its "ideal linear case" dv_nom open. Here it is the end-point line, from the first point of
+    the branch to its last ("terminal-based" linearity).
+
+    Parameters
+    ----------
+    branch : usually the first one of growing force
+    largest_change : v_max (replicates, channels)
+    """
+    return _deviation(branch.force, from_line(branch, branch), largest_change)
+
+
+def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
+    """Samples of a branch less the end-point line of another one (points, replicates, channels)."""
+    first, last = nominal.samples[0], nominal.samples[-1]
+    share = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])
+    return branch.samples - (first + share[:, None, None] * (last - first))
+
+
+def share_forces(one: Branch, other: Branch) -> bool:
+    """Whether two branches have a range of force in common."""
+    low, high = _overlap(one, other)
+    return bool(low < high)
+
+
+def _overlap(one: Branch, other: Branch) -> tuple[float, float]:
+    low = max(one.force.min(), other.force.min())
+    high = min(one.force.max(), other.force.max())
+    return low, high
+
+
+def _difference(one: Branch, other: Branch) -> tuple[np.ndarray, np.ndarray]:
+    """Forces (points,) and how the branches differ there; between them the difference is a straight line."""
+    low, high = _overlap(one, other)
+    if not low < high:
+        raise InputError("the two branches share no range of force: nothing can be compared.")
+    force = np.unique(np.concatenate([one.force, other.force]))
+    force = force[(force >= low) & (force <= high)]
+    return force, one.at(force) - other.at(force)
+
+
+def _deviation(force: np.ndarray, difference: np.ndarray, largest_change: np.ndarray) -> Deviation:
+    """The largest difference over the largest change: a ratio of means, with its error to first order."""
+    most = at_largest(difference)
+    samples = most.samples * most.signs
+    largest = largest_change.mean(axis=0)
+    known = np.where(largest > 0, largest, np.nan)
+    share = samples.mean(axis=0) / known
+    error = error_at_largest(samples - share * largest_change, most.moved) / known
+    return Deviation(100 * share, 100 * error, force[most.place])

@@ -1,0 +1,147 @@
+"""An experiment: how readings change along one line of load, run by run, simulated or measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.characterise.replicates import standard_error
+from mitsuba_taxel.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A stretch of an experiment along which the force only rises or only falls.
+
+    Parameters
+    ----------
+    force : (points,) in N, in the order in which the load took these values
+    samples : (points, replicates, channels), the change of each channel's reading since the unloaded start in W
+        or V. Replicate r of one branch belongs to replicate r of any other of the same experiment. With one
+        replicate there are no errors.
+
+    Raises
+    ------
+    InputError
+        if the shapes do not match, a number is not finite, or the force turns or stands still.
+    """
+
+    force: np.ndarray
+    samples: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.force.ndim != 1 or self.samples.ndim != 3 or len(self.samples) != len(self.force):
+            raise InputError(
+                f"samples of shape {self.samples.shape} for forces of shape {self.force.shape} are not allowed: "
+                "(points, replicates, channels) and (points,) are needed."
+            )
+        if not (np.isfinite(self.force).all() and np.isfinite(self.samples).all()):
+            raise InputError("a branch holds numbers that are not finite: leave such points out.")
+        steps = np.diff(self.force)
+        if not ((steps > 0).all() or (steps < 0).all()):
+            raise InputError("the force of a branch turns or stands still: it must only rise or only fall.")
+
+    @property
+    def value(self) -> np.ndarray:
+        """Mean over the replicates (points, channels)."""
+        return self.samples.mean(axis=1)
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard error of :attr:`value` (points, channels); not a number with one replicate."""
+        return standard_error(self.samples, axis=1)
+
+    @property
+    def loading(self) -> bool:
+        """Whether the magnitude of the force grows."""
+        return bool(abs(self.force[-1]) > abs(self.force[0]))
+
+    @property
+    def side(self) -> float:
+        """Sign of the force at its largest magnitude."""
+        return float(np.sign(self.force[np.abs(self.force).argmax()]))
+
+    def at(self, force: np.ndarray) -> np.ndarray:
+        """Samples (forces, replicates, channels) at forces within the branch, on straight lines between points."""
+        from scipy.interpolate import make_interp_spline
+
+        order = np.argsort(self.force)
+        return make_interp_spline(self.force[order], self.samples[order], k=1)(force)
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """The runs of one line of load, all else being equal.
+
+    Parameters
+    ----------
+    force : what the runs' force is: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``
+    direction : (3,) unit vector of that force; zero where it is not known
+    where : values of the other varied parameters
+    unit : ``W`` or ``V``
+    taxel : (channels,) the taxels' numbers
+    runs : from one turning point of the force to the next; a run may pass through zero
+    ordered : whether the load took the runs' forces in this order. If not, as where forces are just a set of
+        scenes, every branch counts as one of growing force.
+    """
+
+    force: str
+    direction: np.ndarray
+    where: dict[str, Any]
+    unit: str
+    taxel: np.ndarray
+    runs: tuple[Branch, ...]
+    ordered: bool = True
+
+    def labelled(self, **where: Any) -> Experiment:
+        """The same experiment, told apart from others by more parameters."""
+        return replace(self, where={**where, **self.where})
+
+    @property
+    def loading_runs(self) -> list[Branch]:
+        """The runs along which the magnitude of the force grows, at their end at least."""
+        return [run for run in self.runs if not self.ordered or any(part.loading for part in split_at_zero(run))]
+
+    @property
+    def branches(self) -> list[Branch]:
+        """The runs, those that pass through zero parted there, in the order of loading."""
+        parts = [part for run in self.runs for part in split_at_zero(run)]
+        return [
+            part if self.ordered or part.loading else Branch(part.force[::-1], part.samples[::-1]) for part in parts
+        ]
+
+    @property
+    def largest_change(self) -> np.ndarray:
+        """Equations 5 to 7's v_max: the largest magnitude of the change in all runs (replicates, channels)."""
+        samples = np.concatenate([run.samples for run in self.runs])
+        values = samples.mean(axis=1)
+        place = np.abs(values).argmax(axis=0)
+        every = np.arange(values.shape[1])
+        return (samples[place, :, every] * np.sign(values[place, every])[:, None]).T
+
+
+def split_at_zero(run: Branch) -> list[Branch]:
+    """The branches of a run; those of fewer than two points are left out."""
+    parts = parts_at_zero(run.force)
+    return [Branch(run.force[part], run.samples[part]) for part in parts if len(run.force[part]) > 1]
+
+
+def parts_at_zero(force: np.ndarray) -> list[slice]:
+    """Where the forces of a run pass through zero it has two parts, which share its point of least force.
+
+    It is not parted where one would be less than a tenth of the other: a reference sensor that is a little off
+    zero does not make a branch.
+    """
+    if not len(force) or force[0] * force[-1] >= 0:
+        return [slice(None)]
+    ends = np.abs(force[[0, -1]])
+    least = int(np.abs(force).argmin())
+    return [slice(None, least + 1), slice(least, None)] if ends.min() > 0.1 * ends.max() else [slice(None)]
+
+
+def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
+    """The runs' change since a reading (replicates, channels)."""
+    return tuple(Branch(run.force, run.samples - start) for run in runs)

@@ -1,0 +1,71 @@
+"""Slopes of readings along one run of load."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.replicates import at_largest, error_at_largest, standard_error
+
+
+class Slopes(NamedTuple):
+    """Slopes (channels,) in W/N or V/N with their standard errors; not a number where the run has none.
+
+    ``max_slope`` : between those neighbouring points where it is largest in magnitude, which the literature on this
+    kind of sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle
+    between these points in N.
+
+    ``mean_slope`` : between the ends of the run; the paper's sensitivity of a measured taxel (section 3.1) is that
+    of the force-voltage relation.
+
+    ``zero_slope`` : at zero force, of the parabola through the three points whose forces are least in magnitude,
+    evenly spaced or not. It is exact for a parabola; its error is of second order in their distances (v'''/6 times
+    the product of those to zero of the two other points, if one lies there). With two points it is the slope
+    between them. Zero must lie in the run, or nearer to it than its neighbouring points are to each other.
+    """
+
+    max_slope: np.ndarray
+    max_slope_error: np.ndarray
+    max_slope_at: np.ndarray
+    mean_slope: np.ndarray
+    mean_slope_error: np.ndarray
+    zero_slope: np.ndarray
+    zero_slope_error: np.ndarray
+
+
+def slopes(run: Branch) -> Slopes:
+    """All slopes of a run, each formed replicate by replicate, so that noise which readings share drops out."""
+    channels = run.samples.shape[2]
+    if len(run.force) < 2:
+        return Slopes(*np.full((len(Slopes._fields), channels), np.nan))
+    steps = np.diff(run.samples, axis=0) / np.diff(run.force)[:, None, None]
+    steepest = at_largest(steps)
+    mean = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
+    zero = np.einsum("p,prc->rc", *_at_zero(run))
+    middle = (run.force[1:] + run.force[:-1]) / 2
+    return Slopes(
+        steepest.samples.mean(axis=0),
+        error_at_largest(steepest.samples, steepest.moved),
+        middle[steepest.place],
+        mean.mean(axis=0),
+        standard_error(mean),
+        zero.mean(axis=0),
+        standard_error(zero),
+    )
+
+
+def _at_zero(run: Branch) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (points,) of the derivative at zero force, and the samples of these points."""
+    nearest = np.argsort(np.abs(run.force), kind="stable")[:3]
+    x = run.force[nearest]
+    outside = max(run.force.min(), -run.force.max(), 0.0)
+    if outside > abs(x[1] - x[0]):
+        weights = np.full(len(x), np.nan)
+    elif len(x) == 2:
+        weights = np.array([-1, 1]) / (x[1] - x[0])
+    else:
+        a, b = np.roll(x, -1), np.roll(x, -2)
+        weights = -(a + b) / ((x - a) * (x - b))
+    return weights, run.samples[nearest]

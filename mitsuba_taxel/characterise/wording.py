@@ -1,0 +1,118 @@
+"""Figures of merit as words: a value with its error, rows of a table, a LaTeX table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas
+
+LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
+    letter: f"\\{letter}" for letter in "&%$#_{}"
+}
+
+
+def with_error(value: float, error: float, latex: bool = False) -> str:
+    """``(1.480 ± 0.031)e-04``: the error with two digits, the value as far as these go; ``-`` where there is none.
+
+    Without an error, the value has four digits.
+    """
+    if not math.isfinite(value):
+        return "--" if latex else "-"
+    size = max(abs(value), error if math.isfinite(error) else 0.0)
+    power = math.floor(math.log10(size)) if size > 0 else 0
+    power = 0 if -2 <= power <= 3 else power
+    value, error = value / 10.0**power, error / 10.0**power
+    plus_minus, scale = (r" \pm ", rf" \times 10^{{{power}}}") if latex else (" ± ", f"e{power:+03d}")
+    known = error > 0
+    leading = math.floor(math.log10(error if known else abs(value) or 1.0))
+    digits = max((1 if known else 3) - leading, 0)
+    text = f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before a zero
+    if not math.isnan(error):
+        text = f"{text}{plus_minus}{error:.{digits if known else 0}f}"
+        text = f"({text})" if power else text
+    text += scale if power else ""
+    return f"${text}$" if latex else text
+
+
+def table_rows(
+    table: pandas.DataFrame, figures: Sequence[str], latex: bool = False
+) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows, one per taxel and run, of those ``figures`` that are in a table of characteristics.
+
+    Columns that say the same in every row, other than the force and the taxel, are left out.
+    """
+    table = table[table.figure.isin(figures)]
+    figures = [name for name in figures if name in set(table.figure)]
+    keys = [
+        name for name in table.columns if name not in ("figure", "value", "error", "unit", "at_N", "from_N", "to_N")
+    ]
+    headings = [name for name in keys if name in ("force", "taxel") or table[name].nunique(dropna=False) > 1]
+    rows: dict[tuple, dict[str, list[str]]] = {}
+    for record in table.to_dict("records"):
+        key = tuple(as_word(record[name]) for name in keys)
+        cells = [with_error(record["value"], record["error"], latex)]
+        if _has_place(record["figure"]):
+            cells.append(as_word(round(record["at_N"], 3) + 0.0))
+        rows.setdefault(key, {})[record["figure"]] = cells
+    units = dict(zip(table.figure, table.unit, strict=True))
+    wide = [
+        cell
+        for name in figures
+        for cell in [f"{name.replace('_', ' ')} [{units[name]}]", *["at [N]"] * _has_place(name)]
+    ]
+    blank = {name: ["-"] * (1 + _has_place(name)) for name in figures}
+    kept = [keys.index(name) for name in headings]
+    return headings + wide, [
+        [*(key[number] for number in kept), *(cell for name in figures for cell in found.get(name, blank[name]))]
+        for key, found in rows.items()
+    ]
+
+
+def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of a table of symmetric pairs, one per pair."""
+    if not len(pairs):
+        return [], []
+    numbers = ("difference", "error", "unit")
+    keys = [name for name in pairs.columns if name not in numbers]
+    return [*keys, f"difference [{pairs.unit.iloc[0]}]"], [
+        [*(as_word(record[name]) for name in keys), with_error(record["difference"], record["error"], latex)]
+        for record in pairs.to_dict("records")
+    ]
+
+
+def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are taken as they are."""
+
+    def line(cells: Sequence[str]) -> str:
+        return " & ".join(cell if _is_formula(cell) else escape(cell) for cell in cells) + r" \\"
+
+    columns = "".join("r" if any(map(_is_number, column)) else "l" for column in zip(*rows, strict=True))
+    body = [line(headings), r"\hline", *map(line, rows)]
+    return "\n".join([rf"\begin{{tabular}}{{{columns}}}", r"\hline", *body, r"\hline", r"\end{tabular}", ""])
+
+
+def escape(text: str) -> str:
+    """Text with the characters that LaTeX reads as commands made plain."""
+    return "".join(LATEX.get(letter, letter) for letter in text)
+
+
+def as_word(value: Any) -> str:
+    """A parameter or a number as a word; ``-`` where there is none."""
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else "-"
+    return str(value)
+
+
+def _has_place(figure: str) -> bool:
+    return figure not in ("mean_slope", "zero_slope")
+
+
+def _is_formula(cell: str) -> bool:
+    return len(cell) > 1 and cell[0] == cell[-1] == "$"
+
+
+def _is_number(cell: str) -> bool:
+    return _is_formula(cell) or cell.lstrip("-").replace(".", "").isdigit()

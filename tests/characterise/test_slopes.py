@@ -1,0 +1,66 @@
+"""Slopes of curves whose slopes are known, their errors, and what noise does to the largest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.characterise import slopes
+
+STEPS = np.linspace(0, -20, 41)
+CURVES = {
+    "line": lambda f: -2e-5 * f,
+    "cubic": lambda f: 4e-4 * (-f / 20) + 1e-4 * (f / 20) ** 2 + 2e-4 * (-f / 20) ** 3,
+    "s-shaped": lambda f: 2e-4 / (1 + np.exp((f + 10) / 2)),
+}
+
+
+@pytest.mark.parametrize("force", [[0, 1, 2], [0, -0.5, -2, -7], [-3, -1, 0, 4], [-1, 2, 5], [0.3, 1, 2]])
+def test_slope_at_zero_is_exact_for_a_parabola_on_uneven_forces(branch, force):
+    found = slopes(branch(lambda f: 3e-4 + 2e-5 * f - 7e-6 * f**2, sorted(force), replicates=2))
+    assert found.zero_slope[0] == pytest.approx(2e-5, rel=1e-9)
+
+
+@pytest.mark.parametrize("grid", [np.array([0, 1, 2.5]), np.array([-1, 0, 2.0])])
+def test_slope_at_zero_is_of_second_order(branch, grid):
+    """Its error is v'''/6 times the distances of the two other points: 4 times less on half the steps."""
+    for scale in (1.0, 0.5):
+        error = slopes(branch(lambda f: 5 * f + 2 * f**3, scale * grid, replicates=2)).zero_slope[0] - 5
+        others = scale * grid[grid != 0]
+        assert error == pytest.approx(-2 * others.prod(), rel=1e-9)
+
+
+def test_slope_at_zero_needs_points_near_it(branch):
+    assert np.isnan(slopes(branch(np.square, [8, 9, 10, 12])).zero_slope[0])
+    assert slopes(branch(lambda f: 4 * f, [0, -2])).zero_slope[0] == pytest.approx(4)
+    assert np.isnan(slopes(branch(np.square, [1.0])).max_slope[0])
+
+
+def test_slopes_of_two_straight_pieces(branch):
+    """2 W/N up to 3 N and 0.5 W/N beyond."""
+    found = slopes(branch(lambda f: np.minimum(2 * f, 6 + 0.5 * (f - 3)), np.linspace(0, 10, 21), replicates=4))
+    assert found.max_slope[0] == pytest.approx(2) and 0 < found.max_slope_at[0] < 3
+    assert found.mean_slope[0] == pytest.approx(0.95) and found.zero_slope[0] == pytest.approx(2)
+
+
+@pytest.mark.parametrize("replicates", [8, 32])
+@pytest.mark.parametrize("name", ["mean_slope", "zero_slope"])
+def test_intervals_hold_the_truth(branch, covered, name, replicates):
+    curve = CURVES["cubic"]
+    found = slopes(branch(curve, STEPS, 1e-5, replicates, channels=600, seed=1))._asdict()
+    clean = slopes(branch(curve, STEPS))._asdict()
+    covered(found[name], found[f"{name}_error"], clean[name], replicates)
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES.keys())
+def test_the_largest_slope_is_not_too_large(branch, covered, curve, noise):
+    """Its bias is below its error, and below half that of the steepest mean reading where noise is large."""
+    run = branch(curve, STEPS, noise, channels=800, seed=2)
+    found, truth = slopes(run), slopes(branch(curve, STEPS)).max_slope[0]
+    bias = np.mean((found.max_slope - truth) / truth) * abs(truth) / found.max_slope_error.mean()
+    assert -0.6 < bias < 5 / np.sqrt(800)
+    covered(found.max_slope, found.max_slope_error, truth, 32, at_least=0.86)
+    naive = np.abs(np.diff(run.value, axis=0) / np.diff(run.force)[:, None]).max(axis=0).mean()
+    if noise == 1e-4:
+        assert naive - abs(truth) > 2 * abs(found.max_slope.mean() - truth)

@@ -1,0 +1,65 @@
+"""Values with their errors as words, and tables as LaTeX."""
+
+from __future__ import annotations
+
+import math
+
+import pandas
+import pytest
+
+from mitsuba_taxel.characterise.wording import latex_table, table_rows, with_error
+
+
+@pytest.mark.parametrize(
+    "value, error, words, formula",
+    [
+        (1.4803e-4, 3.13e-6, "(1.480 ± 0.031)e-04", r"$(1.480 \pm 0.031) \times 10^{-4}$"),
+        (-3.1789, 0.0512, "-3.179 ± 0.051", r"$-3.179 \pm 0.051$"),
+        (123456.0, 120.0, "(1.2346 ± 0.0012)e+05", r"$(1.2346 \pm 0.0012) \times 10^{5}$"),
+        (5e-3, 9.96e-5, "(5.000 ± 0.100)e-03", r"$(5.000 \pm 0.100) \times 10^{-3}$"),
+        (-1e-9, 2e-7, "(0.0 ± 2.0)e-07", r"$(0.0 \pm 2.0) \times 10^{-7}$"),
+        (250.0, 30.0, "250 ± 30", r"$250 \pm 30$"),
+        (1.4803e-4, math.nan, "1.480e-04", r"$1.480 \times 10^{-4}$"),
+        (0.0355, math.nan, "0.03550", "$0.03550$"),
+        (2.0, 0.0, "2.000 ± 0", r"$2.000 \pm 0$"),
+        (0.0, math.nan, "0.000", "$0.000$"),
+        (math.nan, 1.0, "-", "--"),
+    ],
+)
+def test_value_and_error(value, error, words, formula):
+    assert with_error(value, error) == words and with_error(value, error, latex=True) == formula
+
+
+def row(figure, value, error, unit, **more):
+    where = {"at_N": -4.0, "from_N": 0, "to_N": -8}
+    return {"figure": figure, "force": "fz", **more, "value": value, "error": error, "unit": unit, **where}
+
+
+def test_rows_of_a_table():
+    table = pandas.DataFrame(
+        [
+            row("max_slope", 2e-4, 1e-6, "W/N", cell="a", taxel=1, loading=1),
+            row("mean_slope", 1e-4, 1e-6, "W/N", cell="a", taxel=1, loading=1),
+            row("mean_slope", 3e-4, 1e-6, "W/N", cell="b", taxel=1, loading=1),
+            row("nonlinearity", 2.5, 0.1, "%", cell="b", taxel=1, loading=1),
+        ]
+    )
+    headings, rows = table_rows(table, ("max_slope", "mean_slope", "zero_slope"))
+    assert headings == ["force", "cell", "taxel", "max slope [W/N]", "at [N]", "mean slope [W/N]"]
+    assert rows[0] == ["fz", "a", "1", "(2.000 ± 0.010)e-04", "-4", "(1.000 ± 0.010)e-04"]
+    assert rows[1] == ["fz", "b", "1", "-", "-", "(3.000 ± 0.010)e-04"]
+    assert table_rows(table, ("hysteresis",))[1] == []
+
+
+def test_latex_needs_no_package_and_escapes_words():
+    text = latex_table(["cell_type & more", "e [%]"], [[r"a_b#1 {x} ~^\ $", "$1 \\pm 2$"], ["c", "--"]])
+    assert text.splitlines() == [
+        r"\begin{tabular}{lr}",
+        r"\hline",
+        r"cell\_type \& more & e [\%] \\",
+        r"\hline",
+        r"a\_b\#1 \{x\} \textasciitilde{}\textasciicircum{}\textbackslash{} \$ & $1 \pm 2$ \\",
+        r"c & -- \\",
+        r"\hline",
+        r"\end{tabular}",
+    ]
