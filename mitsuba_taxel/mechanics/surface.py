@@ -40,8 +40,9 @@ def tessellate(
 ) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
-    The faces of ``cells`` (numbers; None for all) are cut into ``subdivision`` ** 2 triangles each, the others into 4,
-    as their mid-edge nodes need, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is
+    The longest edge of a face of ``cells`` (numbers; None for all) is cut into ``subdivision`` segments, and others into
+    as many as keep theirs no longer. Other faces are cut into 4 triangles, as their mid-edge nodes need, or into a fan
+    where they touch a cell, so that the surface is closed. A ``finish`` is
     laid on the faces of the undeformed cells, cut as fine as it needs, and carried by the deformation: see
     :class:`Relief`.
 
@@ -104,12 +105,13 @@ def _cut(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = Non
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     if cells is not None:
         in_cell &= np.isin(mesh.face_cell, cells)
-    touching = np.isin(mesh.faces[:, 3:], mesh.faces[in_cell, 3:]) & ~in_cell[:, None]
-    patterns = [(np.flatnonzero(in_cell), _grid(subdivision))]
-    for edges in np.unique(touching, axis=0):
-        chosen = np.flatnonzero(~in_cell & np.all(touching == edges, axis=1))
-        segments = [subdivision if edge else 2 for edge in edges]
-        patterns.append((chosen, _fan(segments) if edges.any() else _grid(2)))
+    segments = _segments(mesh, in_cell, subdivision)
+    kinds, kind_of = np.unique(np.column_stack([in_cell, segments]), axis=0, return_inverse=True)
+    patterns = []
+    for kind, (finely, *edges) in enumerate(kinds.tolist()):
+        even = len(set(edges)) == 1
+        pattern = _grid(edges[0]) if even else _snapped(edges) if finely else _fan(edges)
+        patterns.append((np.flatnonzero(kind_of == kind), pattern))
 
     keys, nodes, weights, triangles, faces, count = [], [], [], [], [], 0
     for chosen, (barycentric, pattern) in patterns:
@@ -137,6 +139,35 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
             if i + j < n - 1:
                 pattern.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
     return lattice / n, np.array(pattern)
+
+
+def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
+    """(F, 3) segments that each edge of each face is cut into: in cells so many that none is longer than those of the
+    longest edge, elsewhere two, as its mid-edge node needs."""
+    corners = mesh.points[mesh.faces[in_cell, :3]]
+    length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    wanted = np.ceil(subdivision * length / length.max(initial=0.0) * (1 - 1e-9)).astype(int)
+    of_node = np.full(len(mesh.points), 2)
+    of_node[mesh.faces[in_cell, 3:]] = np.clip(wanted, min(2, subdivision), subdivision)
+    return of_node[mesh.faces[:, 3:]]
+
+
+def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """As :func:`_grid` of the most segments that an edge has, its points on the other edges moved to where these need
+    them, and triangles left out that become lines: none gets much larger, or turns over."""
+    n = max(segments)
+    points, pattern = _grid(n)
+    for k, count in enumerate(segments):
+        start, end = np.eye(3)[[k, (k + 1) % 3]]
+        on_edge = np.flatnonzero(points[:, k - 1] == 0)
+        place = np.rint(n * points[on_edge, (k + 1) % 3]) * count / n
+        # Ties go to the nearer end, where a triangle between two edges would become a line otherwise.
+        place = np.where(2 * place < count, np.ceil(place - 0.5), np.floor(place + 0.5))
+        points[on_edge] = start + place[:, None] / count * (end - start)
+    points, number = np.unique(points, axis=0, return_inverse=True)
+    pattern = number.ravel()[pattern]
+    kept = (pattern != np.roll(pattern, 1, axis=1)).all(axis=1)
+    return points, pattern[kept]
 
 
 def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:

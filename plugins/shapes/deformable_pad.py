@@ -127,7 +127,8 @@ class DeformablePad(mi.Mesh):
 
      * - subdivision
        - |int|
-       - Triangles along an edge of a finite element on the surface of a cell. (Default: 12)
+       - Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep
+         theirs no longer. (Default: 12)
 
      * - finish
        - |string|

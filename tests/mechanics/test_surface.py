@@ -69,9 +69,12 @@ def test_regions_and_cells_are_carried_over(pressed):
     assert not surface.cell[others].any()
     bottom = surface.vertices[surface.triangles[surface.region == REGIONS["bottom"]]]
     assert not bottom[..., 2].any()
-    chosen = surface.region == REGIONS["roof"]
-    a, b, c = (surface.vertices[surface.triangles[chosen, k]] for k in range(3))
-    assert np.all(np.cross(b - a, c - a)[:, 2] < 0)  # out of the silicone is down into the cell
+    for cell in (1, 2):  # out of the silicone is into the cell
+        a, b, c = np.moveaxis(
+            surface.vertices[surface.triangles[(surface.region == REGIONS["roof"]) & (surface.cell == cell)]], 1, 0
+        )
+        middle = np.array([*a.mean(axis=0)[:2], 0.5])
+        assert np.all(np.einsum("fi,fi->f", np.cross(b - a, c - a), middle - a) > 0)
 
 
 @pytest.mark.parametrize("subdivision", [4, 12])
