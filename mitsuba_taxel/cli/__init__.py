@@ -17,7 +17,8 @@ import click
 from .options import debug_option
 
 COMMANDS = (
-    "new", "render", "rays", "sweep", "status", "characterise", "dataset", "deform", "plugins", "bench", "doctor",
+    "new", "render", "rays", "sweep", "status", "characterise", "dataset", "deform", "plugins", "bench", "reproduce",
+    "doctor",
 )  # fmt: skip
 
 

@@ -110,8 +110,8 @@ def _cut(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = Non
     patterns = []
     for kind, (finely, *edges) in enumerate(kinds.tolist()):
         even = len(set(edges)) == 1
-        pattern = _grid(edges[0]) if even else _snapped(edges) if finely else _fan(edges)
-        patterns.append((np.flatnonzero(kind_of == kind), pattern))
+        cut = _grid(edges[0]) if even else _snapped(edges) if finely else _fan(edges)
+        patterns.append((np.flatnonzero(kind_of == kind), cut))
 
     keys, nodes, weights, triangles, faces, count = [], [], [], [], [], 0
     for chosen, (barycentric, pattern) in patterns:

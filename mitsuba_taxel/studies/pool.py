@@ -133,13 +133,11 @@ def _follow(parent: BaseProcess) -> None:
 
 
 def _share_cores(workers: int) -> None:
-    """Give each of several processes its share of the cores."""
-    threads = max(1, (os.cpu_count() or 1) // workers)
-    os.environ["RAYON_NUM_THREADS"] = str(threads)
-
+    """Give each of several processes its share of the cores for the light."""
     import drjit as dr
 
-    dr.set_thread_count(threads)
+    # The mechanics keeps all of them: others wait meanwhile for the path that one solves.
+    dr.set_thread_count(max(1, (os.cpu_count() or 1) // workers))
 
 
 @contextmanager

@@ -1,0 +1,45 @@
+"""`taxel reproduce`: the paper's figures and tables, made anew."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option
+
+
+@click.command(short_help="The paper's figures and tables, made anew.")
+@folder_option
+@click.option(
+    "--only", metavar="PARTS",
+    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, variations, analog; a list with commas.",
+)  # fmt: skip
+@click.option(
+    "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Where paper.md goes.  [default: that of results]"
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes to use, in place of this one.")
+@debug_option
+def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
+    """Compute what is missing of the paper's rerun in DIR, and write the page paper.md with its figures.
+
+    The page holds the parts that are complete in DIR.
+    """
+    from mitsuba_taxel.reproduce.page import write_page
+    from mitsuba_taxel.reproduce.parts import chosen, complete, compute
+
+    start = time.perf_counter()
+
+    def announce(name: str) -> None:
+        click.echo(f"{time.perf_counter() - start:7.0f} s  {name}", err=True)
+
+    names = chosen(only)
+    compute(folder, names, workers, announce)
+    click.echo(f"{time.perf_counter() - start:7.0f} s  page", err=True)
+    page = write_page(complete(folder), docs or folder, _command(docs))
+    click.echo(f"Page: {page}")
+
+
+def _command(docs: Path | None) -> str:
+    return f"taxel reproduce -o DIR{f' --docs {docs}' if docs else ''}"

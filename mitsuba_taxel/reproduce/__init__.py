@@ -1,0 +1,1 @@
+"""The paper, rerun: its figures and tables from this package, beside the paper's own numbers."""

@@ -1,0 +1,126 @@
+"""What a rerun's studies say about the paper's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.characterise.equations import Deviation, nonlinearity
+from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.replicates import standard_error
+from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.analog import Emulated, emulated
+from mitsuba_taxel.reproduce.comparison import Fit, common_scale
+from mitsuba_taxel.reproduce.slopes import Sensitivity, sensitivity
+
+Paths = Mapping[str, xr.Dataset]
+PUBLISHED = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
+"""Table 1 by kind of force."""
+
+
+def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
+    """Sensitivities by path (``fz``, ``fx``, ...) and shape, and by ``normal`` and ``tangential`` as in Table 1.
+
+    The paper gives one number for tangential forces along x or y: here, that of the steeper of the two.
+    """
+    cells = list(studies)
+    table = {path: {cell: sensitivity(studies[cell][path], path) for cell in cells} for path in studies[cells[0]]}
+    table["normal"] = table["fz"]
+    table["tangential"] = {cell: max(table["fx"][cell], table["fy"][cell], key=lambda s: s.max_slope) for cell in cells}
+    return table
+
+
+def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Emulated]]:
+    """What the paper's procedure would answer at our readings, by kind of force and shape."""
+    return {
+        "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
+        "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
+    }
+
+
+def readings(nominal: Mapping[str, Paths]) -> dict[str, dict[str, float]]:
+    """Mean reading of the taxels in W before the slopes are taken: at rest, and at -8 N, by kind of force and shape."""
+    return {
+        "normal": {cell: float(paths["fz"].power.sel(fz=0).mean()) for cell, paths in nominal.items()},
+        "tangential": {cell: float(paths["fx"].power.sel(fx=0).mean()) for cell, paths in nominal.items()},
+    }
+
+
+def explanations(
+    published: Mapping[str, float],
+    slopes: Mapping[str, Sensitivity],
+    counts: Mapping[str, Emulated],
+    reading: Mapping[str, float],
+) -> dict[str, Fit]:
+    """Three explanations of a column of Table 1, by shape, each with one common factor free.
+
+    That the numbers are true slopes, known to the errors of ours; that they go with the square root of the reading, or
+    with what counting noise makes of the maximum slope, known to the scatter of one repetition.
+    """
+    cells = list(published)
+    numbers = np.array([published[cell] for cell in cells])
+    counted = np.array([counts[cell].mean for cell in cells])
+    scatter = np.array([counts[cell].spread for cell in cells]) / counted
+    root = np.sqrt([reading[cell] for cell in cells])
+    return {
+        "true maximum slope": against_slopes(numbers, [slopes[cell] for cell in cells]),
+        "square root of the reading": common_scale(numbers, root, scatter),
+        "maximum slope with counting noise": common_scale(numbers, counted, scatter),
+    }
+
+
+def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> Fit:
+    """Published numbers as a common factor times our maximum slopes."""
+    error = np.array([one.max_slope_error for one in slopes])
+    value = np.array([least(one) for one in slopes])
+    return common_scale(published, value, error / value)
+
+
+def least(slope: Sensitivity) -> float:
+    """A maximum slope as ratios need it, above 0: one that is less than its error counts as that."""
+    return max(slope.max_slope, slope.max_slope_error)
+
+
+def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
+    """All eight numbers of Table 1 as one common factor times ours."""
+    pairs = [(PUBLISHED[kind][cell], one) for kind in PUBLISHED for cell, one in table[kind].items()]
+    published, slopes = zip(*pairs, strict=True)
+    return against_slopes(np.array(published), list(slopes))
+
+
+class Difference(NamedTuple):
+    """A difference of readings in W with its standard error."""
+
+    value: float
+    error: float
+
+
+def skewness(study: xr.Dataset) -> dict[str, Difference]:
+    """Fig. 10: how far mirror taxels differ under a force along the secondary diagonal, less what they do without it.
+
+    ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
+    from their mean on the main diagonal, where there should be little.
+    """
+    shown = study.replicate_power.sel(resultant=paper.SHOWN_TANGENTIAL_FORCE)
+    change = shown - study.replicate_power.sel(resultant=0, drop=True)
+    at = {taxel: change.sel(taxel=taxel).values for taxel in range(1, 10)}
+    middle = (at[1] + at[5] + at[9]) / 3
+    apart = max((at[taxel] - middle for taxel in (1, 5, 9)), key=lambda one: abs(one.mean()))
+    parts = {"3 - 7": at[3] - at[7], "(2 + 6 - 4 - 8) / 2": (at[2] + at[6] - at[4] - at[8]) / 2, "1, 5, 9": apart}
+    return {name: Difference(float(one.mean()), float(standard_error(one))) for name, one in parts.items()}
+
+
+def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
+    """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error."""
+    pressed = study.sortby("fz", ascending=False).sel(fz=slice(0, -paper.MEASURED_FORCE))
+    samples = pressed.replicate_power.transpose("fz", "replicate", "taxel").values
+    branch = Branch(pressed.fz.values, samples - samples[0])
+    furthest = np.abs(branch.value).argmax(axis=0)
+    every = np.arange(samples.shape[2])
+    largest = branch.samples[furthest, :, every].T * np.sign(branch.value[furthest, every])
+    found: Deviation = nonlinearity(branch, largest)
+    taxel = int(np.abs(branch.value[-1]).argmax())
+    return float(found.percent[taxel]), float(found.error[taxel])

@@ -1,0 +1,76 @@
+"""How well two sets of numbers for the four shapes agree: their order, and their ratios."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+DRAWS = 100_000
+
+
+class Order(NamedTuple):
+    """Shapes from the largest value to the smallest, and how sure that is.
+
+    Attributes
+    ----------
+    certainty : probability that the true values come in this order, errors taken as normal and independent
+    """
+
+    names: tuple[str, ...]
+    certainty: float
+
+
+def order(values: Mapping[str, float], errors: Mapping[str, float]) -> Order:
+    """The order of values with standard errors."""
+    names = tuple(sorted(values, key=lambda name: -values[name]))
+    mean = np.array([values[name] for name in names])
+    error = np.array([errors[name] for name in names])
+    draws = np.random.default_rng(0).normal(mean, error, (DRAWS, len(names)))
+    return Order(names, float(np.mean(np.all(np.diff(draws, axis=1) < 0, axis=1))))
+
+
+def pairs_in_order(values: Mapping[str, float], others: Mapping[str, float]) -> tuple[int, int]:
+    """Of the pairs of shapes in both sets, how many come in the same order, and how many there are."""
+    pairs = list(combinations([name for name in values if name in others], 2))
+    same = sum((values[one] - values[two]) * (others[one] - others[two]) > 0 for one, two in pairs)
+    return same, len(pairs)
+
+
+class Fit(NamedTuple):
+    """Numbers explained as one common factor times what was expected.
+
+    Attributes
+    ----------
+    scale : the factor; ``scale_error`` its standard error
+    chi_square, freedom, p : sum of squared deviations over their variances, and the chance of so large a one
+    misfit : typical factor by which a number is off, exp of the root mean square of ln(number / (scale expected))
+    """
+
+    scale: float
+    scale_error: float
+    chi_square: float
+    freedom: int
+    p: float
+    misfit: float
+
+
+def common_scale(numbers: np.ndarray, expected: np.ndarray, spread: np.ndarray) -> Fit:
+    """Fit ``numbers`` = scale x ``expected``, whose relative standard deviations are ``spread``.
+
+    In logarithms, to first order in the spread; numbers and expected values must be above 0.
+    """
+    difference = np.log(numbers / expected)
+    weights = 1 / np.asarray(spread) ** 2
+    shift = float(np.average(difference, weights=weights))
+    rest = difference - shift
+    chi_square = float(np.sum(weights * rest**2))
+    freedom = len(rest) - 1
+    error = math.exp(shift) / math.sqrt(weights.sum())
+    plain = difference - difference.mean()
+    misfit = math.exp(math.sqrt(float(np.mean(plain**2))))
+    return Fit(math.exp(shift), error, chi_square, freedom, float(chi2.sf(chi_square, freedom)), misfit)

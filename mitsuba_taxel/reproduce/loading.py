@@ -1,0 +1,96 @@
+"""The pad under load: what the paper's Figs. 9 and 10 and Table 1 show, for all four shapes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.mechanics import NeoHookean, displacement_at, load_path
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.scenes import POISSON_RATIO, YOUNGS_MODULUS
+from mitsuba_taxel.reproduce.store import Store
+from mitsuba_taxel.studies import sweep
+
+SCENE = "pad.xml"
+TARGET_ERROR = 0.005
+DIAGONAL_STEP = 1.0
+FURTHEST = 30.0
+"""Tangential force in N that no shape here bears at -8 N."""
+PATHS = ("fz", "fx", "fy", "resultant")
+"""The dimensions that forces run along: normal, tangential along x, y and the secondary diagonal."""
+
+
+def nominal(store: Store, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
+    """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`.
+
+    The number of light paths is that which the normal load needs for the target error.
+    """
+    vary = {"fz": f"0:{-paper.NORMAL_FORCE}:{-paper.FORCE_STEP}"}
+    normal = store.study(
+        f"nominal/{cell}_fz",
+        {"vary": vary, "target_error": TARGET_ERROR},
+        lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR, workers=workers),
+    )
+    points, limit = int(normal.attrs["points"]), paper.TANGENTIAL_LIMIT[cell]
+    along = {"fx": paper.FORCE_STEP, "fy": paper.FORCE_STEP, "resultant": DIAGONAL_STEP}
+    return {"fz": normal} | {
+        path: _tangential(
+            store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), points, workers
+        )
+        for path, step in along.items()
+    }
+
+
+def beyond(store: Store, cell: str, points: int, workers: int | None) -> dict[str, xr.Dataset]:
+    """The tangential paths on from the paper's limits, in steps of 1 N, to where the model ends.
+
+    The attribute ``failures`` of each says why it ends there; its first line is the nearest.
+    """
+    forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
+    studies = {}
+    for path in PATHS[1:]:
+        study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, points, workers)
+        studies[path] = study.isel({path: np.isfinite(study.power.values).all(axis=study.power.get_axis_num("taxel"))})
+    return studies
+
+
+def _tangential(
+    store: Store, name: str, cell: str, path: str, forces: np.ndarray, points: int, workers: int | None
+) -> xr.Dataset:
+    """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
+    defines = {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
+    request = {"forces": forces.tolist(), "points": points}
+
+    def compute() -> xr.Dataset:
+        if path != "resultant":
+            return sweep(SCENE, {path: forces.tolist()}, defines, points=points, workers=workers)
+        components = (forces / math.sqrt(2)).tolist()
+        rows = {"fx": components, "fy": components}
+        study = sweep(SCENE, {}, defines, together=rows, points=points, workers=workers)
+        return study.assign_coords(resultant=("step", forces, {"units": "N"})).swap_dims(step="resultant")
+
+    return store.study(name, request, compute)
+
+
+def roof_heights(store: Store, cell: str) -> xr.Dataset:
+    """Displacement along z of the top of each cell in mm, at -8 N and with 8 N along the secondary diagonal.
+
+    ``normal`` and ``diagonal``, over ``taxel``.
+    """
+
+    def compute() -> xr.Dataset:
+        pad, silicone = Pad(cell), NeoHookean(YOUNGS_MODULUS, POISSON_RATIO)
+        component = paper.SHOWN_TANGENTIAL_FORCE / math.sqrt(2)
+        normal = -paper.CONSTANT_NORMAL_FORCE
+        states = load_path(pad, silicone, [(0, 0, normal), (component, component, normal)])
+        tops = np.column_stack([pad.cell_centres, np.full(len(pad.cell_centres), pad.top_of_cell)])
+        moved = [displacement_at(state.mesh, state.displacement, tops)[:, 2] for state in states]
+        return xr.Dataset(
+            {name: ("taxel", z, {"units": "mm"}) for name, z in zip(("normal", "diagonal"), moved, strict=True)},
+            coords={"taxel": np.arange(1, len(tops) + 1)},
+        )
+
+    return store.study(f"roofs/{cell}", {}, compute)

@@ -1,0 +1,64 @@
+"""Numbers of a rerun on disk: one NetCDF file for each study, computed once."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.studies.files import make_folder, replacing
+
+
+class MissingStudy(LookupError):
+    """A study is not there, and may not be computed."""
+
+
+class Store:
+    """Studies by name, such as ``nominal/hemispheric_fz``, in the folder of a rerun.
+
+    Parameters
+    ----------
+    folder : made where it is missing
+    announce : called with the name of a study that is about to be computed; without it, none is
+    """
+
+    def __init__(self, folder: Path, announce: Callable[[str], None] | None = None) -> None:
+        make_folder(folder)
+        self.folder, self.announce = folder, announce
+
+    def study(self, name: str, request: Mapping[str, Any], compute: Callable[[], xr.Dataset]) -> xr.Dataset:
+        """The study called ``name``: from its file, or computed and stored whole.
+
+        Parameters
+        ----------
+        request : all that the study was asked for, as JSON can hold it; kept as an attribute, beside the
+            ``wall_seconds`` that it took
+
+        Raises
+        ------
+        InputError
+            if the file answers another request.
+        MissingStudy
+            if there is no file, and the store was made for reading alone.
+        """
+        file, asked = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
+        if file.is_file():
+            stored = xr.load_dataset(file, engine="scipy")
+            if stored.attrs["request"] != asked:
+                raise InputError(f"{file} answers another request: a new folder is needed.")
+            return stored
+        if self.announce is None:
+            raise MissingStudy(name)
+        self.announce(name)
+        start = time.perf_counter()
+        study = compute()
+        study.attrs.update(request=asked, wall_seconds=time.perf_counter() - start)
+        make_folder(file.parent)
+        with replacing(file) as temporary:
+            study.to_netcdf(temporary, engine="scipy")
+        return study

@@ -1,0 +1,97 @@
+"""What moves the sensitivities: the choices that the paper leaves open, one at a time and in pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.plate import LAWS, SPACINGS
+from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, moduli, write_scene
+from mitsuba_taxel.reproduce.store import Store
+from mitsuba_taxel.studies import sweep
+from mitsuba_taxel.studies.files import make_folder
+
+POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
+"""Light paths for each reading and randomisation: light that a dome sends back to itself takes more of them."""
+NORMAL = "0:-20:-5"
+TANGENTIAL = "0,4,8"
+"""Force steps in N; the tangential ones under the paper's normal force, and borne by all shapes."""
+
+NOMINAL_SPACING, NOMINAL_LAW = 0.9, "uniform_solid_angle"
+FINER_MESH = "elements of 1 mm"
+"""No choice of the paper's, but what the finite elements of 1.25 mm are worth."""
+ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What differs from the nominal sensor, in words and as parameters of the scene; whether it is one thing alone."""
+
+    words: str
+    values: dict[str, Any]
+    single: bool = True
+
+    @property
+    def name(self) -> str:
+        return "_".join(self.words.replace(",", "").replace("=", "").split()) or "nominal"
+
+
+def choices() -> list[Choice]:
+    """The nominal sensor first, then one choice at a time, then pairs: spacing and law, roof and law."""
+    spacings = [Choice(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
+    laws = [Choice(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
+    roofs = [Choice(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"]
+    others = [
+        Choice("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
+        Choice("no dark centre", {"hole": 0}),
+        Choice("dark centre 0.15 mm", {"hole": 0.15}),
+        *(Choice(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
+        Choice("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
+        Choice("package reflects 50%", {"body_reflectance": 0.5}),
+        Choice(FINER_MESH, {"mesh_size": 1.0}),
+    ]
+    pairs = [both(one, other) for first in (spacings, roofs) for one in first for other in laws]
+    return [Choice("nominal", {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
+
+
+def both(one: Choice, other: Choice) -> Choice:
+    """Two choices at once."""
+    return Choice(f"{one.words}, {other.words}", one.values | other.values, single=False)
+
+
+def vary(store: Store, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
+    """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
+
+    A tangential force along y is one along x on a sensor whose packages are turned by 90 degrees.
+    """
+    scene = store.folder / "variations" / "choices.xml"
+    return {
+        choice.words: {cell: _loads(store, scene, choice, cell, workers) for cell in paper.CELLS}
+        for choice in choices()
+    }
+
+
+def _loads(store: Store, scene: Path, choice: Choice, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
+    return {force: _load(store, scene, choice, cell, force, workers) for force in ("fz", "fx", "fy")}
+
+
+def _load(store: Store, scene: Path, choice: Choice, cell: str, force: str, workers: int | None) -> xr.Dataset:
+    steps = NORMAL if force == "fz" else TANGENTIAL
+    constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}
+
+    def compute() -> xr.Dataset:
+        make_folder(scene.parent)
+        write_scene(scene, (CORNER, CENTRE))
+        defines = {**choice.values, **constant, "cell": cell}
+        study = sweep(scene, {force: steps}, defines, points=POINTS[cell], workers=workers)
+        if study.attrs["failures"]:
+            raise ComputationError(study.attrs["failures"].splitlines()[0])
+        return study.assign_coords(taxel=[CORNER, CENTRE])
+
+    request = {"values": choice.values, force: steps, "points": POINTS[cell]}
+    return store.study(f"variations/{choice.name}/{cell}_{force}", request, compute)

@@ -1,0 +1,55 @@
+"""Studies that are computed once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.reproduce.parts import PARTS, chosen
+from mitsuba_taxel.reproduce.store import MissingStudy, Store
+
+
+def compute() -> xr.Dataset:
+    return xr.Dataset({"power": ("fz", np.arange(3.0))}, {"fz": [0.0, -1.0, -2.0]})
+
+
+def test_a_study_is_computed_once_and_read_after_that(tmp_path):
+    announced: list[str] = []
+    store = Store(tmp_path, announced.append)
+    results = [store.study("nominal/one", {"fz": "0:-2:-1"}, compute) for _ in range(2)]
+    assert announced == ["nominal/one"]
+    assert results[0].identical(results[1])
+    assert Store(tmp_path).study("nominal/one", {"fz": "0:-2:-1"}, compute).identical(results[0])
+
+
+def test_another_request_is_refused(tmp_path):
+    store = Store(tmp_path, lambda name: None)
+    store.study("one", {"fz": 1}, compute)
+    with pytest.raises(InputError, match="one.nc answers another request"):
+        store.study("one", {"fz": 2}, compute)
+
+
+def test_a_store_for_reading_computes_nothing(tmp_path):
+    with pytest.raises(MissingStudy):
+        Store(tmp_path).study("one", {}, compute)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_study_that_fails_leaves_nothing(tmp_path):
+    store = Store(tmp_path, lambda name: None)
+
+    def fail() -> xr.Dataset:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        store.study("one", {}, fail)
+    assert not list(tmp_path.iterdir())
+
+
+def test_parts_are_chosen_by_name_and_group():
+    assert chosen(None) == list(PARTS)
+    assert chosen("analog, optics") == ["fig4", "fig5", "fig6", "peak", "analog"]
+    with pytest.raises(InputError, match="only = 'fig7' is not allowed"):
+        chosen("fig4,fig7")
