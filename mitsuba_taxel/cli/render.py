@@ -70,7 +70,7 @@ def command(
     if output is not None:
         from mitsuba_taxel.report.maps import write_irradiance
 
-        write_irradiance(output, readings)
+        write_irradiance(readings, output)
     if as_json:
         import json
 

@@ -18,7 +18,7 @@ from .options import (
     target_error_option,
 )
 
-OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "seed")
+OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "seed", "maps")
 MOST_FAILURES_SHOWN = 10
 
 
@@ -48,6 +48,7 @@ MOST_FAILURES_SHOWN = 10
     "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
 )
 @click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
 @click.option("--parquet", is_flag=True, help="Also write readings.parquet.")
 @json_option
 @debug_option
@@ -66,6 +67,7 @@ def command(
     workers: int | None,
     scheduler: str | None,
     retry_failed: bool,
+    maps: bool,
     parquet: bool,
     as_json: bool,
 ) -> None:
@@ -90,9 +92,9 @@ def command(
             _refuse_options_of_a_scene(ctx)
             study = run_study(source, folder, progress=progress, **how)
         else:
-            what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "output": folder}
+            what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "maps": maps}
             rows = {**together, **(columns_of(steps) if steps else {})}
-            study = sweep(source, vary, defines, together=rows, progress=progress, **what, **how)
+            study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
     studies = {"": study} if hasattr(study, "power") else dict(study.children.items())
     if as_json:
         import json

@@ -12,7 +12,7 @@ from mitsuba_taxel.optics import Readings
 from mitsuba_taxel.studies.files import replacing
 
 
-def write_irradiance(file: Path, readings: Readings) -> None:
+def write_irradiance(readings: Readings, file: Path) -> None:
     """Write an irradiance map: one channel ``irradiance`` in W/mm2, one block of pixels for each taxel.
 
     The header holds ``units``, ``seed``, ``points``, ``replicates`` and, as JSON, ``parameters``.

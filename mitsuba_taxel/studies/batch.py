@@ -20,7 +20,7 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 SCENE_KEYS = ("scene", "define", "vary", "together", "steps")
-RUN_KEYS = ("target_error", "points", "seed")
+RUN_KEYS = ("target_error", "points", "seed", "maps")
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 
@@ -36,6 +36,7 @@ class Batch:
     defines : values of parameters that are not varied, by name
     axes : dimensions, at least one
     target_error, points, seed : as for ``measure``; all scenes share seed and number of points
+    maps : whether irradiance maps are stored as well
     """
 
     name: str
@@ -45,6 +46,7 @@ class Batch:
     target_error: float | None
     points: int | None
     seed: int
+    maps: bool = False
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -62,6 +64,7 @@ class Batch:
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
             "seed": self.seed,
             **{name: value for name, value in chosen.items() if value is not None},
+            **({"maps": True} if self.maps else {}),
             **{name: table for name, table in tables.items() if table},
         }
 
@@ -75,6 +78,7 @@ def make_batch(
     target_error: float | None = None,
     points: int | None = None,
     seed: int = 0,
+    maps: bool = False,
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
@@ -93,7 +97,9 @@ def make_batch(
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value.")
     check_request(target_error, points, seed)
-    batch = Batch(name, file, fixed, axes, target_error, points, seed)
+    if not isinstance(maps, bool):
+        raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
+    batch = Batch(name, file, fixed, axes, target_error, points, seed, maps)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.optics import Readings
 from mitsuba_taxel.optics.readings import describe_mechanics, standard_error
-from mitsuba_taxel.studies.job import Failure, describe
+from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store import Kept
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
 from mitsuba_taxel.studies.vary import STEP, Axis, as_numbers, combinations, curve_dimension
@@ -35,15 +35,13 @@ def assemble(
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
     seconds = np.zeros((*shape, len(stages)))
-    meshes = np.full(shape, "", dtype=object)
     for place, result in results.items():
         replicates[place] = result.readings.replicates
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
-        meshes[place] = result.meshes
     power = replicates.mean(axis=-2)
     error = standard_error(np.moveaxis(replicates, -2, 0))
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
-    study = xr.Dataset(
+    return xr.Dataset(
         {
             "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
             "standard_error": ([*dims, "taxel"], error, about_error),
@@ -51,7 +49,8 @@ def assemble(
             **_responsivity(first),
             **_roof_errors(dims, shape, results),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
-            "mesh": (dims, meshes.astype(str), {"long_name": "file of the deformed pad, lengths in mm"}),
+            **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
+            **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
         },
         coords={
             **_coordinates(axes),
@@ -68,7 +67,16 @@ def assemble(
             "failures": "\n".join(_failures(axes, failures)),
         },
     )
-    return study if any(result.meshes for result in results.values()) else study.drop_vars("mesh")
+
+
+def _files(
+    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]
+) -> dict[str, tuple]:
+    """The variable ``name``: the files in a folder that came with each result; nothing if there are none."""
+    names = np.full(shape, "", dtype=object)
+    for place, result in results.items():
+        names[place] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
+    return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
 
 
 def _coordinates(axes: Sequence[Axis]) -> dict[str, tuple]:

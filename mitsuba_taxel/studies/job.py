@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import gc
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,11 @@ from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Readings, Scene, measure
 from mitsuba_taxel.optics.readings import prepare
+from mitsuba_taxel.report.maps import write_irradiance
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
+
+MESHES, MAPS = "meshes", "maps"
+"""Folders of a study for the files that come with results."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class Job:
     parameters : values that it gets
     varied : those of them that the batch varies
     points, seed : as for ``measure``
-    meshes : whether the surfaces of its pads are wanted
+    meshes, maps : whether the surfaces of its pads, and its irradiance map, are wanted
     """
 
     number: int
@@ -37,6 +42,7 @@ class Job:
     points: int
     seed: int
     meshes: bool
+    maps: bool
 
     @property
     def label(self) -> str:
@@ -45,11 +51,11 @@ class Job:
 
 
 class Result(NamedTuple):
-    """What a job gave: readings, seconds by stage, and its pads' surfaces as PLY (mm), by file name."""
+    """What a job gave: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
 
     readings: Readings
     seconds: dict[str, float]
-    meshes: dict[str, bytes]
+    files: dict[str, bytes]
 
 
 @dataclass(frozen=True)
@@ -95,17 +101,23 @@ def describe(values: Mapping[str, str]) -> str:
 def _read(job: Job) -> Result:
     with stages.record() as seconds:
         ready = prepare(Scene(job.file, job.parameters))
-        readings = measure(ready, points=job.points, seed=job.seed)
-        meshes = {}
-        if job.meshes:
-            with stages.stage("meshes"):
-                meshes = dict(_surface(pad) for pad in deformed_pads(ready.scene))
-    return Result(readings, seconds, meshes)
+        readings = measure(ready, points=job.points, seed=job.seed, irradiance=job.maps)
+        files = {}
+        with stages.stage("files"):
+            if job.meshes:
+                files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
+            if job.maps:
+                files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
+    return Result(replace(readings, irradiance=None), seconds, files)
 
 
-def _surface(pad: object) -> tuple[str, bytes]:
-    """A name that only the same surface has, and the surface."""
+def _name(pad: object) -> str:
+    """A name that only the same surface has."""
+    return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
+
+
+def _content(suffix: str, write: Callable[[Path], None]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "pad.ply"
-        write_mesh(pad, file)
-        return f"pad_{mesh_key(pad)[:16]}.ply", file.read_bytes()
+        file = Path(folder) / f"file{suffix}"
+        write(file)
+        return file.read_bytes()

@@ -25,10 +25,10 @@ from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.optics import Readings
 from mitsuba_taxel.studies.files import make_folder, replacing
-from mitsuba_taxel.studies.job import Failure, Job, Result
+from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, Job, Result
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
-JOBS, FAILED, MESHES = "jobs", "failed", "meshes"
+JOBS, FAILED = "jobs", "failed"
 HEADING = "# What the results beside this file are of; it can be run again, into another folder.\n"
 
 
@@ -37,11 +37,11 @@ class StoreError(ComputationError):
 
 
 class Kept(NamedTuple):
-    """The result of a job as it is stored: its pads' surfaces are files of their own."""
+    """The result of a job as it is stored: files that come with it are named, and lie beside it."""
 
     readings: Readings
     seconds: dict[str, float]
-    meshes: str
+    files: list[str]
 
 
 class Store:
@@ -83,7 +83,7 @@ class Store:
         difference = _difference(tomli_w.dumps(content), (self.folder / STUDY).read_text().removeprefix(HEADING))
         if difference:
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
-        for name in (JOBS, FAILED, MESHES):
+        for name in (JOBS, FAILED, MESHES, MAPS):
             (self.folder / name).mkdir(exist_ok=True)
             for stale in (self.folder / name).glob(".*"):
                 stale.unlink()  # a temporary file of a run that was killed
@@ -131,7 +131,7 @@ class Store:
                 with replacing(self._failed(job.number)) as file:
                     file.write_text(json.dumps(asdict(outcome)))
                 return
-            self._keep_meshes(outcome.meshes)
+            self._keep_files(outcome.files)
             with replacing(self._job(job.number)) as file:
                 file.write_bytes(archive.pack(_arrays(keepable(outcome))))
         except OSError as error:
@@ -140,9 +140,9 @@ class Store:
                 "the same command goes on from there."
             ) from error
 
-    def _keep_meshes(self, meshes: Mapping[str, bytes]) -> None:
-        for name, content in meshes.items():
-            target = self.folder / MESHES / name
+    def _keep_files(self, files: Mapping[str, bytes]) -> None:
+        for name, content in files.items():
+            target = self.folder / name
             if not target.exists():
                 with replacing(target) as file:
                     file.write_bytes(content)
@@ -164,8 +164,8 @@ class Store:
 
 
 def keepable(result: Result) -> Kept:
-    """A result with its pads' surfaces named, and not held."""
-    return Kept(result.readings, result.seconds, " ".join(f"{MESHES}/{name}" for name in result.meshes))
+    """A result with its files named, and not held."""
+    return Kept(result.readings, result.seconds, list(result.files))
 
 
 def _arrays(kept: Kept) -> dict[str, np.ndarray]:
@@ -177,7 +177,7 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
         "remarks": readings.remarks,
         "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
         "seconds": kept.seconds,
-        "meshes": kept.meshes,
+        "files": kept.files,
     }
     arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
     return arrays if readings.responsivity is None else {**arrays, "responsivity": readings.responsivity}
@@ -185,12 +185,12 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     words = json.loads(str(arrays["words"]))
-    seconds, meshes = words.pop("seconds"), words.pop("meshes")
+    seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
     readings = Readings(
         arrays["replicates"], seconds=seconds, responsivity=arrays.get("responsivity"), roof_errors=errors, **words
     )
-    return Kept(readings, seconds, meshes)
+    return Kept(readings, seconds, files)
 
 
 def _read_json(file: Path) -> dict[str, Any]:

@@ -51,6 +51,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
+    maps: bool = False,
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
@@ -75,6 +76,7 @@ def sweep(
     workers : number of processes to use, in place of this one
     scheduler : address of a Dask scheduler whose workers to use; they must see the same files
     retry_failed : whether scenes that failed in an earlier call are computed again
+    maps : whether to write irradiance maps to ``output`` as well, as OpenEXR
     parquet : whether to write the readings to ``output`` as ``readings.parquet`` as well
     progress : called when a scene is done
 
@@ -92,7 +94,8 @@ def sweep(
     ComputationError
         if no scene could be computed, or results could not be stored.
     """
-    batch = make_batch(source, vary, defines, together=together, target_error=target_error, points=points, seed=seed)
+    what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "maps": maps}
+    batch = make_batch(source, vary, defines, together=together, **what)
     with open_pool(workers, scheduler) as pool:
         return run_batch(batch, pool, None if output is None else Path(output), retry_failed, parquet, progress)
 
@@ -171,13 +174,13 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     )
 
 
-def _jobs(batch: Batch, points: int, meshes: bool) -> Iterator[Job]:
+def _jobs(batch: Batch, points: int, stored: bool) -> Iterator[Job]:
     """The jobs curve by curve, so that those which share a load path come one after the other."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     numbered = enumerate(combinations(batch.axes))
     for number, (_, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
         parameters = batch.scene(values).parameters
-        yield Job(number, batch.file, parameters, values, points, batch.seed, meshes)
+        yield Job(number, batch.file, parameters, values, points, batch.seed, stored, stored and batch.maps)
 
 
 def _points(batch: Batch, store: Store | None) -> tuple[int, dict[str, float]]:

@@ -45,7 +45,7 @@ def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     reflectors = PhotoReflector(rows=1, columns=1)
     sensor = PadSensor(pad=Pad("cylindrical", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
     write_xml(sensor.scene(), tmp_path / "pad.xml")
-    job = Job(0, tmp_path / "pad.xml", {}, {}, 64, 1, False)
+    job = Job(0, tmp_path / "pad.xml", {}, {}, 64, 1, False, False)
     monkeypatch.setattr(pool, "_begin", _take_threads)
     readings = []
     for threads in (1, 2):
@@ -76,7 +76,7 @@ def die(job: Job):
 
 def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(pool, "run", die)
-    job = Job(0, Path(), {}, {}, 1, 0, False)
+    job = Job(0, Path(), {}, {}, 1, 0, False, False)
     jobs = [replace(job, number=number, varied={"n": str(number)}) for number in range(6)]
     with open_pool(workers=2) as processes:
         outcomes = {job.number: outcome for job, outcome in processes.outcomes(jobs)}

@@ -133,6 +133,16 @@ def test_parameters_that_go_together(tmp_path):
     xr.testing.assert_identical(open_study(tmp_path / "out"), result)
 
 
+def test_maps_lie_beside_the_results(tmp_path):
+    import OpenEXR
+
+    result = sweep("plate.xml", {"z": "0.6,0.7"}, PLATE, points=64, output=tmp_path / "out", maps=True)
+    assert result["map"].values.tolist() == ["maps/000000.exr", "maps/000001.exr"]
+    with OpenEXR.File(str(tmp_path / "out" / "maps" / "000001.exr")) as image:
+        mean = image.channels()["irradiance"].pixels.mean()
+    assert mean * 0.52 * 0.3 == pytest.approx(float(result.power.sel(z=0.7)[0]), rel=1e-5)
+
+
 def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     vary = {"fz": "0,-1", "scattering": "isotropic,lambertian"}
     result = sweep("pad.xml", vary, points=64, output=tmp_path / "out")

@@ -99,6 +99,7 @@ def test_files_are_named_relative_to_the_study(tmp_path):
         ('scene = "plate.xml"\nseed = "x"\n[vary]\nz = 1', "seed = x"),
         ('scene = "plate.xml"\ntarget_error = "x"\n[vary]\nz = 1', "target_error = x"),
         ('scene = "plate.xml"\npoints = true\n[vary]\nz = 1', "points = True"),
+        ('scene = "plate.xml"\nmaps = 1\n[vary]\nz = 1', "maps = 1"),
         ('scene = "plate.xml"\nsteps = "no.csv"', "cannot be read"),
         ("scenes = 1", "scenes"),
         ('[[scenes]]\nname = "../up"', "names = "),
