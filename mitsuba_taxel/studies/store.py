@@ -83,8 +83,9 @@ class Store:
         difference = _difference(tomli_w.dumps(content), (self.folder / STUDY).read_text().removeprefix(HEADING))
         if difference:
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
-        for name in (JOBS, FAILED, MESHES, MAPS):
+        for name in (JOBS, FAILED):
             (self.folder / name).mkdir(exist_ok=True)
+        for name in (JOBS, FAILED, MESHES, MAPS):
             for stale in (self.folder / name).glob(".*"):
                 stale.unlink()  # a temporary file of a run that was killed
 
@@ -144,6 +145,7 @@ class Store:
         for name, content in files.items():
             target = self.folder / name
             if not target.exists():
+                target.parent.mkdir(exist_ok=True)
                 with replacing(target) as file:
                     file.write_bytes(content)
 
@@ -153,8 +155,13 @@ class Store:
             arrays = archive.unpack(self._job(number).read_bytes())
         except OSError:
             return None
-        kept = None if arrays is None else _kept(arrays)
-        return kept if kept and kept.readings.parameters == parameters else None
+        if arrays is None:
+            return None
+        try:
+            kept = _kept(arrays)
+        except (KeyError, TypeError, ValueError):  # whole, but not what this version writes
+            return None
+        return kept if kept.readings.parameters == parameters else None
 
     def _job(self, number: int) -> Path:
         return self.folder / JOBS / f"{number:06d}.npz"
