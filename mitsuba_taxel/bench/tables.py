@@ -30,7 +30,7 @@ layer bonded on top, whose limit it is. For comparison: the paper's solver stopp
   what the finer mesh shows. The command then exits with 1.
 - **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; how often a step was halved,
   for want of an acceptable state or for the accuracy between steps, or given up.
-- **min J**, **min J at nodes**: least volume ratio at the quadrature points and at the ten nodes of the elements, at any
+- **min J**, **min J at nodes**: least volume ratio at quadrature points and at the ten nodes of the elements, at any
   step (the last one may lie beyond the load); and at the nodes in the last state, computed anew. The last state is that
   of the whole load, or just before the end.
 - **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and how far the board's

@@ -40,11 +40,10 @@ def tessellate(
 ) -> Surface:
     """Cut each curved face of the deformed pad into triangles.
 
-    The longest edge of a face of ``cells`` (numbers; None for all) is cut into ``subdivision`` segments, and others into
-    as many as keep theirs no longer. Other faces are cut into 4 triangles, as their mid-edge nodes need, or into a fan
-    where they touch a cell, so that the surface is closed. A ``finish`` is
-    laid on the faces of the undeformed cells, cut as fine as it needs, and carried by the deformation: see
-    :class:`Relief`.
+    The longest edge of a face of ``cells`` (numbers; None for all) is cut into ``subdivision`` segments, others into as
+    many as keep theirs no longer. Other faces are cut into 4 triangles, as their mid-edge nodes need, or into a fan
+    where they touch a cell, so that the surface is closed. A ``finish`` is laid on the faces of the undeformed cells,
+    cut as fine as it needs, and carried by the deformation: see :class:`Relief`.
 
     Raises
     ------

@@ -24,8 +24,11 @@ FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, 
 """How much smaller elements are on the roofs and side walls: on curved ones the error of shape counts as well."""
 CUT = 0.2
 """Where the elements at a singular edge are cut: at this part of their size from it."""
-CURVATURE_SAFETY = (2.0, 2.5, 3.0, 4.0, 6.0)
-"""Elements per radius of curvature, tried in turn, the local sizes falling alike, until no element is too distorted."""
+CURVATURE_SAFETY = 2.0
+"""Elements per radius of curvature; round walls and caps may have fewer if the sizes asked for are larger, whereas a
+dome would be distorted along its rim."""
+REFINEMENTS = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""How much smaller all local sizes are made, tried in turn until no element is too distorted."""
 LEAST_QUALITY = 0.2
 """Least determinant of an element's map, relative to that of the straight element."""
 UNITS_OF_HEIGHT = 4.0
@@ -58,8 +61,8 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
-    for curvature_safety in CURVATURE_SAFETY:
-        mesh = _graded(_generated(pad, mesh_size, curvature_safety), pad)
+    for refinement in REFINEMENTS:
+        mesh = _graded(_generated(pad, mesh_size, refinement), pad)
         quality, place = worst_element(mesh)
         if quality >= LEAST_QUALITY:
             for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
@@ -72,7 +75,7 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     )
 
 
-def _generated(pad: Pad, mesh_size: float, curvature_safety: float) -> VolumeMesh:
+def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
     """Netgen's mesh of the symmetric part."""
     with MESHING_LOCK:
         from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
@@ -80,15 +83,17 @@ def _generated(pad: Pad, mesh_size: float, curvature_safety: float) -> VolumeMes
 
         SetMessageImportance(0)
         unit = pad.height / UNITS_OF_HEIGHT
-        finer = curvature_safety / CURVATURE_SAFETY[0]
-        face_size, edge_size = _local_sizes(pad, mesh_size)
+        face_size, edge_size = (size / refinement for size in _local_sizes(pad, mesh_size))
+        curvature_safety = CURVATURE_SAFETY * refinement
+        if pad.cell != "hemispheric":
+            curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
         try:
             solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
             for face in solid.faces:
                 if face.name in ("roof", "side"):
-                    face.maxh = face_size / (finer * unit)
+                    face.maxh = face_size / unit
             for edge in singular_edges(solid, pad):
-                edge.maxh = edge_size / (finer * unit)
+                edge.maxh = edge_size / unit
             parameters = MeshingParameters(
                 maxh=BULK_COARSENING * mesh_size / unit, grading=0.4, curvaturesafety=curvature_safety
             )

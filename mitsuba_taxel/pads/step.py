@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.pads.meshing import CURVATURE_SAFETY, LEAST_QUALITY, MOST_ELEMENTS, RIM_REFINEMENT
+from mitsuba_taxel.pads.meshing import CURVATURE_SAFETY, LEAST_QUALITY, MOST_ELEMENTS, REFINEMENTS, RIM_REFINEMENT
 from mitsuba_taxel.pads.quality import worst_element
 from mitsuba_taxel.pads.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.rules import Rule
@@ -30,7 +30,8 @@ def mesh_step(path: Path, rules: Sequence[Rule], mesh_size: float) -> VolumeMesh
     ComputationError
         if meshing fails.
     """
-    for curvature_safety in CURVATURE_SAFETY:
+    for refinement in REFINEMENTS:
+        curvature_safety = CURVATURE_SAFETY * refinement
         sizes = {"mesh_size": mesh_size, "rim_refinement": RIM_REFINEMENT, "most_elements": MOST_ELEMENTS}
         raw = run_apart("mesh_step", {"path": str(path.resolve()), "curvature_safety": curvature_safety, **sizes})
         check_mesh_size(mesh_size, float(raw["volume"]))

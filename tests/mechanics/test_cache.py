@@ -15,8 +15,8 @@ from mitsuba_taxel.mechanics.equilibrium import LoadedPad
 from mitsuba_taxel.pads import Pad
 
 PAD = Pad("cylindrical", rows=1, columns=1)
-FILES = 4
-"""Its mesh, one of twice the size (hardly coarser, so not loaded), a normal leg and a tangential one."""
+FILES = 6
+"""Its mesh and one of twice the size, and for each a normal leg and a tangential one."""
 
 
 def displacement(material=None, size=1.5, pad=PAD):
