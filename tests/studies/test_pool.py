@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,12 @@ from mitsuba_taxel.studies.pool import open_pool
 
 VARY = {"z": "0.6,0.7", "law": "lambertian,uniform_solid_angle"}
 RUN = {"points": 256, "seed": 7}
+
+
+@pytest.fixture
+def stand_ins(monkeypatch):
+    """Worker processes find the functions of this file, which need not be on their path."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +47,7 @@ def test_a_cluster_gives_the_same_to_the_bit(alone, tmp_path):
     assert len(list((tmp_path / "out" / "jobs").iterdir())) == 4
 
 
+@pytest.mark.usefixtures("stand_ins")
 def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     """Meshing, solving and tracing, each time from nothing: by one thread, by two, and by as many as there are."""
     reflectors = PhotoReflector(rows=1, columns=1)
@@ -74,6 +82,7 @@ def die(job: Job):
     return job.label
 
 
+@pytest.mark.usefixtures("stand_ins")
 def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(pool, "run", die)
     job = Job(0, Path(), {}, {}, 1, 0, False, False)
