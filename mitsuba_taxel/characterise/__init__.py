@@ -7,6 +7,7 @@ from mitsuba_taxel.characterise.equations import Deviation, hysteresis, nonlinea
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.measurement import Measurement, read_measurement
+from mitsuba_taxel.characterise.mechanics_error import deviating
 from mitsuba_taxel.characterise.recorded_runs import recorded_experiment
 from mitsuba_taxel.characterise.sensitivity import sensitivity, sensitivity_table
 from mitsuba_taxel.characterise.slopes import Slopes, slopes
@@ -20,6 +21,7 @@ __all__ = [
     "Slopes",
     "TangentialMap",
     "characteristics",
+    "deviating",
     "experiments",
     "hysteresis",
     "nonlinearity",

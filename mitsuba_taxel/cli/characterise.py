@@ -28,12 +28,12 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     from mitsuba_taxel.report.characteristics import write_characteristics
     from mitsuba_taxel.studies.files import make_folder
 
-    experiments, maps, notes = _measured(source) if source.is_file() else _simulated(source)
+    experiments, off, maps, notes = _measured(source) if source.is_file() else _simulated(source)
     if not experiments:
         raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
     folder = folder or (source.parent if source.is_file() else source)
     make_folder(folder)
-    table, pairs = characteristics(experiments), symmetric_pairs(maps)
+    table, pairs = characteristics(experiments, off), symmetric_pairs(maps)
     files = write_characteristics(folder, experiments, maps, table, pairs)
     if as_json:
         click.echo(_as_json(table, pairs, notes, files))
@@ -44,23 +44,29 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     print(f"Results: {', '.join(map(str, files))}")
 
 
-def _measured(file: Path) -> tuple[list, list, list[str]]:
+def _measured(file: Path) -> tuple[list, list, list, list[str]]:
     from mitsuba_taxel.characterise import read_measurement, recorded_experiment
 
     experiment = recorded_experiment(read_measurement(file))
     replicates = experiment.runs[0].samples.shape[1]
     error = "1 sigma of the recording's noise" if replicates > 1 else "not known (few rows, or correlated noise)"
-    return [experiment], [], [f"{len(experiment.runs)} runs. Error: {error}."]
+    return [experiment], [], [], [f"{len(experiment.runs)} runs. Error: {error}."]
 
 
-def _simulated(folder: Path) -> tuple[list, list, list[str]]:
+def _simulated(folder: Path) -> tuple[list, list, list, list[str]]:
+    """Experiments, the same off by the mechanics' error, maps, and notes."""
+    from xarray import DataTree
+
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.characterise import experiments, tangential_maps
+    from mitsuba_taxel.characterise import deviating, experiments, tangential_maps
     from mitsuba_taxel.errors import InputError
 
     study = open_study(folder)
     scenes = [study] if hasattr(study, "replicate_power") else [leaf.to_dataset() for leaf in study.leaves]
-    notes = ["Error: 1 sigma of the light alone, from the random numbers that all scenes share."]
+    notes = [
+        "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the mechanics' error "
+        "does; on maps and of symmetric pairs that of the light alone."
+    ]
     notes += dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())
     missing = sum(int(scene.replicate_power.isnull().any(("replicate", "taxel")).sum()) for scene in scenes)
     if missing:
@@ -70,7 +76,8 @@ def _simulated(folder: Path) -> tuple[list, list, list[str]]:
     except InputError as error:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
-    return experiments(study), maps, notes
+    off = study.map_over_datasets(deviating) if isinstance(study, DataTree) else deviating(study)
+    return experiments(study), experiments(off), maps, notes
 
 
 def _as_json(table, pairs, notes: list[str], files: list[Path]) -> str:

@@ -74,7 +74,9 @@ defines_option = click.option(
     help="Value of a <default> of the scene; may be repeated.",
 )  # fmt: skip
 target_error_option = click.option(
-    "--target-error", type=_Share(), help="Relative standard error for the worst taxel, as 0.2% or 0.002."
+    "--target-error",
+    type=_Share(),
+    help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh.",
 )
 seed_option = click.option(
     "--seed",
@@ -91,7 +93,7 @@ points_option = click.option(
 time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
-    help="Time for the light, as 60s, 500ms or 2min; it ends there, or at the target error or points if given.",
+    help="Time for it all, as 60s, 500ms or 2min: what would not end in time is not begun.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(

@@ -59,6 +59,7 @@ def command(
             seed=seed,
             irradiance=output is not None,
         )
+    description = description.with_mesh_size(readings.mesh_size)
     matrix = book = None
     if crosstalk:
         with tables.progress_bar("crosstalk"):
@@ -85,16 +86,22 @@ def command(
 
 def readings_as_json(readings) -> dict[str, object]:
     """The object that ``--json`` prints."""
+    from .tables import known
+
     columns = {
         "taxel": readings.taxel,
         "power_W": readings.power,
         "standard_error_W": readings.standard_error,
+        "mechanics_error_W": readings.mechanics_error,
+        "total_error_W": readings.total_error,
     }
     if readings.photocurrent is not None:
         columns["photocurrent_A"] = readings.photocurrent
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    rows = zip(*([known(value) for value in column.tolist()] for column in columns.values()), strict=True)
     return {
         "readings": [dict(zip(columns, row, strict=True)) for row in rows],
+        "error_budget": {source: known(share) for source, share in readings.error_budget.items()},
+        "mesh_size_mm": readings.mesh_size,
         "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
         "parameters": dict(readings.parameters),
         "notes": readings.notes,

@@ -16,9 +16,10 @@ from .options import (
     points_option,
     seed_option,
     target_error_option,
+    time_budget_option,
 )
 
-OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "seed", "maps")
+OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps")
 MOST_FAILURES_SHOWN = 10
 
 
@@ -41,6 +42,7 @@ MOST_FAILURES_SHOWN = 10
 @defines_option
 @target_error_option
 @points_option
+@time_budget_option
 @seed_option
 @folder_option
 @click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
@@ -62,6 +64,7 @@ def command(
     defines: dict[str, str],
     target_error: float | None,
     points: int | None,
+    time_budget: float | None,
     seed: int,
     folder: Path,
     workers: int | None,
@@ -92,7 +95,13 @@ def command(
             _refuse_options_of_a_scene(ctx)
             study = run_study(source, folder, progress=progress, **how)
         else:
-            what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "maps": maps}
+            what: dict[str, Any] = {
+                "target_error": target_error,
+                "points": points,
+                "time_budget": time_budget,
+                "seed": seed,
+                "maps": maps,
+            }
             rows = {**together, **(columns_of(steps) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
     studies = {"": study} if hasattr(study, "power") else dict(study.children.items())
@@ -116,15 +125,18 @@ def _refuse_options_of_a_scene(ctx: click.Context) -> None:
 
 
 def _as_json(study) -> dict[str, object]:
-    from mitsuba_taxel.studies import stage_totals
+    from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    return {"sensitivity": _sensitivities(study), "seconds": stage_totals(study)}
+    from .tables import known
+
+    budget = {source: known(share) for source, share in study_error_budget(study).items()}
+    return {"sensitivity": _sensitivities(study), "error_budget": budget, "seconds": stage_totals(study)}
 
 
 def _show(name: str, study) -> None:
-    from mitsuba_taxel.studies import stage_totals
+    from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import print_table, stage_line
+    from .tables import budget_line, print_table, stage_line
 
     if name:
         print(f"\n{name}:")
@@ -137,6 +149,7 @@ def _show(name: str, study) -> None:
     print(f"{count} readings, each from {replicates} randomisations of {points} points.")
     for note in study.attrs["notes"].splitlines():
         print(note)
+    print(budget_line(study_error_budget(study)))
     print(stage_line(stage_totals(study)))
 
 

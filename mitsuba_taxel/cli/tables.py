@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -37,23 +38,26 @@ def _show(table: Table) -> None:
 
 
 def print_readings(readings) -> None:
-    """Power, standard error and photocurrent per taxel, what they mean, and the time by stage."""
-    headings = ["taxel", "power [W]", "standard error [W]", "relative"]
-    rows = [
-        [str(taxel), f"{power:.6e}", f"{error:.1e}", f"{error / power:.2%}" if power > 0 else "-"]
-        for taxel, power, error in zip(readings.taxel, readings.power, readings.standard_error, strict=True)
-    ]
+    """Power, error and photocurrent per taxel, what they mean, the error budget and the time by stage."""
+    columns = {
+        "taxel": [str(taxel) for taxel in readings.taxel],
+        "power [W]": [f"{power:.6e}" for power in readings.power],
+        "light error [W]": [f"{error:.1e}" for error in readings.standard_error],
+    }
+    if readings.deviation is not None:
+        columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
+    pairs = zip(readings.power, readings.total_error, strict=True)
+    columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
     if readings.photocurrent is not None:
-        headings.append("photocurrent [A]")
-        for row, current in zip(rows, readings.photocurrent, strict=True):
-            row.append(f"{current:.6e}")
-    print_table(headings, rows)
+        columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
+    print_table(list(columns), list(zip(*columns.values(), strict=True)))
     print(
-        f"Standard error: 1 sigma of the light alone, from {len(readings.replicates)} randomisations "
-        f"of {readings.points} points per taxel, seed {readings.seed}."
+        f"Light error: 1 sigma, from {len(readings.replicates)} randomisations of {readings.points} points per taxel, "
+        f"seed {readings.seed}."
     )
     for note in readings.notes:
         print(note)
+    print(budget_line(readings.error_budget))
     print(stage_line(readings.seconds))
 
 
@@ -108,6 +112,21 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     )
     worst = max(row["imbalance"] for row in rows)
     print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
+
+
+def budget_line(budget: Mapping[str, float]) -> str:
+    """``Error of the worst reading: light 0.2%, mechanics 0.3%, total 0.36%``."""
+    parts = (f"{source} {_share(share)}" for source, share in budget.items())
+    return f"Error of the worst reading: {', '.join(parts)}"
+
+
+def _share(share: float) -> str:
+    return "unknown" if math.isnan(share) else f"{share:.2%}"
+
+
+def known(number: float) -> float | None:
+    """A number, or None where it is none: JSON has no other word for it."""
+    return None if isinstance(number, float) and math.isnan(number) else number
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:

@@ -59,6 +59,8 @@ class State:
     stability_checked : whether the solver gave the inertia that stability was judged by
     error : estimated discretisation error at the roofs; None where it is not known, because the coarser mesh that it
         takes cannot be made or loaded so far, or is hardly coarser
+    deviation : (N, 3) mm, of the coarser mesh's displacement from this one on roofs and sides of the cells, 0
+        elsewhere: about the error, place by place; None where that is not known
     """
 
     mesh: VolumeMesh
@@ -72,6 +74,7 @@ class State:
     newton_iterations: int
     stability_checked: bool
     error: RoofError | None
+    deviation: np.ndarray | None = None
 
 
 def load_path(
@@ -209,12 +212,13 @@ class _Path:
                 turned = mirror.image(turned)
                 used.append(mirror)
         displacement, pressure, at = self._canonical(turned, used)
-        error = self._error(turned, displacement)
+        error, deviation = self._error(turned, displacement)
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
-        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked)
-        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures, error)
+            deviation = None if deviation is None else mirror.image(deviation[image])
+        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, error, deviation)
+        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures)
 
     def _canonical(self, value: np.ndarray, mirrors: list[Mirror]) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
@@ -234,16 +238,17 @@ class _Path:
             start = pad.split(at.unknowns)
         return *start, at
 
-    def _error(self, value: np.ndarray, displacement: np.ndarray) -> RoofError | None:
-        """The error of a canonical displacement, by the same path on a coarser mesh."""
+    def _error(self, value: np.ndarray, displacement: np.ndarray) -> tuple[RoofError, np.ndarray] | tuple[None, None]:
+        """Error and deviation of a canonical displacement, by the same path on a coarser mesh."""
         if not value.any():
-            return NO_ERROR
+            return NO_ERROR, np.zeros_like(displacement)
         if len(self._coarser.mesh.tets) > SIMILAR * len(self.mesh.tets):
-            return None
+            return None, None
         try:
-            return self._comparison.error(displacement, self._coarser._canonical(value, [])[0])
+            coarse = self._coarser._canonical(value, [])[0]
         except ComputationError:
-            return None
+            return None, None
+        return self._comparison.error(displacement, coarse), self._comparison.deviation(displacement, coarse)
 
     @cached_property
     def _coarser(self) -> _Path:

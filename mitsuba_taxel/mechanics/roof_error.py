@@ -56,8 +56,11 @@ class RoofComparison:
         area = np.linalg.norm(normal, axis=1)
         self._normal, self._weight = normal / area[:, None], area / area.sum()
         self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
+        self._mesh, self._seen = mesh, np.unique(mesh.faces[mesh.face_cell > 0])
         # Curved roofs of two meshes lie beside each other, by less than their elements' size.
-        self._there = PointLocator(coarse).locate(points, tolerance=0.1 * np.ptp(mesh.points[:, 2]))
+        locator, tolerance = PointLocator(coarse), 0.1 * np.ptp(mesh.points[:, 2])
+        self._there = locator.locate(points, tolerance)
+        self._nodes_there = locator.locate(mesh.points[self._seen], tolerance)
 
     def error(self, displacement: np.ndarray, coarse: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the coarser mesh, in mm."""
@@ -70,6 +73,12 @@ class RoofComparison:
             relative=float(difference.max() / most),
             slope=float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
         )
+
+    def deviation(self, displacement: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+        """(N, 3) by how much the coarser solution differs at the nodes on roofs and sides of cells; 0 elsewhere."""
+        difference = np.zeros_like(displacement)
+        difference[self._seen] = self._nodes_there.interpolate(coarse) - displacement[self._seen]
+        return difference
 
     def _turned(self, gradient: np.ndarray) -> np.ndarray:
         """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""

@@ -10,25 +10,25 @@ if TYPE_CHECKING:
     from mitsuba_taxel.optics.objects import AnnularLed, PhotoReflector, Phototransistor, Wall
     from mitsuba_taxel.optics.pad_sensor import PadSensor
     from mitsuba_taxel.optics.ray_paths import RayPaths, sample_paths
-    from mitsuba_taxel.optics.readings import Crosstalk, Readings, crosstalk, measure, points_for
+    from mitsuba_taxel.optics.readings import crosstalk, measure
+    from mitsuba_taxel.optics.results import Crosstalk, Readings
     from mitsuba_taxel.optics.scene import Scene, find_scene, write_xml
 
 _LAZY = {
     "AnnularLed": "objects",
-    "Crosstalk": "readings",
+    "Crosstalk": "results",
     "EnergyAudit": "audit",
     "PadSensor": "pad_sensor",
     "PhotoReflector": "objects",
     "Phototransistor": "objects",
     "RayPaths": "ray_paths",
-    "Readings": "readings",
+    "Readings": "results",
     "Scene": "scene",
     "Wall": "objects",
     "crosstalk": "readings",
     "energy_audit": "audit",
     "find_scene": "scene",
     "measure": "readings",
-    "points_for": "readings",
     "sample_paths": "ray_paths",
     "write_xml": "scene",
 }
@@ -48,7 +48,6 @@ __all__ = [
     "energy_audit",
     "find_scene",
     "measure",
-    "points_for",
     "sample_paths",
     "write_xml",
 ]

@@ -17,8 +17,9 @@ import numpy as np
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.ray_paths import Step, emit, follow, landed
-from mitsuba_taxel.optics.readings import MOST_POINTS, REPLICATES, prepare, standard_error
 from mitsuba_taxel.optics.regions import ALL_REGIONS
+from mitsuba_taxel.optics.results import standard_error
+from mitsuba_taxel.optics.runs import MOST_POINTS, REPLICATES, prepare
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.optics.taxels import TaxelPair, taxels_of
 from mitsuba_taxel.optics.tracing import LARGEST_WAVEFRONT, MOST_REFLECTIONS, clearance_of

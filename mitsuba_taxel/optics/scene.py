@@ -21,6 +21,8 @@ class Scene:
     ----------
     source : path of an XML file, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``)
     parameters : values for the ``<default>``s of the file, by name
+    mesh_size : mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance;
+        None for the default
 
     Raises
     ------
@@ -28,8 +30,13 @@ class Scene:
         if the file does not exist, is no XML, or a parameter is not one of the file's.
     """
 
-    def __init__(self, source: Path | dict[str, Any], parameters: Mapping[str, object] | None = None) -> None:
-        self.source = source
+    def __init__(
+        self,
+        source: Path | dict[str, Any],
+        parameters: Mapping[str, object] | None = None,
+        mesh_size: float | None = None,
+    ) -> None:
+        self.source, self.mesh_size = source, mesh_size
         self.defaults: dict[str, str] = {}
         given = {name: str(value) for name, value in (parameters or {}).items()}
         if isinstance(source, dict):
@@ -41,7 +48,8 @@ class Scene:
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
         self.parameters = {**self.defaults, **given}
-        self.names_integrator = True  # known once the scene has been loaded
+        self.names_integrator = True  # this and the next are known once the scene has been loaded
+        self.leaves_mesh_open = False
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
@@ -52,6 +60,11 @@ class Scene:
     def name(self) -> str:
         """The file's name, or ``scene`` for one made in Python."""
         return self.source.name if isinstance(self.source, Path) else "scene"
+
+    def with_mesh_size(self, mesh_size: float | None) -> Scene:
+        """The same scene with another size of elements where it leaves that open."""
+        given = {} if isinstance(self.source, dict) else self.parameters
+        return Scene(self.source, given, mesh_size)
 
     def load(self) -> Any:
         """Build the ``mi.Scene``, in the current variant or the default one.
@@ -108,8 +121,15 @@ class Scene:
         import mitsuba as mi
 
         if isinstance(self.source, dict):
-            return mi.parser.parse_dict(config, self.source)
-        return mi.parser.parse_file(config, str(self.source), **self.parameters)
+            state = mi.parser.parse_dict(config, self.source)
+        else:
+            state = mi.parser.parse_file(config, str(self.source), **self.parameters)
+        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+        open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
+        self.leaves_mesh_open = bool(open_ones)
+        for pad in open_ones if self.mesh_size is not None else []:
+            pad["mesh_size"] = self.mesh_size
+        return state
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:

@@ -11,7 +11,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 from mitsuba_taxel.optics import Scene, measure
-from mitsuba_taxel.optics.readings import prepare
+from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.scenes import CENTRE, write_scene
 from mitsuba_taxel.reproduce.store import Store

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.studies.dataset import stage_totals
+    from mitsuba_taxel.studies.dataset import stage_totals, study_error_budget
     from mitsuba_taxel.studies.deformation import deform
     from mitsuba_taxel.studies.opening import open_study
     from mitsuba_taxel.studies.steps import read_steps
@@ -21,6 +21,7 @@ _LAZY = {
     "read_steps": "steps",
     "run_study": "study",
     "stage_totals": "dataset",
+    "study_error_budget": "dataset",
     "sweep": "study",
     "training_set": "training",
     "write_template": "templates",
@@ -33,6 +34,7 @@ __all__ = [
     "read_steps",
     "run_study",
     "stage_totals",
+    "study_error_budget",
     "sweep",
     "training_set",
     "write_template",

@@ -20,7 +20,7 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 SCENE_KEYS = ("scene", "define", "vary", "together", "steps")
-RUN_KEYS = ("target_error", "points", "seed", "maps")
+RUN_KEYS = ("target_error", "points", "time_budget", "seed", "maps")
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 
@@ -35,7 +35,7 @@ class Batch:
     file : the scene
     defines : values of parameters that are not varied, by name
     axes : dimensions, at least one
-    target_error, points, seed : as for ``measure``; all scenes share seed and number of points
+    target_error, points, time_budget, seed : as for ``sweep``; all scenes share seed, mesh size and number of points
     maps : whether irradiance maps are stored as well
     """
 
@@ -45,6 +45,7 @@ class Batch:
     axes: tuple[Axis, ...]
     target_error: float | None
     points: int | None
+    time_budget: float | None
     seed: int
     maps: bool = False
 
@@ -58,7 +59,7 @@ class Batch:
         together = {
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
         }
-        chosen = {"target_error": self.target_error, "points": self.points}
+        chosen = {"target_error": self.target_error, "points": self.points, "time_budget": self.time_budget}
         tables = {"define": self.defines, "vary": vary, "together": together}
         return {
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
@@ -77,6 +78,7 @@ def make_batch(
     together: Mapping[str, str | Iterable[object]] | None = None,
     target_error: float | None = None,
     points: int | None = None,
+    time_budget: float | None = None,
     seed: int = 0,
     maps: bool = False,
     name: str = "",
@@ -96,10 +98,12 @@ def make_batch(
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value.")
-    check_request(target_error, points, seed)
+    check_request(target_error, points, seed, time_budget)
+    if points is not None and time_budget is not None:
+        raise InputError("points and time_budget exclude each other in a study: give one of them.")
     if not isinstance(maps, bool):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
-    batch = Batch(name, file, fixed, axes, target_error, points, seed, maps)
+    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, seed, maps)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.optics import Readings
-from mitsuba_taxel.optics.readings import describe_mechanics, standard_error
+from mitsuba_taxel.optics.results import describe_mechanics, error_budget, standard_error
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store import Kept
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
@@ -28,26 +28,30 @@ def assemble(
     Parameters
     ----------
     results, failures : by place along the axes; where there is no result, readings are not a number
-    about : ``scene``, ``seed``, ``points``, ``parameters``, ``versions``, ``pilot_seconds``
+    about : ``scene``, ``seed``, ``points``, ``mesh_size``, ``parameters``, ``versions``, ``pilot_seconds``
     """
     shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
+    total = np.full((*shape, len(first.taxel)), math.nan)
     seconds = np.zeros((*shape, len(stages)))
     for place, result in results.items():
         replicates[place] = result.readings.replicates
+        total[place] = result.readings.total_error
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
     error = standard_error(np.moveaxis(replicates, -2, 0))
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
+    about_total = {"units": "W", "long_name": "error of power (light and mechanics)"}
     return xr.Dataset(
         {
             "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
             "standard_error": ([*dims, "taxel"], error, about_error),
+            "total_error": ([*dims, "taxel"], total, about_total),
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
-            **_roof_errors(dims, shape, results),
+            **_mechanics(dims, shape, results),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -62,6 +66,7 @@ def assemble(
             "curve": curve_dimension(axes),
             "seed": about["seed"],
             "points": about["points"],
+            **({} if about["mesh_size"] is None else {"mesh_size": about["mesh_size"]}),
             **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
             "notes": "\n".join(_notes(results)),
             "failures": "\n".join(_failures(axes, failures)),
@@ -109,20 +114,33 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
     return {"responsivity": ("taxel", readings.responsivity, about)}
 
 
-def _roof_errors(dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]) -> dict[str, tuple]:
-    """The worst error of the pads of each scene; not a number where it is unknown."""
+def _mechanics(dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]) -> dict[str, tuple]:
+    """What the mechanics does to the readings, and the worst error of the pads; not a number where it is unknown."""
     if not any(result.readings.roof_errors for result in results.values()):
         return {}
     displacement, slope = np.full(shape, math.nan), np.full(shape, math.nan)
+    taxels = len(next(iter(results.values())).readings.taxel)
+    deviation = np.full((*shape, taxels), math.nan)
     for index, result in results.items():
+        changed = result.readings.deviation
+        deviation[index] = 0.0 if changed is None else changed
         errors = result.readings.roof_errors
         displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
         slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
     about = "error of the roofs' {} by finite elements, root mean square"
+    off = {"units": "W", "long_name": "change of power if roofs were as coarser finite elements have them"}
     return {
+        "deviation": ([*dims, "taxel"], deviation, off),
         "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
         "slope_error": (dims, slope, {"units": "degrees", "long_name": about.format("slope")}),
     }
+
+
+def study_error_budget(study: xr.Dataset) -> dict[str, float]:
+    """As that of `Readings`, for the worst of a study that is not missing."""
+    power, light = study.power.values, study.standard_error.values
+    mechanics = np.abs(study.deviation.values) if "deviation" in study else np.zeros_like(power)
+    return error_budget(power, light, mechanics)
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Readings, Scene, measure
-from mitsuba_taxel.optics.readings import prepare
+from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.report.maps import write_irradiance
 from mitsuba_taxel.studies.deformation import deformed_pads, mesh_key, write_mesh
 
@@ -32,6 +32,7 @@ class Job:
     parameters : values that it gets
     varied : those of them that the batch varies
     points, seed : as for ``measure``
+    mesh_size : as for ``Scene``
     meshes, maps : whether the surfaces of its pads, and its irradiance map, are wanted
     """
 
@@ -41,6 +42,7 @@ class Job:
     varied: dict[str, str]
     points: int
     seed: int
+    mesh_size: float | None
     meshes: bool
     maps: bool
 
@@ -100,7 +102,7 @@ def describe(values: Mapping[str, str]) -> str:
 
 def _read(job: Job) -> Result:
     with stages.record() as seconds:
-        ready = prepare(Scene(job.file, job.parameters))
+        ready = prepare(Scene(job.file, job.parameters, job.mesh_size))
         readings = measure(ready, points=job.points, seed=job.seed, irradiance=job.maps)
         files = {}
         with stages.stage("files"):
@@ -108,7 +110,7 @@ def _read(job: Job) -> Result:
                 files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
             if job.maps:
                 files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
-    return Result(replace(readings, irradiance=None), seconds, files)
+    return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size), seconds, files)
 
 
 def _name(pad: object) -> str:

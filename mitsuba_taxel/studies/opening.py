@@ -7,6 +7,7 @@ from pathlib import Path
 import xarray as xr
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.batch import read_study
 from mitsuba_taxel.studies.dataset import assemble
 from mitsuba_taxel.studies.store import STUDY, Store
@@ -49,7 +50,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     if not results:
         raise InputError(f"{folder} holds no result yet.")
     failures = {places[number][0]: failure for number, failure in store.failures().items()}
-    points, pilot_seconds = store.choice or (study.get("points"), {})
+    settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
-    run = {"points": points, "pilot_seconds": pilot_seconds}
+    run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
     return assemble(axes, results, failures, {**origin, **about, **run})

@@ -1,14 +1,18 @@
-"""How many points the scenes of a batch need, from pilot runs of some of them."""
+"""How many points, and how fine a mesh, the scenes of a batch need, from pilot runs of some of them."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+import math
+import time
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.optics import points_for
+from mitsuba_taxel.optics.readings import LIGHT_ERROR
+from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
+from mitsuba_taxel.optics.targets import Settings, aim, points_for
 from mitsuba_taxel.studies.batch import Batch
 from mitsuba_taxel.studies.job import describe
 from mitsuba_taxel.studies.vary import combinations, curve_dimension
@@ -17,24 +21,70 @@ MOST_PILOT_CURVES = 8
 """Curves of a study, spread evenly over it, whose scenes say how many points it takes."""
 
 
-def piloted_points(batch: Batch, target_error: float) -> int:
-    """Points that reach the target at the first, middle and last scene of some of the curves.
+def piloted_settings(batch: Batch, machines: int) -> Settings:
+    """Points and mesh size by which the first, middle and last scene of some of the curves reach the target.
+
+    Without a target that is 0.005 for the light alone, on the scene's own mesh. Under a time budget there are at most
+    as many points as so many machines would trace in what is left of it.
 
     Raises
     ------
     InputError, ComputationError
         that of the first scene, if none of them can be read.
     """
-    points, failed = [], []
+    pilot = _Pilot(batch, machines)
+    failed = []
     for values in _pilot_scenes(batch):
         try:
-            points.append(points_for(batch.scene(values), target_error, batch.seed))
+            pilot.read(values)
         except (InputError, ComputationError) as error:
             failed.append(type(error)(f"{describe(values)}: {error}"))
         gc.collect()
-    if not points:
+    if not pilot.points:
         raise failed[0]
-    return max(points)
+    return Settings(min(max(pilot.points), pilot.affordable_points()), pilot.mesh_size)
+
+
+class _Pilot:
+    """What the pilot scenes of a batch need, and what they cost."""
+
+    def __init__(self, batch: Batch, machines: int) -> None:
+        self.batch, self.machines = batch, machines
+        self.clock = Clock(batch.time_budget)
+        self.points: list[int] = []
+        self.mesh_size: float | None = None
+        self._seconds: list[tuple[float, float]] = []  # of a scene, apart from tracing; of tracing the first points
+
+    def read(self, values: Mapping[str, str]) -> None:
+        scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
+        start = time.perf_counter()
+        ready = prepare(scene)
+        apart = time.perf_counter() - start
+        if self.batch.target_error is None:
+            points = points_for(ready, LIGHT_ERROR, self.batch.seed)
+        else:
+            curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
+            allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
+            ready, _, (points, self.mesh_size) = aim(scene, self.batch.target_error, self.batch.seed, allowed)
+        self.points.append(points)
+        if self.batch.time_budget is not None:
+            run = Run(ready, self.batch.seed)
+            run.go_on(FIRST_POINTS)
+            self._seconds.append((apart, run.seconds))
+
+    def affordable_points(self) -> int:
+        """Points for each taxel and replicate that the rest of the time budget is enough for."""
+        if self.batch.time_budget is None:
+            return MOST_POINTS
+        jobs = math.prod(axis.size for axis in self.batch.axes)
+        apart, tracing = np.mean(self._seconds, axis=0)
+        steps = (self.clock.left * self.machines / jobs - apart) / tracing
+        return int(min(FIRST_POINTS * 2 ** math.floor(math.log2(max(steps, 1))), MOST_POINTS))
+
+    @property
+    def _curve_size(self) -> int:
+        curve = curve_dimension(self.batch.axes)
+        return next(axis.size for axis in self.batch.axes if axis.dim == curve)
 
 
 def _pilot_scenes(batch: Batch) -> Iterator[dict[str, str]]:

@@ -29,9 +29,16 @@ Outcomes = Iterator[tuple[Job, "Result | Failure"]]
 
 
 class Pool(Protocol):
-    """Does jobs; says what became of each as it comes, in any order."""
+    """Does jobs; says what became of each as it comes, in any order.
+
+    Attributes
+    ----------
+    name : what it is, in words
+    machines : about how many times as fast as this machine it is: local processes share its cores
+    """
 
     name: str
+    machines: int
 
     def outcomes(self, jobs: Iterable[Job]) -> Outcomes: ...
 
@@ -64,6 +71,7 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
 
 class _Here:
     name = "this process"
+    machines = 1
 
     def outcomes(self, jobs: Iterable[Job]) -> Outcomes:
         for job in jobs:
@@ -72,6 +80,8 @@ class _Here:
 
 class _Processes:
     """Local processes; one that dies costs the jobs in flight a second try, and is replaced."""
+
+    machines = 1
 
     def __init__(self, count: int) -> None:
         self.name = f"{count} {'process' if count == 1 else 'processes'}"
@@ -161,6 +171,7 @@ class _Cluster:
 
     def __init__(self, client, address: str) -> None:
         self.name = f"scheduler {address}"
+        self.machines = max(1, len(client.scheduler_info()["workers"]))
         self._client = client
 
     def outcomes(self, jobs: Iterable[Job]) -> Outcomes:

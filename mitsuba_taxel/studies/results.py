@@ -52,7 +52,7 @@ def _head(study: xr.Dataset) -> list[str]:
 
 def _readings(study: xr.Dataset) -> pandas.DataFrame:
     """One row per scene and taxel."""
-    names = ["power", "standard_error", *(["mesh"] if "mesh" in study else [])]
+    names = ["power", "standard_error", "total_error", *(["mesh"] if "mesh" in study else [])]
     dims = [str(dim) for dim in study.power.dims]
     together = [str(name) for name in study.power.coords if name not in dims]
     table = study[names].to_dataframe().reset_index()[[*dims[:-1], *together, dims[-1], *names]]

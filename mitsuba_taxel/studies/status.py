@@ -54,7 +54,7 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     kept = [result for number in store.done() if (result := store.load(number, {**fixed, **values[number]}))]
     done, failed, running = len(kept), len(store.failures()), _is_running(folder)
     left = _seconds_left(folder, done + failed, len(values)) if running else None
-    error = max((result.readings.relative_error for result in kept), default=0.0)
+    error = max((result.readings.relative_total_error for result in kept), default=0.0)
     yield Status(name, done, failed, len(values), error, running, left)
 
 

@@ -24,6 +24,7 @@ from mitsuba_taxel import archive
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.optics import Readings
+from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.files import make_folder, replacing
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, Job, Result
 
@@ -95,17 +96,17 @@ class Store:
         self._write_json(RUN, {**about, "host": socket.gethostname(), "process": os.getpid()})
 
     @property
-    def choice(self) -> tuple[int, dict[str, float]] | None:
-        """How many points pilot runs have led to, and the seconds that these took by stage; None before."""
+    def choice(self) -> tuple[Settings, dict[str, float]] | None:
+        """What pilot runs have led to, and the seconds that these took by stage; None before."""
         try:
             chosen = json.loads((self.folder / CHOICE).read_text())
         except OSError:
             return None
-        return chosen["points"], chosen["pilot_seconds"]
+        return Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
 
-    def keep_choice(self, points: int, pilot_seconds: Mapping[str, float]) -> None:
+    def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
         """Store what :attr:`choice` is from now on."""
-        self._write_json(CHOICE, {"points": points, "pilot_seconds": dict(pilot_seconds)})
+        self._write_json(CHOICE, {**settings._asdict(), "pilot_seconds": dict(pilot_seconds)})
 
     def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
         with replacing(self.folder / name) as file:
@@ -181,13 +182,15 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
         "points": readings.points,
         "seed": readings.seed,
         "parameters": readings.parameters,
+        "mesh_size": readings.mesh_size,
         "remarks": readings.remarks,
         "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
         "seconds": kept.seconds,
         "files": kept.files,
     }
+    optional = {"responsivity": readings.responsivity, "deviation": readings.deviation}
     arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
-    return arrays if readings.responsivity is None else {**arrays, "responsivity": readings.responsivity}
+    return {**arrays, **{name: array for name, array in optional.items() if array is not None}}
 
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
@@ -195,7 +198,12 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
     readings = Readings(
-        arrays["replicates"], seconds=seconds, responsivity=arrays.get("responsivity"), roof_errors=errors, **words
+        arrays["replicates"],
+        seconds=seconds,
+        responsivity=arrays.get("responsivity"),
+        deviation=arrays.get("deviation"),
+        roof_errors=errors,
+        **words,
     )
     return Kept(readings, seconds, files)
 

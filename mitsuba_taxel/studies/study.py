@@ -11,12 +11,12 @@ import xarray as xr
 
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.optics.readings import DEFAULT_TARGET_ERROR
+from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.dataset import assemble
 from mitsuba_taxel.studies.job import Failure, Job, describe
 from mitsuba_taxel.studies.opening import open_study
-from mitsuba_taxel.studies.pilots import piloted_points
+from mitsuba_taxel.studies.pilots import piloted_settings
 from mitsuba_taxel.studies.pool import Pool, open_pool
 from mitsuba_taxel.studies.provenance import provenance
 from mitsuba_taxel.studies.store import Kept, Store, StoreError, begin_tree, keepable
@@ -29,7 +29,7 @@ class Progress(NamedTuple):
     Attributes
     ----------
     done, failed, total : jobs that are finished, failed ones among them, and all
-    error : largest relative standard error of a reading so far
+    error : largest relative total error of a reading so far
     """
 
     done: int
@@ -46,6 +46,7 @@ def sweep(
     together: Mapping[str, str | Iterable[object]] | None = None,
     target_error: float | None = None,
     points: int | None = None,
+    time_budget: float | None = None,
     seed: int = 0,
     output: str | Path | None = None,
     workers: int | None = None,
@@ -68,9 +69,10 @@ def sweep(
         values themselves; each makes a dimension
     defines : values for other parameters of the scene
     together : values by parameter, all of one length, that are taken row by row along a dimension ``step``
-    target_error : relative standard error wanted for the worst taxel of the first, middle and last scene of
-        each curve (default 0.005)
+    target_error : relative total error, of mechanics and light, wanted for the worst taxel of the first, middle and
+        last scene of each curve; without target and points, 0.005 for the light alone
     points : light paths for each taxel and randomisation, instead of a target
+    time_budget : seconds in which the study should end: limits the points, and how fine a mesh is tried
     seed : whole number from 0 to 2**32 - 1
     output : folder for the results; new, empty, or that of the same study
     workers : number of processes to use, in place of this one
@@ -82,10 +84,11 @@ def sweep(
 
     Returns
     -------
-    Over the varied parameters and ``taxel``: ``power`` and ``standard_error`` in W; ``replicate_power`` in W,
-    also over ``replicate``; ``seconds`` by ``stage``; ``mesh``, the file of the pad. What failed is not a number, and
-    the attribute ``failures`` says why, a line for each. Other attributes are seed, points, versions, the other
-    parameters, and the seconds of the pilot runs that chose the points.
+    Over the varied parameters and ``taxel``: ``power``, ``standard_error`` (light) and ``total_error`` in W, and
+    ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
+    ``mesh``, the file of the pad. What failed is not a number, and the attribute ``failures`` says why, line by line.
+    Other attributes are seed, points, mesh size, versions, the other parameters, and the seconds of the pilot runs
+    that chose points and mesh.
 
     Raises
     ------
@@ -94,7 +97,13 @@ def sweep(
     ComputationError
         if no scene could be computed, or results could not be stored.
     """
-    what: dict[str, Any] = {"target_error": target_error, "points": points, "seed": seed, "maps": maps}
+    what: dict[str, Any] = {
+        "target_error": target_error,
+        "points": points,
+        "time_budget": time_budget,
+        "seed": seed,
+        "maps": maps,
+    }
     batch = make_batch(source, vary, defines, together=together, **what)
     with open_pool(workers, scheduler) as pool:
         return run_batch(batch, pool, None if output is None else Path(output), retry_failed, parquet, progress)
@@ -133,7 +142,7 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
         values = dict(combinations(batch.axes))[index]
         raise type(failure.error())(f"{describe(values)}: {failure.message}")
     about = {"scene": batch.file.name, "seed": batch.seed}
-    run = {"points": computed.points, "pilot_seconds": computed.pilot_seconds}
+    run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
     return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
 
 
@@ -142,18 +151,18 @@ class _Computed(NamedTuple):
 
     results: dict[tuple[int, ...], Kept]
     failures: dict[tuple[int, ...], Failure]
-    points: int
+    settings: Settings
     pilot_seconds: dict[str, float]
 
 
 def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None) -> _Computed:
-    points, pilot_seconds = _points(batch, store)
+    settings, pilot_seconds = _settings(batch, store, pool.machines)
     place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
-    jobs = list(_jobs(batch, points, store is not None))
+    jobs = list(_jobs(batch, settings, store is not None))
     failures = store.failures() if store else {}
     stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
     results = {number: kept for number, kept in stored if kept is not None}
-    errors = [kept.readings.relative_error for kept in results.values()]
+    errors = [kept.readings.relative_total_error for kept in results.values()]
     left = [job for job in jobs if job.number not in results and job.number not in failures]
     for job, outcome in pool.outcomes(left):
         if store:
@@ -162,39 +171,40 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
             failures[job.number] = outcome
         else:
             results[job.number] = keepable(outcome)
-            errors.append(outcome.readings.relative_error)
+            errors.append(outcome.readings.relative_total_error)
         if progress:
             done = len(results) + len(failures)
             progress(Progress(done, len(failures), len(jobs), max(errors, default=0.0)))
     return _Computed(
         {place[number]: kept for number, kept in sorted(results.items())},
         {place[number]: failure for number, failure in sorted(failures.items())},
-        points,
+        settings,
         pilot_seconds,
     )
 
 
-def _jobs(batch: Batch, points: int, stored: bool) -> Iterator[Job]:
+def _jobs(batch: Batch, settings: Settings, stored: bool) -> Iterator[Job]:
     """The jobs curve by curve, so that those which share a load path come one after the other."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     numbered = enumerate(combinations(batch.axes))
     for number, (_, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
         parameters = batch.scene(values).parameters
-        yield Job(number, batch.file, parameters, values, points, batch.seed, stored, stored and batch.maps)
+        maps = stored and batch.maps
+        yield Job(number, batch.file, parameters, values, settings.points, batch.seed, settings.mesh_size, stored, maps)
 
 
-def _points(batch: Batch, store: Store | None) -> tuple[int, dict[str, float]]:
-    """Points for each scene: those asked for, those of an earlier run, or those that pilot runs say."""
+def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
+    """Points and mesh size for every scene: those asked for, those of an earlier run, or those that pilot runs say."""
     if batch.points is not None:
-        return batch.points, {}
+        return Settings(batch.points, None), {}
     choice = store.choice if store else None
     if choice is not None:
         return choice
     with stages.record() as seconds, stages.stage("optics"):
-        points = piloted_points(batch, DEFAULT_TARGET_ERROR if batch.target_error is None else batch.target_error)
+        settings = piloted_settings(batch, machines)
     if store:
-        store.keep_choice(points, seconds)
-    return points, seconds
+        store.keep_choice(settings, seconds)
+    return settings, seconds
 
 
 def run_study(

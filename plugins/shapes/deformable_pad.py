@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mitsuba as mi
 import numpy as np
 
@@ -212,8 +214,7 @@ class DeformablePad(mi.Mesh):
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
 
         surface = self._solve()
-        vertices = surface.vertices @ self.to_world[:3, :3].T + self.to_world[:3, 3]
-        initialize_mesh(self, props, vertices, surface.triangles)
+        initialize_mesh(self, props, self._placed(surface), surface.triangles)
         add_face_attribute(self, "region", surface.region)
         add_face_attribute(self, "cell", surface.cell)
 
@@ -227,6 +228,18 @@ class DeformablePad(mi.Mesh):
                 check_finish(self.finish, self.pad, rest.mesh, self.subdivision)
             self.state = self.states([self.value])[0]
             return tessellate(self.state, self.subdivision, self.finish, self.read_cells)
+
+    def _placed(self, surface):
+        return surface.vertices @ self.to_world[:3, :3].T + self.to_world[:3, 3]
+
+    def deviating_vertices(self):
+        """(V, 3) where the vertices would be if the pad were off by its `State.deviation`; None if that is unknown."""
+        from mitsuba_taxel.mechanics import tessellate
+
+        if self.state.deviation is None:
+            return None
+        state = replace(self.state, displacement=self.state.displacement + self.state.deviation)
+        return self._placed(tessellate(state, self.subdivision, self.finish, self.read_cells))
 
     def states(self, values):
         """The deformed states of this pad under other values of its load; see `load_path`."""

@@ -71,7 +71,7 @@ def test_files_hold_the_study(plate_study):
     lines = (folder / "readings.csv").read_text().splitlines()
     comments = [line for line in lines if line.startswith("# ")]
     heading, *rows = lines[len(comments) :]
-    assert heading == "z_mm,law,taxel,power_W,standard_error_W" and len(rows) == 6
+    assert heading == "z_mm,law,taxel,power_W,standard_error_W,total_error_W" and len(rows) == 6
     assert "# seed: 5" in comments
     assert float(rows[0].split(",")[3]) == float(result.power[0, 0, 0])
 
@@ -128,7 +128,8 @@ def test_parameters_that_go_together(tmp_path):
     alone = measure(Scene.from_file("plate.xml", z="0.7", spacing="0.9", **PLATE), points=64)
     np.testing.assert_array_equal(result.replicate_power.sel(step=2), alone.replicates)
     table = pandas.read_parquet(tmp_path / "out" / "readings.parquet")
-    assert list(table.columns) == ["step", "z_mm", "spacing_mm", "taxel", "power_W", "standard_error_W"]
+    columns = ["step", "z_mm", "spacing_mm", "taxel", "power_W", "standard_error_W", "total_error_W"]
+    assert list(table.columns) == columns
     np.testing.assert_array_equal(table.power_W, result.power.squeeze("taxel"))
     xr.testing.assert_identical(open_study(tmp_path / "out"), result)
 

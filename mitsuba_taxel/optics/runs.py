@@ -1,0 +1,142 @@
+"""Readings that grow: scenes made ready, traced point by point, within a time."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.choice import choose_integrator
+from mitsuba_taxel.optics.results import Readings
+from mitsuba_taxel.optics.scene import Scene
+from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.optics.tracing import trace
+from mitsuba_taxel.optics.walls import set_wavelength
+
+REPLICATES = 32
+"""Independent randomisations of each reading; the standard error comes from their scatter."""
+MOST_POINTS = 1 << 20
+FIRST_POINTS = 256
+
+
+class Prepared(NamedTuple):
+    """A scene that is ready to be read."""
+
+    scene: Any  # mi.Scene
+    integrator: Any
+    parameters: dict[str, str]
+    notes: list[str]  # which integrator was chosen and why, where the scene names none
+
+
+def prepare(scene: Any) -> Prepared:
+    """Load whatever describes a scene, and choose an integrator if it names none."""
+    if isinstance(scene, Prepared):
+        return scene
+    scene = described(scene)
+    if not isinstance(scene, Scene):
+        return Prepared(scene, scene.integrator(), {}, [])
+    live = scene.load()
+    if scene.names_integrator:
+        return Prepared(live, live.integrator(), scene.parameters, [])
+    taxels_of(live)
+    integrator, reason = choose_integrator(live)
+    return Prepared(live, integrator, scene.parameters, [f"integrator {reason}"])
+
+
+def described(scene: Any) -> Any:
+    """A scene given by name or path as a `Scene`; anything else as it is."""
+    return Scene.from_file(scene) if isinstance(scene, (str, Path)) else scene
+
+
+class Clock:
+    """How much of a time budget is left."""
+
+    def __init__(self, budget: float | None) -> None:
+        self.end = math.inf if budget is None else time.perf_counter() + budget
+
+    @property
+    def left(self) -> float:
+        """Seconds."""
+        return self.end - time.perf_counter()
+
+    def allows(self, seconds: float) -> bool:
+        """Whether something that takes so many seconds would end in time."""
+        return seconds <= self.left
+
+
+class Run:
+    """Readings that grow: each step traces as many points again as there are, and goes on in the same sequences."""
+
+    def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:
+        self.ready, self.seed, self.with_image = ready, seed, image
+        self.points = continued.points if continued else 0
+        self.powers = continued.replicates if continued else np.empty((REPLICATES, 0))
+        self.image: np.ndarray | None = None
+        self.seconds = 0.0  # that the last step took
+
+    def go_on(self, wanted: int, clock: Clock | None = None) -> None:
+        """Trace until there are ``wanted`` points, or until the next step would not end in time."""
+        if not self.points and (clock is None or clock.end == math.inf):
+            self._step(wanted)
+            return
+        if not self.points:
+            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles, so that the steps are timed without it
+        while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
+            self._step(self.points or min(FIRST_POINTS, wanted))
+
+    def _step(self, points: int) -> None:
+        start = time.perf_counter()
+        powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)
+        total = self.points + points
+        share = points / total
+        self.powers = powers if not self.points else (1 - share) * self.powers + share * powers
+        if self.with_image:
+            self.image = image if self.image is None else (1 - share) * self.image + share * image
+        self.points = total
+        self.seconds = time.perf_counter() - start
+
+
+def derived_seed(seed: int, index: int) -> int:
+    """One of many seeds that follow from ``seed``, each with random numbers independent of the others'."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+
+
+def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
+    """Powers (replicates, taxels), the irradiance map of the first sensor if asked for, and the points used."""
+    scene, integrator = ready.scene, ready.integrator
+    if not hasattr(integrator, "sample_paths"):
+        set_wavelength(scene, scene.emitters())
+        return _render(scene, points, seed, first)
+    results = []
+    for pair in taxels_of(scene):
+        set_wavelength(scene, [pair.led])
+        results.append(trace(integrator, scene, pair, points, seed, REPLICATES, first=first, image=image))
+    return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
+
+
+def _render(scene: Any, points: int, seed: int, first: int):
+    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
+
+    What goes on from ``first`` points has random numbers of its own.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    columns, images = [], []
+    for sensor in scene.sensors():
+        if not hasattr(sensor, "spread_film"):
+            raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
+        faces = sensor.faces
+        # Kept out of the kernel, which would otherwise be compiled anew for each of them.
+        numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
+        seeds = [dr.opaque(mi.UInt32, derived_seed(seed, number)) for number in numbers]
+        renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
+        maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
+        blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
+        columns.append(blocks.mean(axis=(2, 4)).reshape(REPLICATES, -1) * faces.area[0])
+        images.append(maps.mean(axis=0))
+    return np.concatenate(columns, axis=1), images[0], points

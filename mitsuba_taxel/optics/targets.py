@@ -1,0 +1,138 @@
+"""What a target error takes: how fine a mesh, and how many points.
+
+The target is met by both together, as the root of the sum of their squares. Elements are made smaller until the
+mechanics takes its share of it; the light gets what is left. Pilot runs, whose random numbers do not enter the result,
+say how much either needs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel import stages
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.optics.mechanics_error import loaded_pads, mechanics_deviation
+from mitsuba_taxel.optics.results import Readings, largest_share
+from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
+from mitsuba_taxel.optics.scene import Scene
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+
+MECHANICS_SHARE = 0.85
+"""Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
+DEVIATION_POINTS = 512
+"""For each taxel and replicate, of the two traces that tell what the mechanics' error does."""
+ORDER = 1.5
+"""With which a reading's deviation falls with the size of the elements, for the next size to try."""
+COST_ORDER = 4.0
+"""With which the time of the mechanics grows as elements get smaller."""
+LARGEST_STEP = 2.0
+"""By which elements are made smaller at once."""
+MOST_MESHES = 4
+MOST_ELEMENTS = 250_000
+"""Of a pad; a quarter of the paper's with so many takes about four gigabytes."""
+
+_SAFETY = 1.25  # a standard error from 32 replicates is itself known to 13 %
+
+
+class Settings(NamedTuple):
+    """What a reading takes: points for each taxel and replicate; mesh size of pads in mm, None for the scene's own."""
+
+    points: int
+    mesh_size: float | None
+
+
+class Aimed(NamedTuple):
+    """A scene that was made ready for a target error, what its mechanics is off by, and the points left to trace."""
+
+    ready: Prepared
+    deviation: np.ndarray | None
+    settings: Settings
+
+
+def deviation_of(ready: Prepared, seed: int) -> np.ndarray | None:
+    """(T,) W, as in `Readings`: what the mechanics' error does to each reading."""
+    if not loaded_pads(ready.scene):
+        return None
+
+    def powers() -> np.ndarray:
+        run = Run(ready, seed)
+        run.go_on(DEVIATION_POINTS)
+        return run.powers
+
+    found = mechanics_deviation(ready.scene, powers)
+    return np.full(powers().shape[1], math.nan) if found is None else found.mean(axis=0)
+
+
+def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> Aimed:
+    """Make a scene ready so that the total error of its worst taxel reaches a target.
+
+    Parameters
+    ----------
+    scene : what :func:`prepare` takes; only a `Scene` that leaves the mesh of its pads open gets a finer one
+    target_error : relative; where it is out of reach of the mechanics, the light's share is spent all the same
+    clock : what would not end in time is not begun
+    """
+    scene = described(scene)
+    ready, seconds = _timed(scene)
+    deviation, error = _mechanics(ready, seed)
+    for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
+        finer = _finer(scene, ready, error, target_error)
+        if finer is None or (clock and not clock.allows(2 * seconds * (finer[0] / finer[1]) ** COST_ORDER)):
+            break
+        candidate = scene.with_mesh_size(finer[1])
+        try:
+            ready, seconds = _timed(candidate)
+        except ComputationError:  # on a finer mesh the load path may end a little earlier
+            break
+        scene = candidate
+        deviation, error = _mechanics(ready, seed)
+    known = 0.0 if math.isnan(error) else error
+    left = math.sqrt(max(target_error**2 - known**2, ((1 - MECHANICS_SHARE) * target_error) ** 2))
+    points = points_for(ready, left, seed, clock)
+    return Aimed(ready, deviation, Settings(points, scene.mesh_size if isinstance(scene, Scene) else None))
+
+
+def _timed(scene: Any) -> tuple[Prepared, float]:
+    with stages.record() as seconds:
+        ready = prepare(scene)
+    return ready, sum(seconds.values())
+
+
+def _mechanics(ready: Prepared, seed: int) -> tuple[np.ndarray | None, float]:
+    """What the mechanics' error does to the readings, and how much that is, relative, of the worst lit taxel."""
+    deviation = deviation_of(ready, seed)
+    if deviation is None:
+        return None, 0.0
+    run = Run(ready, seed)
+    run.go_on(DEVIATION_POINTS)
+    return deviation, largest_share(np.abs(deviation), run.powers.mean(axis=0))
+
+
+def _finer(scene: Scene, ready: Prepared, error: float, target_error: float) -> tuple[float, float] | None:
+    """Present and next mesh size in mm; None where the mechanics is good enough, or its mesh is not to be chosen."""
+    if not (scene.leaves_mesh_open and error > MECHANICS_SHARE * target_error):
+        return None
+    pads = loaded_pads(ready.scene)
+    size = min(float(pad.mesh_size or DEFAULT_MESH_SIZE) for pad in pads)
+    wanted = size * max(0.95 * (MECHANICS_SHARE * target_error / error) ** (1 / ORDER), 1 / LARGEST_STEP)
+    elements = max(len(pad.state.mesh.tets) for pad in pads) * (size / wanted) ** 3
+    return None if elements > MOST_ELEMENTS else (size, wanted)
+
+
+def points_for(ready: Prepared, target_error: float, seed: int, clock: Clock | None = None) -> int:
+    """Points for each taxel and replicate that reach a relative standard error of the light, found by pilot runs."""
+    points = FIRST_POINTS
+    for pilot in range(1, 16):
+        run = Run(ready, derived_seed(seed, pilot))
+        run.go_on(points)
+        error = _SAFETY * Readings(run.powers, run.points, seed).relative_error
+        if error <= target_error or points >= MOST_POINTS:
+            break
+        if clock and not clock.allows(8 * run.seconds):
+            return MOST_POINTS  # out of reach: the clock says when to stop
+        growth = min((error / target_error) ** 1.5, 16.0)
+        points = min(1 << math.ceil(math.log2(points * growth)), MOST_POINTS)
+    return points
