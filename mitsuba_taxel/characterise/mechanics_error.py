@@ -8,13 +8,15 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.optics.results import ERROR_SHARE
+
 
 def deviating(study: xr.Dataset) -> xr.Dataset:
-    """The study with all readings off by their ``deviation``; as it is where it has none."""
+    """The study with all readings off by what their ``deviation`` says of the error; as it is where it has none."""
     if "deviation" not in study:
         return study
     # What is not known stays what it is: the study's notes say so.
-    return study.assign(replicate_power=study.replicate_power + study.deviation.fillna(0.0))
+    return study.assign(replicate_power=study.replicate_power + ERROR_SHARE * study.deviation.fillna(0.0))
 
 
 def with_mechanics(error: np.ndarray, value: np.ndarray, off: np.ndarray) -> np.ndarray:

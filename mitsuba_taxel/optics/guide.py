@@ -38,15 +38,19 @@ class Guide:
     owner : (N,) taxel of each triangle, -1 for none; one that belongs to a taxel has an area
     taxels : number of taxels
     near : whether near points are to be drawn more often than far ones
+    like : the guide of the same triangles before they moved, whose order is kept: what the same random numbers draw
+        then moves as little as they did
     """
 
-    def __init__(self, mesh: Any, corners: np.ndarray, owner: np.ndarray, taxels: int, near: bool) -> None:
+    def __init__(
+        self, mesh: Any, corners: np.ndarray, owner: np.ndarray, taxels: int, near: bool, like: Guide | None = None
+    ) -> None:
         self.mesh = mi.ShapePtr(mesh)
         self.share = dr.opaque(mi.Float, _NEAR_SHARE if near else _SHARE)
         areas = _areas(corners)
         member = np.flatnonzero(owner >= 0)
-        position = _unrolled(corners[member].mean(axis=1), owner[member])
-        shares, leaves, boxes = shares_of_members(position, areas[member], owner[member], taxels)
+        self.order: np.ndarray = like.order if like else _unrolled(corners[member].mean(axis=1), owner[member])
+        shares, leaves, boxes = shares_of_members(self.order, areas[member], owner[member], taxels)
         self.depth = int(leaves.shape[1]).bit_length() - 1
         self.shares = mi.Float(shares.ravel())
         self.leaves = mi.UInt32(member[leaves].astype(np.uint32).ravel())
@@ -128,15 +132,15 @@ def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
             parameters = mi.traverse(mesh)
-            positions = parameters["vertex_positions"]
-            known = getattr(pair.sensor, "guide", (None, None))
-            if known[0] is None or known[0].index != positions.index:
-                pair.sensor.guide = known = (positions, _guide_on(scene, mesh, parameters, pair))
-            return known[1]
+            positions = np.array(parameters["vertex_positions"])  # its variable stays the same where a pad moves
+            known, before = getattr(pair.sensor, "guide", (None, None))
+            if known is None or not np.array_equal(known, positions):
+                pair.sensor.guide = (positions, _guide_on(scene, mesh, parameters, pair, before))
+            return pair.sensor.guide[1]
     return None
 
 
-def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any) -> Guide | None:
+def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any, before: Guide | None) -> Guide | None:
     vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
     triangles = np.array(parameters["faces"]).reshape(-1, 3)
     region = np.rint(np.array(parameters["face_region"])).astype(int)
@@ -149,8 +153,9 @@ def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any) -> Guide | None
     taxel = _taxel_of_cells(corners.mean(axis=1)[member], cell[member], pair.led.faces)
     owner = np.full(len(triangles), -1)
     owner[member] = taxel[cell[member]]
-    guide = Guide(mesh, corners, owner, pair.count, near=not walls["lambertian"])
-    return guide if _gain(guide, scene, pair) < _WORTHWHILE else None
+    like = before if before is not None and len(before.order) == member.sum() else None
+    guide = Guide(mesh, corners, owner, pair.count, near=not walls["lambertian"], like=like)
+    return guide if like is not None or _gain(guide, scene, pair) < _WORTHWHILE else None
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:

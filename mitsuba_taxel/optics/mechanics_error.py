@@ -21,8 +21,8 @@ def loaded_pads(scene: mi.Scene) -> list[Any]:
     return [shape for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
 
 
-def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> np.ndarray | None:
-    """(R, T) W, by how much ``powers`` change where pads have the shape that coarser finite elements give them.
+def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
+    """(R, T) W: powers, and by how much they change where pads have the shape that coarser finite elements give them.
 
     Parameters
     ----------
@@ -30,16 +30,16 @@ def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> np
 
     Returns
     -------
-    None if the error of a pad is not known. Pads are as before when this returns.
+    In place of the change None, if the error of a pad is not known. Pads are as before when this returns.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
         moved = [pad.deviating_vertices() for pad in pads]
-    if any(vertices is None for vertices in moved):
-        return None
     before = powers()
+    if any(vertices is None for vertices in moved):
+        return before, None
     with _moved(scene, pads, moved):
-        return powers() - before
+        return before, powers() - before
 
 
 @contextmanager

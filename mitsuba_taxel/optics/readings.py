@@ -15,7 +15,7 @@ from mitsuba_taxel.optics.mechanics_error import loaded_pads
 from mitsuba_taxel.optics.results import Crosstalk, Readings
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Run, described, prepare
 from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.optics.targets import Aimed, Settings, aim, deviation_of, points_for
+from mitsuba_taxel.optics.targets import Aimed, Settings, aim, mechanics_of, points_for
 from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.optics.tracing import trace
 from mitsuba_taxel.optics.walls import set_wavelength
@@ -32,6 +32,7 @@ def measure(
     time_budget: float | None = None,
     seed: int = 0,
     irradiance: bool = False,
+    mechanics_error: bool = True,
     continued: Readings | None = None,
 ) -> Readings:
     """Readings of all taxels of a scene.
@@ -48,6 +49,7 @@ def measure(
         case.
     seed : whole number from 0 to 2**32 - 1
     irradiance : whether to return the irradiance map as well
+    mechanics_error : whether to find out what the error of the mechanics does to the readings, by two short traces
     continued : readings of the same scene and seed, of 256 points or more, that this run goes on from: with
         ``points`` it gives what a run of so many points from the start would give (under Mitsuba's own integrators an
         estimate that is as good)
@@ -64,7 +66,7 @@ def measure(
         raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
     clock = Clock(time_budget)
     with stages.record() as seconds, stages.stage("optics"):
-        aimed = _aimed(scene, target_error, points, seed, clock, continued)
+        aimed = _aimed(scene, target_error, points, seed, clock, mechanics_error, continued)
         run = Run(aimed.ready, seed, irradiance, continued)
         run.go_on(aimed.settings.points, clock)
     live = aimed.ready.scene
@@ -86,7 +88,13 @@ def measure(
 
 
 def _aimed(
-    scene: Any, target_error: float | None, points: int | None, seed: int, clock: Clock, continued: Readings | None
+    scene: Any,
+    target_error: float | None,
+    points: int | None,
+    seed: int,
+    clock: Clock,
+    mechanics_error: bool,
+    continued: Readings | None,
 ) -> Aimed:
     """The scene made ready, on the mesh and with the points that it takes."""
     scene = described(scene)
@@ -98,7 +106,8 @@ def _aimed(
     ready = prepare(scene)
     if points is None and (target_error is not None or clock.end == math.inf):
         points = points_for(ready, target_error or LIGHT_ERROR, seed, clock)
-    return Aimed(ready, deviation_of(ready, seed), Settings(points or MOST_POINTS, mesh_size))
+    deviation = mechanics_of(ready, seed).deviation if mechanics_error else None
+    return Aimed(ready, deviation, Settings(points or MOST_POINTS, mesh_size))
 
 
 def crosstalk(

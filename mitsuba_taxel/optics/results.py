@@ -13,9 +13,22 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
 
 
+ORDER = 1.5
+"""With which the error of a reading by the finite elements falls with their size, from runs on finer meshes of all
+shapes: more than 1, with which the worst of the roof does, since a reading is an average over it."""
+ERROR_SHARE = 1 / (2**ORDER - 1)
+"""Of the deviation on elements of twice the size, that is the error on those of the size itself."""
+
+
 def standard_error(replicates: np.ndarray) -> np.ndarray:
     """One standard deviation of the mean over the first axis of ``replicates`` (R, ...), from their scatter."""
     return replicates.std(axis=0, ddof=1) / math.sqrt(len(replicates))
+
+
+def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
+    """Relative error by the finite elements of readings (T,) in W that deviate so on elements of twice the size."""
+    lit = power > 0
+    return ERROR_SHARE * math.sqrt(np.mean((deviation[lit] / power[lit]) ** 2)) if lit.any() else 0.0
 
 
 def largest_share(error: np.ndarray, power: np.ndarray) -> float:
@@ -84,8 +97,14 @@ class Readings:
 
     @property
     def mechanics_error(self) -> np.ndarray:
-        """(T,) W, what :attr:`power` is off by for the finite elements: the size of :attr:`deviation`."""
-        return np.zeros(len(self.taxel)) if self.deviation is None else np.abs(self.deviation)
+        """(T,) W, what :attr:`power` is off by for the finite elements, as one standard deviation.
+
+        The same share of every reading, from the mean square of the :attr:`deviation` of all: meshes are irregular,
+        and one cell of two meshes may agree by chance.
+        """
+        if self.deviation is None:
+            return np.zeros(len(self.taxel))
+        return self.power * mechanics_share(self.deviation, self.power)
 
     @property
     def total_error(self) -> np.ndarray:

@@ -15,17 +15,15 @@ import numpy as np
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import ComputationError
 from mitsuba_taxel.optics.mechanics_error import loaded_pads, mechanics_deviation
-from mitsuba_taxel.optics.results import Readings, largest_share
+from mitsuba_taxel.optics.results import ORDER, Readings, mechanics_share
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 MECHANICS_SHARE = 0.85
 """Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
-DEVIATION_POINTS = 512
+DEVIATION_POINTS = 256
 """For each taxel and replicate, of the two traces that tell what the mechanics' error does."""
-ORDER = 1.5
-"""With which a reading's deviation falls with the size of the elements, for the next size to try."""
 COST_ORDER = 4.0
 """With which the time of the mechanics grows as elements get smaller."""
 LARGEST_STEP = 2.0
@@ -52,18 +50,33 @@ class Aimed(NamedTuple):
     settings: Settings
 
 
-def deviation_of(ready: Prepared, seed: int) -> np.ndarray | None:
-    """(T,) W, as in `Readings`: what the mechanics' error does to each reading."""
+class Mechanics(NamedTuple):
+    """What the mechanics' error does to readings.
+
+    Attributes
+    ----------
+    deviation : (T,) W, as in `Readings`; None where no pad is loaded
+    share : relative error that it stands for; not a number where it is unknown
+    """
+
+    deviation: np.ndarray | None
+    share: float
+
+
+def mechanics_of(ready: Prepared, seed: int) -> Mechanics:
+    """What the mechanics' error does to the readings of a scene, by two short traces."""
     if not loaded_pads(ready.scene):
-        return None
+        return Mechanics(None, 0.0)
 
     def powers() -> np.ndarray:
         run = Run(ready, seed)
         run.go_on(DEVIATION_POINTS)
         return run.powers
 
-    found = mechanics_deviation(ready.scene, powers)
-    return np.full(powers().shape[1], math.nan) if found is None else found.mean(axis=0)
+    before, changes = mechanics_deviation(ready.scene, powers)
+    power = before.mean(axis=0)
+    deviation = np.full_like(power, math.nan) if changes is None else changes.mean(axis=0)
+    return Mechanics(deviation, mechanics_share(deviation, power))
 
 
 def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> Aimed:
@@ -77,9 +90,9 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
-    deviation, error = _mechanics(ready, seed)
+    mechanics = mechanics_of(ready, seed)
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
-        finer = _finer(scene, ready, error, target_error)
+        finer = _finer(scene, ready, mechanics.share, target_error)
         if finer is None or (clock and not clock.allows(2 * seconds * (finer[0] / finer[1]) ** COST_ORDER)):
             break
         candidate = scene.with_mesh_size(finer[1])
@@ -88,27 +101,17 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        deviation, error = _mechanics(ready, seed)
-    known = 0.0 if math.isnan(error) else error
+        mechanics = mechanics_of(ready, seed)
+    known = 0.0 if math.isnan(mechanics.share) else mechanics.share
     left = math.sqrt(max(target_error**2 - known**2, ((1 - MECHANICS_SHARE) * target_error) ** 2))
     points = points_for(ready, left, seed, clock)
-    return Aimed(ready, deviation, Settings(points, scene.mesh_size if isinstance(scene, Scene) else None))
+    return Aimed(ready, mechanics.deviation, Settings(points, scene.mesh_size if isinstance(scene, Scene) else None))
 
 
 def _timed(scene: Any) -> tuple[Prepared, float]:
     with stages.record() as seconds:
         ready = prepare(scene)
     return ready, sum(seconds.values())
-
-
-def _mechanics(ready: Prepared, seed: int) -> tuple[np.ndarray | None, float]:
-    """What the mechanics' error does to the readings, and how much that is, relative, of the worst lit taxel."""
-    deviation = deviation_of(ready, seed)
-    if deviation is None:
-        return None, 0.0
-    run = Run(ready, seed)
-    run.go_on(DEVIATION_POINTS)
-    return deviation, largest_share(np.abs(deviation), run.powers.mean(axis=0))
 
 
 def _finer(scene: Scene, ready: Prepared, error: float, target_error: float) -> tuple[float, float] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 SCENE_KEYS = ("scene", "define", "vary", "together", "steps")
-RUN_KEYS = ("target_error", "points", "time_budget", "seed", "maps")
+RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps")
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 
@@ -35,7 +36,7 @@ class Batch:
     file : the scene
     defines : values of parameters that are not varied, by name
     axes : dimensions, at least one
-    target_error, points, time_budget, seed : as for ``sweep``; all scenes share seed, mesh size and number of points
+    target_error, points, time_budget, mesh_size, seed : as for ``sweep``; all scenes share them
     maps : whether irradiance maps are stored as well
     """
 
@@ -46,12 +47,13 @@ class Batch:
     target_error: float | None
     points: int | None
     time_budget: float | None
+    mesh_size: float | None
     seed: int
     maps: bool = False
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
-        return Scene(self.file, {**self.defines, **values})
+        return Scene(self.file, {**self.defines, **values}, self.mesh_size)
 
     def as_toml(self) -> dict[str, Any]:
         """The batch as a study file says it, with every value written out."""
@@ -59,7 +61,7 @@ class Batch:
         together = {
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
         }
-        chosen = {"target_error": self.target_error, "points": self.points, "time_budget": self.time_budget}
+        chosen = {name: getattr(self, name) for name in ("target_error", "points", "time_budget", "mesh_size")}
         tables = {"define": self.defines, "vary": vary, "together": together}
         return {
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
@@ -79,6 +81,7 @@ def make_batch(
     target_error: float | None = None,
     points: int | None = None,
     time_budget: float | None = None,
+    mesh_size: float | None = None,
     seed: int = 0,
     maps: bool = False,
     name: str = "",
@@ -101,9 +104,11 @@ def make_batch(
     check_request(target_error, points, seed, time_budget)
     if points is not None and time_budget is not None:
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
+    if mesh_size is not None and not (isinstance(mesh_size, (int, float)) and 0 < mesh_size < math.inf):
+        raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
     if not isinstance(maps, bool):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
-    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, seed, maps)
+    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.optics import Readings
-from mitsuba_taxel.optics.results import describe_mechanics, error_budget, standard_error
+from mitsuba_taxel.optics.results import describe_mechanics, error_budget, mechanics_share, standard_error
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store import Kept
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
@@ -34,14 +34,14 @@ def assemble(
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
-    total = np.full((*shape, len(first.taxel)), math.nan)
     seconds = np.zeros((*shape, len(stages)))
     for place, result in results.items():
         replicates[place] = result.readings.replicates
-        total[place] = result.readings.total_error
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
     error = standard_error(np.moveaxis(replicates, -2, 0))
+    deviation = _deviation(results, power, dims.index(curve_dimension(axes)))
+    total = np.hypot(error, power * _shares(deviation, power))
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
     about_total = {"units": "W", "long_name": "error of power (light and mechanics)"}
     return xr.Dataset(
@@ -51,7 +51,7 @@ def assemble(
             "total_error": ([*dims, "taxel"], total, about_total),
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
-            **_mechanics(dims, shape, results),
+            **_mechanics(dims, deviation, results),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -114,16 +114,47 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
     return {"responsivity": ("taxel", readings.responsivity, about)}
 
 
-def _mechanics(dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]) -> dict[str, tuple]:
+def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, what the mechanics' error does to each reading; along the curve, between scenes where it was found
+    out, by straight lines of its share of the power."""
+    share = np.full(power.shape, math.nan)
+    open_places = np.zeros(power.shape[:-1], dtype=bool)
+    for place, result in results.items():
+        found = result.readings.deviation
+        if found is not None:
+            share[place] = np.divide(found, power[place], out=np.zeros_like(found), where=power[place] > 0)
+        elif result.readings.roof_errors:
+            open_places[place] = True
+        else:
+            share[place] = 0.0
+    for line, is_open in zip(_lines_along(share, curve), _lines_along(open_places[..., None], curve), strict=True):
+        known, wanted = np.isfinite(line).all(axis=1), is_open[:, 0]
+        if known.any() and wanted.any():
+            columns = [np.interp(np.flatnonzero(wanted), np.flatnonzero(known), column[known]) for column in line.T]
+            line[wanted] = np.column_stack(columns)
+    return share * power
+
+
+def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
+    """Views (n, last) of an array along one of its axes and the last one."""
+    lines = np.moveaxis(array, axis, -2)
+    for index in np.ndindex(lines.shape[:-2]):
+        yield lines[index]
+
+
+def _shares(deviation: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """(..., 1) relative error by the mechanics, of each scene."""
+    shares = [mechanics_share(deviation[place], power[place]) for place in np.ndindex(power.shape[:-1])]
+    return np.reshape(shares, (*power.shape[:-1], 1))
+
+
+def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, Kept]) -> dict[str, tuple]:
     """What the mechanics does to the readings, and the worst error of the pads; not a number where it is unknown."""
     if not any(result.readings.roof_errors for result in results.values()):
         return {}
+    shape = deviation.shape[:-1]
     displacement, slope = np.full(shape, math.nan), np.full(shape, math.nan)
-    taxels = len(next(iter(results.values())).readings.taxel)
-    deviation = np.full((*shape, taxels), math.nan)
     for index, result in results.items():
-        changed = result.readings.deviation
-        deviation[index] = 0.0 if changed is None else changed
         errors = result.readings.roof_errors
         displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
         slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
@@ -139,7 +170,7 @@ def _mechanics(dims: list[str], shape: tuple[int, ...], results: Mapping[Place, 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
     """As that of `Readings`, for the worst of a study that is not missing."""
     power, light = study.power.values, study.standard_error.values
-    mechanics = np.abs(study.deviation.values) if "deviation" in study else np.zeros_like(power)
+    mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2, 0))
     return error_budget(power, light, mechanics)
 
 

@@ -33,6 +33,7 @@ class Job:
     varied : those of them that the batch varies
     points, seed : as for ``measure``
     mesh_size : as for ``Scene``
+    mechanics_error : as for ``measure``
     meshes, maps : whether the surfaces of its pads, and its irradiance map, are wanted
     """
 
@@ -43,6 +44,7 @@ class Job:
     points: int
     seed: int
     mesh_size: float | None
+    mechanics_error: bool
     meshes: bool
     maps: bool
 
@@ -103,7 +105,9 @@ def describe(values: Mapping[str, str]) -> str:
 def _read(job: Job) -> Result:
     with stages.record() as seconds:
         ready = prepare(Scene(job.file, job.parameters, job.mesh_size))
-        readings = measure(ready, points=job.points, seed=job.seed, irradiance=job.maps)
+        readings = measure(
+            ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
+        )
         files = {}
         with stages.stage("files"):
             if job.meshes:

@@ -52,7 +52,7 @@ class _Pilot:
         self.batch, self.machines = batch, machines
         self.clock = Clock(batch.time_budget)
         self.points: list[int] = []
-        self.mesh_size: float | None = None
+        self.mesh_size = batch.mesh_size
         self._seconds: list[tuple[float, float]] = []  # of a scene, apart from tracing; of tracing the first points
 
     def read(self, values: Mapping[str, str]) -> None:

@@ -20,7 +20,7 @@ from mitsuba_taxel.studies.pilots import piloted_settings
 from mitsuba_taxel.studies.pool import Pool, open_pool
 from mitsuba_taxel.studies.provenance import provenance
 from mitsuba_taxel.studies.store import Kept, Store, StoreError, begin_tree, keepable
-from mitsuba_taxel.studies.vary import combinations, curve_dimension
+from mitsuba_taxel.studies.vary import checked_places, combinations, curve_dimension
 
 
 class Progress(NamedTuple):
@@ -47,6 +47,7 @@ def sweep(
     target_error: float | None = None,
     points: int | None = None,
     time_budget: float | None = None,
+    mesh_size: float | None = None,
     seed: int = 0,
     output: str | Path | None = None,
     workers: int | None = None,
@@ -73,6 +74,7 @@ def sweep(
         last scene of each curve; without target and points, 0.005 for the light alone
     points : light paths for each taxel and randomisation, instead of a target
     time_budget : seconds in which the study should end: limits the points, and how fine a mesh is tried
+    mesh_size : mm, of the finite elements of pads that the scene leaves open; a target error may make them smaller
     seed : whole number from 0 to 2**32 - 1
     output : folder for the results; new, empty, or that of the same study
     workers : number of processes to use, in place of this one
@@ -101,6 +103,7 @@ def sweep(
         "target_error": target_error,
         "points": points,
         "time_budget": time_budget,
+        "mesh_size": mesh_size,
         "seed": seed,
         "maps": maps,
     }
@@ -186,17 +189,27 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
 def _jobs(batch: Batch, settings: Settings, stored: bool) -> Iterator[Job]:
     """The jobs curve by curve, so that those which share a load path come one after the other."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
+    checked = checked_places(batch.axes[curve])
     numbered = enumerate(combinations(batch.axes))
-    for number, (_, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
-        parameters = batch.scene(values).parameters
-        maps = stored and batch.maps
-        yield Job(number, batch.file, parameters, values, settings.points, batch.seed, settings.mesh_size, stored, maps)
+    for number, (place, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
+        yield Job(
+            number=number,
+            file=batch.file,
+            parameters=batch.scene(values).parameters,
+            varied=values,
+            points=settings.points,
+            seed=batch.seed,
+            mesh_size=settings.mesh_size,
+            mechanics_error=place[curve] in checked,
+            meshes=stored,
+            maps=stored and batch.maps,
+        )
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
     """Points and mesh size for every scene: those asked for, those of an earlier run, or those that pilot runs say."""
     if batch.points is not None:
-        return Settings(batch.points, None), {}
+        return Settings(batch.points, batch.mesh_size), {}
     choice = store.choice if store else None
     if choice is not None:
         return choice

@@ -9,9 +9,13 @@ from math import isfinite, prod
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.units import FORCES
 
+MOST_CHECKED = 5
+"""Places along a smooth curve where it is found out what the mechanics' error does."""
 MOST_JOBS = 100_000
 """More scenes than this in one study are taken for a slip."""
 STEP = "step"
@@ -159,3 +163,14 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
     forces = [axis.dim for axis in longer if axis.dim in (STEP, *FORCES)]
     numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
     return next(iter([*forces, *numeric]), axes[0].dim)
+
+
+def checked_places(axis: Axis) -> set[int]:
+    """Where along an axis it is found out what the mechanics' error does: that changes slowly along a smooth curve.
+
+    Everywhere, where the values do not all rise or fall, or there are few.
+    """
+    steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
+    smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)
+    count = MOST_CHECKED if smooth else axis.size
+    return set(np.linspace(0, axis.size - 1, min(count, axis.size)).round().astype(int).tolist())

@@ -47,13 +47,17 @@ def test_a_cluster_gives_the_same_to_the_bit(alone, tmp_path):
     assert len(list((tmp_path / "out" / "jobs").iterdir())) == 4
 
 
+def job_of(file, points, seed):
+    return Job(0, file, {}, {}, points, seed, mesh_size=None, mechanics_error=False, meshes=False, maps=False)
+
+
 @pytest.mark.usefixtures("stand_ins")
 def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     """Meshing, solving and tracing, each time from nothing: by one thread, by two, and by as many as there are."""
     reflectors = PhotoReflector(rows=1, columns=1)
     sensor = PadSensor(pad=Pad("cylindrical", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
     write_xml(sensor.scene(), tmp_path / "pad.xml")
-    job = Job(0, tmp_path / "pad.xml", {}, {}, 64, 1, False, False)
+    job = job_of(tmp_path / "pad.xml", points=64, seed=1)
     monkeypatch.setattr(pool, "_begin", _take_threads)
     readings = []
     for threads in (1, 2):
@@ -85,7 +89,7 @@ def die(job: Job):
 @pytest.mark.usefixtures("stand_ins")
 def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(pool, "run", die)
-    job = Job(0, Path(), {}, {}, 1, 0, False, False)
+    job = job_of(Path(), points=1, seed=0)
     jobs = [replace(job, number=number, varied={"n": str(number)}) for number in range(6)]
     with open_pool(workers=2) as processes:
         outcomes = {job.number: outcome for job, outcome in processes.outcomes(jobs)}
