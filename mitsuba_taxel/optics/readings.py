@@ -156,6 +156,8 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
         if result.deviation is not None:
             parts += f", mechanics {result.error_budget['mechanics']:.2g}"
         notes.append(f"target error {target_error:g} not reached: {parts}")
+    if target_error is not None and result.mesh_size is not None:
+        notes.append(f"finite elements of {result.mesh_size:.3g} mm chosen for the target error")
     if points is not None and result.points < points:
         notes.append(f"time budget used up after {result.points} of {points} points")
     dark = result.taxel[result.power <= 0]

@@ -22,6 +22,8 @@ from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 MECHANICS_SHARE = 0.85
 """Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
+LIGHT_SHARE = 0.5
+"""Of a target error that the mechanics does not reach."""
 DEVIATION_POINTS = 256
 """For each taxel and replicate, of the two traces that tell what the mechanics' error does."""
 COST_ORDER = 4.0
@@ -85,7 +87,7 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     Parameters
     ----------
     scene : what :func:`prepare` takes; only a `Scene` that leaves the mesh of its pads open gets a finer one
-    target_error : relative; where it is out of reach of the mechanics, the light's share is spent all the same
+    target_error : relative; where it is out of reach of the mechanics, the light still gets a share of it
     clock : what would not end in time is not begun
     """
     scene = described(scene)
@@ -103,7 +105,7 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
         scene = candidate
         mechanics = mechanics_of(ready, seed)
     known = 0.0 if math.isnan(mechanics.share) else mechanics.share
-    left = math.sqrt(max(target_error**2 - known**2, ((1 - MECHANICS_SHARE) * target_error) ** 2))
+    left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
     points = points_for(ready, left, seed, clock)
     return Aimed(ready, mechanics.deviation, Settings(points, scene.mesh_size if isinstance(scene, Scene) else None))
 

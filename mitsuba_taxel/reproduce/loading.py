@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -26,7 +27,7 @@ PATHS = ("fz", "fx", "fy", "resultant")
 def nominal(store: Store, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
     """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`.
 
-    The number of light paths is that which the normal load needs for the target error.
+    Mesh and number of light paths are those which the normal load needs for the target error, of both together.
     """
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}:{-paper.FORCE_STEP}"}
     normal = store.study(
@@ -34,17 +35,23 @@ def nominal(store: Store, cell: str, workers: int | None) -> dict[str, xr.Datase
         {"vary": vary, "target_error": TARGET_ERROR},
         lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR, workers=workers),
     )
-    points, limit = int(normal.attrs["points"]), paper.TANGENTIAL_LIMIT[cell]
+    settings, limit = settings_of(normal), paper.TANGENTIAL_LIMIT[cell]
     along = {"fx": paper.FORCE_STEP, "fy": paper.FORCE_STEP, "resultant": DIAGONAL_STEP}
     return {"fz": normal} | {
         path: _tangential(
-            store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), points, workers
+            store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), settings, workers
         )
         for path, step in along.items()
     }
 
 
-def beyond(store: Store, cell: str, points: int, workers: int | None) -> dict[str, xr.Dataset]:
+def settings_of(study: xr.Dataset) -> dict[str, Any]:
+    """The points and the mesh size of a study, for another one."""
+    mesh_size = study.attrs.get("mesh_size")
+    return {"points": int(study.attrs["points"]), "mesh_size": None if mesh_size is None else float(mesh_size)}
+
+
+def beyond(store: Store, cell: str, settings: dict[str, Any], workers: int | None) -> dict[str, xr.Dataset]:
     """The tangential paths on from the paper's limits, in steps of 1 N, to where the model ends.
 
     The attribute ``failures`` of each says why it ends there; its first line is the nearest.
@@ -52,24 +59,24 @@ def beyond(store: Store, cell: str, points: int, workers: int | None) -> dict[st
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
     studies = {}
     for path in PATHS[1:]:
-        study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, points, workers)
+        study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, settings, workers)
         studies[path] = study.isel({path: np.isfinite(study.power.values).all(axis=study.power.get_axis_num("taxel"))})
     return studies
 
 
 def _tangential(
-    store: Store, name: str, cell: str, path: str, forces: np.ndarray, points: int, workers: int | None
+    store: Store, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any], workers: int | None
 ) -> xr.Dataset:
     """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
     defines = {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
-    request = {"forces": forces.tolist(), "points": points}
+    request = {"forces": forces.tolist(), **settings}
 
     def compute() -> xr.Dataset:
         if path != "resultant":
-            return sweep(SCENE, {path: forces.tolist()}, defines, points=points, workers=workers)
+            return sweep(SCENE, {path: forces.tolist()}, defines, workers=workers, **settings)
         components = (forces / math.sqrt(2)).tolist()
         rows = {"fx": components, "fy": components}
-        study = sweep(SCENE, {}, defines, together=rows, points=points, workers=workers)
+        study = sweep(SCENE, {}, defines, together=rows, workers=workers, **settings)
         return study.assign_coords(resultant=("step", forces, {"units": "N"})).swap_dims(step="resultant")
 
     return store.study(name, request, compute)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.reproduce import analog, figures, paper, plate
 from mitsuba_taxel.reproduce.analysis import (
     PUBLISHED,
@@ -197,14 +198,18 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
         for stage, value in stage_totals(study).items():
             seconds[stage] = seconds.get(stage, 0.0) + value
     wall = sum(float(study.attrs["wall_seconds"]) for study in studies)
-    worst = max(float((study.standard_error / study.power).max()) for study in studies)
+    light, total = (
+        max(float((study[name] / study.power).max()) for study in studies) for name in ("standard_error", "total_error")
+    )
     roofs = max(float(study.roof_error.max()) for study in studies)
+    sizes = sorted({float(study.attrs.get("mesh_size", DEFAULT_MESH_SIZE)) for study in studies})
+    meshes = f"{sizes[0]:.2f} mm" + (f" to {sizes[-1]:.2f} mm" if len(sizes) > 1 else "")
     count = sum(study.power.size for study in studies)
     shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     return (
-        f"{count} readings took {wall:.0f} s ({shares}, summed over processes). The largest standard error of a "
-        f"reading is {worst:.2%}; the finite elements' estimated error of the roofs' displacement is at most "
-        f"{1e3 * roofs:.1f} µm."
+        f"{count} readings took {wall:.0f} s ({shares}, summed over processes). The largest total error of a "
+        f"reading is {total:.2%}, of which the light has at most {light:.2%}; the estimated error of the roofs' "
+        f"displacement is at most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
     )
 
 

@@ -20,8 +20,8 @@ def _nominal(store: Store, *, workers: int | None) -> dict[str, Any]:
 
 def _beyond(store: Store, *, workers: int | None) -> dict[str, Any]:
     """Needs the nominal readings, whose number of light paths it takes."""
-    points = {cell: int(paths["fz"].attrs["points"]) for cell, paths in _nominal(store, workers=workers).items()}
-    return {cell: loading.beyond(store, cell, points[cell], workers) for cell in paper.CELLS}
+    settings = {cell: loading.settings_of(paths["fz"]) for cell, paths in _nominal(store, workers=workers).items()}
+    return {cell: loading.beyond(store, cell, settings[cell], workers) for cell in paper.CELLS}
 
 
 def _roofs(store: Store, *, workers: int | None) -> dict[str, Any]:

@@ -39,6 +39,9 @@ def test_without_a_command_help_is_shown(taxel):
     assert done.returncode == 2 and done.stdout == "" and "Usage: taxel" in done.stderr
 
 
+JSON_KEYS = ["readings", "error_budget", "mesh_size_mm", "seconds", "parameters", "notes"]
+
+
 def test_render_table(taxel):
     done = taxel("render", *PLATE, "--points", 256)
     assert done.returncode == 0 and done.stderr == ""
@@ -52,9 +55,10 @@ def test_render_json_is_one_object(taxel):
     done = taxel("render", *PLATE, "--points", 256, "--json")
     assert done.returncode == 0 and done.stderr == ""
     answer = json.loads(done.stdout)
-    assert list(answer) == ["readings", "seconds", "parameters", "notes"]
+    assert list(answer) == JSON_KEYS
     (reading,) = answer["readings"]
-    assert list(reading) == ["taxel", "power_W", "standard_error_W", "photocurrent_A"] and reading["taxel"] == 1
+    errors = ["standard_error_W", "mechanics_error_W", "total_error_W"]
+    assert list(reading) == ["taxel", "power_W", *errors, "photocurrent_A"] and reading["taxel"] == 1
     assert 0 < reading["standard_error_W"] < reading["power_W"] < 1
     assert {"load", "optics"} <= set(answer["seconds"])
     assert answer["parameters"]["z"] == "0.7" and answer["parameters"]["hole"] == "0"
@@ -89,7 +93,7 @@ def test_audit_and_crosstalk_follow_the_readings(taxel):
 def test_audit_and_crosstalk_in_json(taxel):
     done = taxel("render", *PLATE, "--points", 256, "--audit", "--crosstalk", "--json")
     answer = json.loads(done.stdout)
-    assert list(answer) == ["readings", "seconds", "parameters", "notes", "crosstalk", "audit"]
+    assert list(answer) == [*JSON_KEYS, "crosstalk", "audit"]
     assert answer["crosstalk"]["power_W"][0][0] == pytest.approx(answer["readings"][0]["power_W"], rel=0.01)
     audit = answer["audit"]
     assert sum(row["share"] for row in audit["shares"]) == pytest.approx(audit["total"]) == pytest.approx(1)
@@ -128,7 +132,7 @@ def test_sweep_prints_one_object(taxel, tmp_path):
     done = taxel("sweep", *PLATE, "--vary", "z=0.5,1", "--points", 64, "-o", "out", "--json")
     assert done.returncode == 0 and done.stderr == ""
     answer = json.loads(done.stdout)
-    assert list(answer) == ["output", "failures", "sensitivity", "seconds"]
+    assert list(answer) == ["output", "failures", "sensitivity", "error_budget", "seconds"]
     assert answer["sensitivity"] == answer["failures"] == []
     assert {"power.png", "readings.csv", "readings.nc"} <= set(os.listdir(tmp_path / "out"))
     (state,) = json.loads(taxel("status", "out", "--json").stdout)["scenes"]

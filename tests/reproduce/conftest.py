@@ -22,6 +22,7 @@ def study(dims: dict[str, np.ndarray], power: np.ndarray, noise: float, seed: in
             "power": ([*names, "taxel"], replicates.mean(axis=-2)),
             "standard_error": ([*names, "taxel"], error),
             "replicate_power": ([*names, "replicate", "taxel"], replicates),
+            "total_error": ([*names, "taxel"], np.hypot(error, 1e-3 * replicates.mean(axis=-2))),
             "roof_error": (names, np.full(power.shape[:-1], 1e-3)),
             "seconds": ([*names, "stage"], np.ones((*power.shape[:-1], 2))),
         },

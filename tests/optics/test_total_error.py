@@ -1,0 +1,115 @@
+"""The total error of a reading: mechanics and light, stated honestly, and reached where a target asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
+from mitsuba_taxel.optics.mesh_adapter import move_vertices
+from mitsuba_taxel.optics.results import mechanics_share
+from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.optics.targets import DEVIATION_POINTS, mechanics_of
+
+CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
+FINE = 0.4
+"""mm: on it one cell is right to a few hundredths of a percent."""
+
+
+def sensor(cell="parallelepiped", force=(0.0, 0.0, -2.0), **parts):
+    return PadSensor(pad=Pad(cell, rows=1, columns=1), force=force, **parts).scene()
+
+
+def test_stated_errors_cover_those_against_fine_meshes_as_often_as_they_say(llvm_mono):
+    """One standard deviation: two in three at least, for all shapes and loads; and none is useless.
+
+    By single cells, which have no others to average over: one in twelve meshes may agree with its comparison by chance.
+    """
+    shares = []
+    for cell in CELLS:
+        for force in (-1.0, -2.0, -3.0):
+            scene = sensor(cell, (0.0, 0.0, force))
+            here, fine = (measure(scene.with_mesh_size(size), points=1024, seed=5) for size in (None, FINE))
+            change = (here.replicates - fine.replicates)[:, 0]  # of the same random numbers
+            noise = change.std(ddof=1) / len(change) ** 0.5
+            true, stated = abs(change.mean()), here.mechanics_error[0]
+            shares.append(max(true - 2 * noise, 0.0) / stated)
+            assert true < 0.003 * here.power[0] + 4 * noise and stated < 0.01 * here.power[0]
+    assert np.mean(np.array(shares) < 1) >= 2 / 3, shares
+
+
+def test_a_deviation_is_the_change_of_a_pad_of_that_surface(llvm_mono, agree, tmp_path):
+    """Read independently: the displaced surface as a file of its own, with other random numbers."""
+    ready = prepare(sensor("hemispheric", (0.0, 0.0, -3.0), roof=Wall("lambertian")))
+    (pad,) = (shape for shape in ready.scene.shapes() if hasattr(shape, "state"))
+    rest = measure(ready, points=4096, seed=1)
+    move_vertices(pad, pad.deviating_vertices() + [0.0, 0.0, 0.05])  # far enough to be seen at once
+    pad.write_ply(str(tmp_path / "moved.ply"))
+    ready.scene.parameters_changed([])
+    moved = measure(ready, points=4096, seed=2, mechanics_error=False)
+    description = dict(sensor("hemispheric", roof=Wall("lambertian")).source)
+    walls = description["pad"]["walls"]
+    description["pad"] = {"type": "ply", "filename": str(tmp_path / "moved.ply"), "face_normals": True, "walls": walls}
+    other = measure(Scene(description), points=4096, seed=3)
+    agree(moved.power, moved.standard_error, other.power, other.standard_error)
+    assert abs(moved.power[0] - rest.power[0]) > 20 * rest.standard_error[0]
+
+
+def test_a_scene_is_as_before_when_its_error_is_known(llvm_mono):
+    ready = prepare(sensor("spherical"))
+    before = measure(ready, points=DEVIATION_POINTS, mechanics_error=False)
+    found = mechanics_of(ready, seed=0)
+    after = measure(ready, points=DEVIATION_POINTS, mechanics_error=False)
+    assert np.array_equal(before.replicates, after.replicates)
+    assert found.deviation[0] != 0 and 0 < found.share < 0.02
+
+
+def test_a_target_chooses_mesh_and_points(llvm_mono):
+    scene, target = sensor("parallelepiped", (0.0, 0.0, -4.0)), 0.002
+    plain, aimed = measure(scene), measure(scene, target_error=target)
+    assert plain.mesh_size is None and plain.relative_total_error > target
+    assert aimed.mesh_size < 1.25 and aimed.relative_total_error <= target
+    assert any(note.startswith(f"finite elements of {aimed.mesh_size:.3g} mm") for note in aimed.notes)
+    assert not any("not reached" in note for note in aimed.notes)
+    same = measure(scene.with_mesh_size(aimed.mesh_size), points=aimed.points)
+    assert np.array_equal(same.replicates, aimed.replicates)
+    further = measure(scene, points=2 * aimed.points, continued=aimed)
+    twice = measure(scene.with_mesh_size(aimed.mesh_size), points=2 * aimed.points)
+    np.testing.assert_allclose(further.replicates, twice.replicates, rtol=1e-12)
+    assert further.mesh_size == aimed.mesh_size
+
+
+def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_mono):
+    description = dict(sensor("parallelepiped", (0.0, 0.0, -4.0)).source)
+    description["pad"] = {**description["pad"], "mesh_size": 1.25}
+    reading = measure(Scene(description), target_error=0.001)
+    assert reading.mesh_size is None and reading.relative_error < 0.001
+    assert any(
+        note.startswith("target error 0.001 not reached: light") and "mechanics" in note for note in reading.notes
+    )
+
+
+def test_a_time_budget_leaves_a_finer_mesh_alone(llvm_mono):
+    reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=0.5)
+    assert reading.mesh_size is None and reading.points >= 256
+
+
+def test_no_load_no_error_of_the_mechanics(llvm_mono):
+    unloaded = measure(sensor(force=(0.0, 0.0, 0.0)), points=64)
+    assert unloaded.deviation is None and np.array_equal(unloaded.total_error, unloaded.standard_error)
+
+
+def test_an_unknown_error_is_said_to_be_unknown(llvm_mono):
+    """Elements so large that twice as large ones are the same."""
+    reading = measure(sensor().with_mesh_size(20.0), points=64, seed=1)
+    assert np.isnan(reading.total_error).all() and np.isnan(reading.error_budget["total"])
+    assert any(note.startswith("mechanics error unknown") for note in reading.notes)
+
+
+def test_shares_are_those_of_all_lit_taxels():
+    power, deviation = np.array([1.0, 2.0, 0.0]), np.array([0.03, -0.08, 0.0])
+    readings = Readings(np.tile(power, (4, 1)), 64, 0, deviation=deviation)
+    share = mechanics_share(deviation, power)
+    assert share == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2) / (2**1.5 - 1))
+    np.testing.assert_allclose(readings.mechanics_error, share * power)
+    assert readings.error_budget == pytest.approx({"light": 0.0, "mechanics": share, "total": share})
