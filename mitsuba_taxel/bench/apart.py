@@ -9,16 +9,23 @@ import signal
 import subprocess
 import sys
 import tempfile
+from typing import Any, Protocol
 
-from mitsuba_taxel.bench.cases import Case
-from mitsuba_taxel.bench.row import Row
+
+class Case(Protocol):
+    """What is measured: it can be pickled, and its row is a dataclass of what JSON can hold."""
+
+    def measured(self) -> Any: ...
+
+    def failed(self, end: str) -> Any: ...
+
 
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
 """Bytes of address space."""
 
 
-def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Row:
+def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
     """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
     command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(memory)]
     with tempfile.TemporaryDirectory() as cache:
@@ -30,9 +37,8 @@ def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_
             end = "" if done.returncode == 0 else _end_of(done)
         except subprocess.TimeoutExpired:
             end = f"out of time after {seconds:g} s"
-    if end:
-        return Row(case.name, end, wrong="no answer")
-    return Row(**json.loads(done.stdout))
+    failed = case.failed(end)
+    return failed if end else type(failed)(**json.loads(done.stdout))
 
 
 def _end_of(done: subprocess.CompletedProcess[bytes]) -> str:

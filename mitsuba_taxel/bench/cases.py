@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.slivers import SliverPad
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PatchForce, PlateDisplacement, PlateForce, Pressure
 from mitsuba_taxel.mechanics.materials import Material, MooneyRivlin, NeoHookean
@@ -41,6 +42,16 @@ class Case:
     mesh_size: float = MESH_SIZE
     in_one_step: bool = False
     with_finer_mesh: bool = False
+
+    def measured(self) -> Row:
+        """The row, as this process finds it."""
+        from mitsuba_taxel.bench.measure import measure
+
+        return measure(self)
+
+    def failed(self, end: str) -> Row:
+        """The row of a process that gave none."""
+        return Row(self.name, end, wrong="no answer")
 
 
 def stability_cases() -> list[Case]:

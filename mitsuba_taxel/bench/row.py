@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 CONVERGED = "converged"
 
@@ -86,13 +88,14 @@ _FORMS = {
 
 def cells(row: Row) -> list[str]:
     """The row's cells as text, in the order of :data:`HEADINGS`; "-" where there is no number."""
-    return [_cell(row, name) for name in HEADINGS]
+    return [cell(row, name, _FORMS) for name in HEADINGS]
 
 
-def _cell(row: Row, name: str) -> str:
+def cell(row: Any, name: str, forms: Mapping[str, str]) -> str:
+    """A number of a row in its form, or a text; the verdict says what is wrong."""
     value = getattr(row, name)
     if name == "verdict" and row.wrong:
         return f"{value}; WRONG: {row.wrong}"
     if isinstance(value, str):
         return value or "-"
-    return "-" if math.isnan(value) else format(value, _FORMS[name])
+    return "-" if math.isnan(value) else format(value, forms[name])

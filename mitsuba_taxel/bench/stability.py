@@ -1,4 +1,4 @@
-"""The mechanics' table of extremes, row by row."""
+"""The tables of extremes, of the mechanics and of readings, row by row."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 
 from mitsuba_taxel.bench.apart import measure_apart
 from mitsuba_taxel.bench.cases import Case, stability_cases
+from mitsuba_taxel.bench.reading_cases import ReadingCase, reading_cases
+from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.errors import ComputationError, InputError
@@ -19,8 +21,8 @@ def stability(
     csv: Path | None = None,
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
-) -> Iterator[Row]:
-    """Rows of the table as they are measured, each in a process of its own; files hold those measured so far.
+) -> Iterator[Row | ReadingRow]:
+    """Rows of the tables as they are measured, each in a process of its own; files hold those measured so far.
 
     Parameters
     ----------
@@ -33,11 +35,11 @@ def stability(
     InputError
         if no case has such a name, or a file cannot be written.
     """
-    cases = chosen(stability_cases(), only)
+    cases = chosen([*stability_cases(), *reading_cases()], only)
     for file, suffix in ((csv, ".csv"), (markdown, ".md")):
         if file:
             check_new_file(file, suffix)
-    rows = []
+    rows: list[Row | ReadingRow] = []
     for number, case in enumerate(cases, start=1):
         if starting:
             starting(number, len(cases), case.name)
@@ -49,7 +51,7 @@ def stability(
         yield rows[-1]
 
 
-def chosen(cases: Sequence[Case], only: str | None) -> list[Case]:
+def chosen(cases: Sequence[Case | ReadingCase], only: str | None) -> list[Case | ReadingCase]:
     """The cases whose name has a part that the pattern ``only`` fits; raises `InputError` if there are none."""
     wanted = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
     if not wanted:
@@ -57,7 +59,7 @@ def chosen(cases: Sequence[Case], only: str | None) -> list[Case]:
     return wanted
 
 
-def check(rows: Sequence[Row]) -> None:
+def check(rows: Sequence[Row | ReadingRow]) -> None:
     """Raise `ComputationError` if a row is wrong, or its process gave none."""
     wrong = [row.case for row in rows if row.wrong]
     if wrong:

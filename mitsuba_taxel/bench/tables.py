@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import astuple, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
 from pathlib import Path
 
 from mitsuba_taxel.bench.apart import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.cases import MESH_SIZE
+from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 from mitsuba_taxel.studies.files import replacing
 
 _PAGE = """\
-# The mechanics at the extremes
+# At the extremes
 
-Written by `{command}`; do not edit by hand. Where nothing else is said, a pad is that of the paper
+Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB says
+so. `WRONG` marks what must not be, and the command then exits with 1.
+"""
+
+_MECHANICS = """
+## Mechanics
+Where nothing else is said, a pad is that of the paper
 (3 x 3 parallelepiped cells, E = 4.16 MPa, nu = 0.49) on elements of {mesh_size:g} mm, which is coarse: the table is
 about what happens, not about the last digit. Forces are in N, compression is z < 0. The rigid plate stands for a stiff
 layer bonded on top, whose limit it is. For comparison: the paper's solver stopped at tangential forces of 11 N
@@ -25,9 +32,8 @@ layer bonded on top, whose limit it is. For comparison: the paper's solver stopp
 
 - **verdict**: `converged`; `ends at` a load and why: the pad touches something there, or no stable state was found
   beyond it; `refused` where one Newton solve, which looks for no contact, was asked for and found no acceptable state.
-  A process that crashed or went beyond {seconds:g} s or {memory:g} GB says so. `WRONG` marks what must not be: a step
-  accepted with an inverted element, a number that is none, forces out of balance, a stated error less than half of
-  what the finer mesh shows. The command then exits with 1.
+  `WRONG` is a step accepted with an inverted element, a number that is none, forces out of balance, a stated error less
+  than half of what the finer mesh shows.
 - **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; how often a step was halved,
   for want of an acceptable state or for the accuracy between steps, or given up.
 - **min J**, **min J at nodes**: least volume ratio at quadrature points and at the ten nodes of the elements, at any
@@ -43,22 +49,45 @@ layer bonded on top, whose limit it is. For comparison: the paper's solver stopp
 """
 
 
-def write_csv(rows: Sequence[Row], file: Path) -> None:
-    """Write the rows with a heading, all digits; no number is ``nan``."""
+_READINGS = """
+## Readings
+Each case is read as a user would read it, and compared with what it should be: rays that `analog_tracer` released and
+counted, or a law of scale. Some must be refused.
+
+{table}
+
+- **verdict**: `right` within {deviations:g} errors of both; `refused` with the message. `WRONG` is another reading, one
+  that should have been refused, or a refusal of what should be read.
+- **power**, **error**: of the taxel that is worst, and its standard error, relative. **deviations**: of the errors of
+  both, from the reference.
+- **CPU s**, **MB**: time of all processors for both, and most memory of the process.
+"""
+
+
+def write_csv(rows: Sequence[Row | ReadingRow], file: Path) -> None:
+    """Write the rows with a heading, all digits; a column that a row has not is empty, no number is ``nan``."""
+    names = dict.fromkeys(field.name for kind in (Row, ReadingRow) for field in fields(kind))
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow([field.name for field in fields(Row)])
-        writer.writerows(map(astuple, rows))
+        writer = csv.DictWriter(stream, list(names))
+        writer.writeheader()
+        writer.writerows(map(asdict, rows))
 
 
-def write_markdown(rows: Sequence[Row], file: Path, command: str) -> None:
+def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -> None:
     """Write the rows as a page that says which ``command`` wrote it, and what its columns mean."""
+    mechanics = [row for row in rows if isinstance(row, Row)]
+    readings = [row for row in rows if isinstance(row, ReadingRow)]
+    text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
+    if mechanics:
+        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=_table(HEADINGS, map(cells, mechanics)))
+    if readings:
+        table = _table(READING_HEADINGS, map(reading_cells, readings))
+        text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
     with replacing(file) as temporary:
-        limits = {"seconds": MOST_SECONDS, "memory": MOST_MEMORY / 2**30}
-        temporary.write_text(_PAGE.format(command=command, mesh_size=MESH_SIZE, table=_table(rows), **limits))
+        temporary.write_text(text)
 
 
-def _table(rows: Sequence[Row]) -> str:
-    aligned = [":--" if name in ("case", "verdict", "stability") else "--:" for name in HEADINGS]
-    lines = [list(HEADINGS.values()), aligned, *([cell.replace("|", r"\|") for cell in cells(row)] for row in rows)]
+def _table(headings: Mapping[str, str], rows: Iterable[Sequence[str]]) -> str:
+    aligned = [":--" if name in ("case", "verdict", "stability", "by") else "--:" for name in headings]
+    lines = [list(headings.values()), aligned, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

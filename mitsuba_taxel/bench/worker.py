@@ -23,9 +23,7 @@ def main(memory: int) -> None:
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
 
-    from mitsuba_taxel.bench.measure import measure
-
-    row = measure(pickle.load(sys.stdin.buffer))
+    row = pickle.load(sys.stdin.buffer).measured()
     json.dump(vars(row), answer)
     answer.close()
 

@@ -36,6 +36,10 @@ COARSEST = 0.35
 SIZES = 9
 """How many sizes it tries, each 1 / sqrt(2) of the one before."""
 
+FEW_STATES = 100
+MOST_BYTES = 4 * 2**30
+"""Of the states that are returned at once; a few are never refused."""
+
 SIMILAR = 0.98
 """A mesh with more elements than this share of another's is not coarser: thin walls leave no choice."""
 
@@ -100,7 +104,7 @@ def load_path(
     Raises
     ------
     InputError
-        for values that are not finite, a mesh size or a tolerance that is not allowed.
+        for values that are not finite or too many to be held, a mesh size or a tolerance that is not allowed.
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself or the
         board.
@@ -109,11 +113,24 @@ def load_path(
     states = []
     with _LOCK:
         path = _path(pad, material, load, _size(pad, material, load, mesh_size, mesh_tolerance))
+        _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             states.append(path.state(value))
             if progress:
                 progress(done, len(rows))
     return states
+
+
+def _check_room(states: int, path: _Path) -> None:
+    """Raise `InputError` if so many states cannot be held at once."""
+    if states <= FEW_STATES:
+        return
+    most = MOST_BYTES // (2 * path.mesh.points.nbytes)  # displacement and deviation
+    if states > most:
+        raise InputError(
+            f"{states} values of a load are not allowed: at most {most} states of this pad are held at once; ask for "
+            "them one after the other."
+        )
 
 
 def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:

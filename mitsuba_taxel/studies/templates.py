@@ -32,7 +32,6 @@ _SCENE = """\
     <!-- Silicone: neo-Hookean. Others, some of them measured: taxel plugins deformable_pad. -->
     <default name="youngs_modulus" value="4.16"/>        <!-- MPa, above 0 -->
     <default name="poisson_ratio" value="0.49"/>         <!-- 0 to 0.5; 0.5 is incompressible -->
-    <default name="mesh_size" value="1.25"/>             <!-- mm, of finite elements; smaller is slower, more exact -->
 
     <!-- Walls of the cells. -->
     <default name="roof" value="isotropic"/>             <!-- mirror, lambertian, isotropic -->
@@ -64,7 +63,8 @@ _SCENE = """\
         <float name="cell_size" value="$cell_size"/>
         <float name="youngs_modulus" value="$youngs_modulus"/>
         <float name="poisson_ratio" value="$poisson_ratio"/>
-        <float name="mesh_size" value="$mesh_size"/>
+        <!-- A target error chooses the finite elements, unless their size is given here:
+             <float name="mesh_size" value="1.25"/> in mm -->
         <vector name="force" value="$fx, $fy, $fz"/>
         <bsdf type="region">                             <!-- what is not named here absorbs -->
             <bsdf name="roof" type="wall">
@@ -108,7 +108,7 @@ _SCENE = """\
 _STUDY = """\
 # taxel sweep study.toml -o runs/study
 
-target_error = 0.005      # relative, of the light, for the worst taxel; or: points = 4096
+target_error = 0.005      # relative, of light and mechanics, for the worst taxel; or: points = 4096
 seed = 0                  # 0 to 2**32 - 1
 
 # Any number of scenes. For one alone, leave out [[scenes]] and name, and write scene, [define], [vary] and

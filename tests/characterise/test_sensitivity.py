@@ -70,3 +70,17 @@ def test_without_a_varied_force_there_is_no_table():
     assert len(sensitivity_table(study)) == 0
     with pytest.raises(InputError, match="fz"):
         sensitivity(study, "fz")
+
+
+def test_what_the_mechanics_is_off_by_is_in_the_error_of_a_slope():
+    """Readings that deviate by 1 % of their slope: of it, the share that the finite elements' order gives."""
+    from mitsuba_taxel.optics.results import ERROR_SHARE
+
+    power = np.tile(-4e-5 * FORCES[:, None, None], (1, REPLICATES, 1))
+    study = study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1])
+    off = study.assign(deviation=(("fz", "taxel"), 4e-7 * FORCES[:, None] + 1e-4))  # the constant drops out
+    assert float(sensitivity(study, "fz").mean_slope_error.max()) < 1e-15
+    found = sensitivity(off, "fz")
+    for name in ("max_slope", "mean_slope", "zero_slope"):
+        assert found[f"{name}_error"].item() == pytest.approx(ERROR_SHARE * 4e-7)
+        assert found[name].item() == pytest.approx(-4e-5)

@@ -174,3 +174,9 @@ def test_states_are_values():
     (state,) = states([(0, 0, -0.1)])
     with pytest.raises(dataclasses.FrozenInstanceError):
         state.value = None
+
+
+def test_more_states_than_can_be_held_are_refused_before_any_is_solved():
+    forces = np.linspace([0, 0, 0], [0, 0, -20.0], 1_000_000)
+    with pytest.raises(InputError, match=r"^1000000 values of a load are not allowed: at most \d+ states"):
+        load_path(PAD, NeoHookean(), forces, mesh_size=SIZE)

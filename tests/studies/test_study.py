@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel import ComputationError, InputError, measure, open_study, sweep
-from mitsuba_taxel.optics import Scene
-from mitsuba_taxel.studies import deform, job, stage_totals
+from mitsuba_taxel.optics import Scene, find_scene
+from mitsuba_taxel.studies import deform, job, stage_totals, study_error_budget
 
 PLATE = {"scattering": "lambertian", "hole": "0"}
 
@@ -156,6 +156,51 @@ def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     summary = (tmp_path / "out" / "summary.csv").read_text().splitlines()
     assert len(summary) == 1 + 2 * 9
     assert summary[0].startswith("force,scattering,taxel,max_slope_W_per_N,max_slope_error_W_per_N")
+
+
+@pytest.fixture
+def one_cell(tmp_path):
+    """A scene of one cell, whose mesh is open, under fz."""
+    text = find_scene("pad.xml").read_text()
+    text = text.replace('<integer name="rows" value="3"/>', '<integer name="rows" value="1"/>')
+    text = text.replace('<integer name="columns" value="3"/>', '<integer name="columns" value="1"/>')
+    cells = '<string name="cell" value="$cell"/> <integer name="rows" value="1"/> <integer name="columns" value="1"/>'
+    text = text.replace('<string name="cell" value="$cell"/>', cells)
+    (tmp_path / "one.xml").write_text(text)
+    return tmp_path / "one.xml"
+
+
+def test_total_errors_of_a_curve(one_cell, tmp_path):
+    """Found out at five places; between them the share of the power goes on straight lines."""
+    study = sweep(one_cell, {"fz": "0:-4:-0.5"}, points=256, seed=3)
+    share = (study.deviation / study.power).squeeze("taxel")
+    assert float(share[0]) == 0 and np.all(share[1:] != 0)
+    np.testing.assert_allclose(share[1::2], (share[:-1:2].values + share[2::2].values) / 2, rtol=1e-9)
+    scene = Scene.from_file(one_cell, fz=-3)
+    there, alone = study.sel(fz=-3).squeeze("taxel"), measure(scene, points=256, seed=3)
+    assert float(there.deviation) == pytest.approx(alone.deviation[0], rel=1e-6)
+    assert float(there.total_error) == pytest.approx(alone.total_error[0], rel=1e-6)
+    budget = study_error_budget(study)
+    assert budget["total"] == pytest.approx(float((study.total_error / study.power).max()))
+    assert 0 < budget["mechanics"] < budget["total"]
+
+
+def test_a_target_chooses_one_mesh_for_all_scenes_and_keeps_it(one_cell, tmp_path):
+    request = {"target_error": 0.002, "output": tmp_path / "out"}
+    study = sweep(one_cell, {"fz": "0,-2,-4"}, **request)
+    assert study.attrs["mesh_size"] < 1.25 and study_error_budget(study)["total"] <= 0.002
+    again = sweep(one_cell, {"fz": "0,-2,-4"}, **request)
+    xr.testing.assert_identical(study, again)
+    xr.testing.assert_identical(open_study(tmp_path / "out"), study)
+    same = sweep(one_cell, {"fz": "0,-2,-4"}, points=study.attrs["points"], mesh_size=study.attrs["mesh_size"])
+    np.testing.assert_array_equal(study.replicate_power, same.replicate_power)
+
+
+def test_a_time_budget_limits_points_and_mesh(one_cell):
+    short, free = (sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=budget) for budget in (0.5, 60))
+    assert "mesh_size" not in short.attrs and short.attrs["points"] < free.attrs["points"]
+    with pytest.raises(InputError, match="points and time_budget exclude each other"):
+        sweep(one_cell, {"fz": "-2,-4"}, points=64, time_budget=1)
 
 
 def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.studies.vary import MOST_JOBS, combinations, curve_dimension, make_axes, parse_values
+from mitsuba_taxel.studies.vary import (
+    MOST_JOBS,
+    checked_places,
+    combinations,
+    curve_dimension,
+    make_axes,
+    parse_values,
+)
 
 DECIMALS = st.decimals(-1000, 1000, allow_nan=False, allow_infinity=False, places=3)
 
@@ -102,3 +109,19 @@ def test_product_is_bounded():
 )
 def test_curve_dimension(varied, together, curve):
     assert curve_dimension(make_axes(varied, together)) == curve
+
+
+@pytest.mark.parametrize(
+    "vary, together, places",
+    [
+        ({"fz": "0:-20:-0.5"}, {}, {0, 10, 20, 30, 40}),
+        ({"fz": "0,-1,-2"}, {}, {0, 1, 2}),
+        ({"fz": "0,-1,-2,0.5,-3,-4,-5,-6"}, {}, set(range(8))),  # goes back and forth
+        ({"cell": "a,b,c,d,e,f,g"}, {}, set(range(7))),
+        ({}, {"fx": range(9), "fy": [0] * 9}, {0, 2, 4, 6, 8}),
+        ({}, {"fx": range(9), "name": list("abcdefghi")}, set(range(9))),
+    ],
+)
+def test_places_where_the_mechanics_is_checked(vary, together, places):
+    (axis,) = make_axes(vary, together)
+    assert checked_places(axis) == places

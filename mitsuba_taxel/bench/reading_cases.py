@@ -1,0 +1,285 @@
+"""Readings at the extremes: of narrow gaps and closing cells, of little light, of many samples, taxels and steps.
+
+Each is compared with a run of `analog_tracer`, which releases rays and counts them, with a law of scale, or with a
+refusal that must come.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.optics import AnnularLed, PadSensor, PhotoReflector, Readings, Scene, Wall, measure
+from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+
+LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
+"""A cell whose roof is 0.35 mm above the package."""
+ROUNDING = 1e-6
+"""Of single precision, relative: what laws of scale hold to."""
+POINTS_OF_A_BILLION = 1 << 20
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A reading of the worst taxel, what it should be, both with their errors in W, and what else was seen."""
+
+    power: float
+    error: float
+    reference: float
+    reference_error: float
+    by: str
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class ReadingCase:
+    """One row of the table.
+
+    Attributes
+    ----------
+    look : reads the scene and compares; raises what the program raises
+    refused : whether it must
+    """
+
+    name: str
+    look: Callable[[], Compared]
+    refused: bool = False
+
+    def measured(self) -> ReadingRow:
+        """The row, as this process finds it."""
+        from mitsuba_taxel.bench.measure import peak_memory
+
+        began = time.process_time()
+        row = self._row()
+        return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
+
+    def failed(self, end: str) -> ReadingRow:
+        """The row of a process that gave none."""
+        return ReadingRow(self.name, end, wrong="no answer")
+
+    def _row(self) -> ReadingRow:
+        try:
+            found = self.look()
+        except (InputError, ComputationError) as error:
+            return ReadingRow(self.name, f"refused: {error}", wrong="" if self.refused else "it should be read")
+        spread = np.hypot(found.error, found.reference_error)
+        change = found.power - found.reference
+        deviations = 0.0 if change == 0 else float(np.divide(change, spread))
+        right = np.isfinite(found.power) and abs(deviations) < MOST_DEVIATIONS
+        return ReadingRow(
+            case=self.name,
+            verdict=f"{RIGHT}{found.remark and '; '}{found.remark}",
+            wrong="it should be refused" if self.refused else "" if right else "not what it should be",
+            power=found.power,
+            error=found.error / found.power if found.power > 0 else 0.0,
+            reference=found.reference,
+            deviations=deviations,
+            by=found.by,
+        )
+
+
+def reading_cases() -> list[ReadingCase]:
+    """The rows of the table, in its order."""
+    return [case for kind in (_gaps, _walls, _little, _loads, _sizes, _numbers) for case in kind()]
+
+
+def _gaps() -> Iterator[ReadingCase]:
+    for z in (0.1, 0.02):
+        for scattering in ("lambertian", "isotropic"):
+            look = partial(_against_counted, _plate(z=z, scattering=scattering), points=1 << 16)
+            yield ReadingCase(f"plate {z:g} mm above the LED, {scattering}", look)
+    yield ReadingCase("plate 1e-5 mm above the LED, lambertian", _all_but_closed)
+    yield ReadingCase("plate on the LED", _closed)
+
+
+def _walls() -> Iterator[ReadingCase]:
+    white = Wall("lambertian", 1.0)
+    for shape in CELL_SHAPES:
+        sensor = PadSensor(pad=Pad(shape, rows=1, columns=1), roof=white, side=white)
+        yield ReadingCase(f"{shape}, all walls white (reflectance 1)", partial(_against_counted, sensor.scene))
+    narrow = PhotoReflector(led=AnnularLed(law="uniform_solid_angle", cone_angle=1.0))
+    sensor = PadSensor(pad=Pad("hemispheric", rows=1, columns=1), photo_reflector=narrow)
+    yield ReadingCase("LED with a cone of 1 degree, hemispheric", partial(_against_counted, sensor.scene))
+
+
+def _little() -> Iterator[ReadingCase]:
+    yield ReadingCase("LED of 1e-7 W: readings of 1e-9 W", partial(_little_light, 1e-7))
+    yield ReadingCase("LED of 1e-30 W", partial(_little_light, 1e-30))
+
+
+def _loads() -> Iterator[ReadingCase]:
+    soft = PadSensor(pad=LOW_CELL, material=NeoHookean(0.416), roof=Wall("lambertian", 0.9))
+    for force in (-1.0, -1.3):
+        look = partial(_against_counted, replace(soft, force=(0.0, 0.0, force)).scene)
+        yield ReadingCase(f"cell that {force:g} N all but closes", look)
+    yield ReadingCase("roof pressed onto the LED", partial(_read, replace(soft, force=(0.0, 0.0, -3.0)).scene), True)
+    pad = PadSensor(pad=Pad(), material=NeoHookean(0.05), force=(0.0, 0.0, -20.0))
+    yield ReadingCase("pad of 0.05 MPa under -20 N", partial(_read, pad.scene), True)
+    for force in (0.0, 1e-9, -1e-9):
+        yield ReadingCase(f"force of {force:g} N", partial(_next_to_nothing, force))
+    yield ReadingCase("a million load steps asked of a study", _million_scenes, True)
+    yield ReadingCase("a million load steps asked of a path", _million_states, True)
+
+
+def _sizes() -> Iterator[ReadingCase]:
+    for scale, name in ((1e-3, "metres"), (1e3, "micrometres")):
+        yield ReadingCase(f"pad under -10 N in {name}", partial(_scaled, scale))
+    yield ReadingCase("30 x 30 taxels under one plate", _many_taxels)
+
+
+def _numbers() -> Iterator[ReadingCase]:
+    yield ReadingCase("a billion samples", _billion)
+
+
+def _plate(**parameters: object) -> Callable[[], Scene]:
+    return partial(Scene.from_file, "plate.xml", **parameters)
+
+
+def _read(scene: Callable[[], Scene]) -> Compared:
+    found = measure(scene(), points=256)
+    return _compared(found, found, "nothing")
+
+
+def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compared:
+    """A reading, and the same by counted rays."""
+    import mitsuba as mi
+
+    ready = prepare(scene())
+    counting = ready._replace(integrator=mi.load_dict({"type": "analog_tracer"}))
+    return _compared(measure(ready, points=4096, seed=1), measure(counting, points=points, seed=2), "counted rays")
+
+
+def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> Compared:
+    """The taxel that differs most; of the mechanics both have the same error."""
+    spread = np.hypot(ours.standard_error, theirs.standard_error) + rounding * theirs.power
+    change = np.abs(ours.power - theirs.power)
+    worst = int(np.argmax(np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)))
+    errors = (float(part[worst]) for part in (ours.standard_error, theirs.standard_error + rounding * theirs.power))
+    error, reference_error = errors
+    return Compared(float(ours.power[worst]), error, float(theirs.power[worst]), reference_error, by, remark)
+
+
+def _all_but_closed() -> Compared:
+    """Light in a narrow gap goes with the square of its height."""
+    near, nearer = (measure(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
+    theirs = replace(near, replicates=near.replicates * 1e-2)
+    return _compared(nearer, theirs, "law of scale", rounding=1e-2)
+
+
+def _closed() -> Compared:
+    found = measure(_plate(z=0, scattering="lambertian")(), points=1 << 12)
+    said = any("no light found" in note for note in found.notes)
+    return replace(_compared(found, found, "nothing passes"), reference=0.0, remark="said so" if said else "NOT SAID")
+
+
+def _little_light(watts: float) -> Compared:
+    """Readings are in proportion to the power of the LED."""
+
+    def at(power: float) -> Readings:
+        led = AnnularLed(power=power)
+        sensor = PadSensor(pad=Pad(rows=1, columns=1), photo_reflector=PhotoReflector(led=led))
+        return measure(sensor.scene(), points=4096)
+
+    one = at(1.0)
+    return _compared(at(watts), replace(one, replicates=one.replicates * watts), "law of scale", rounding=ROUNDING)
+
+
+def _next_to_nothing(force: float) -> Compared:
+    """A force that moves nothing changes nothing."""
+    loaded, unloaded = (
+        measure(PadSensor(pad=Pad("spherical", 1, 1), force=(0.0, 0.0, z)).scene(), points=4096) for z in (force, 0.0)
+    )
+    return _compared(loaded, unloaded, "the unloaded pad", rounding=ROUNDING)
+
+
+def _million_scenes() -> Compared:
+    from mitsuba_taxel.studies import sweep
+
+    sweep("pad.xml", {"fz": "0:-20:-0.00002"}, points=64)
+    raise AssertionError("a million scenes were read")
+
+
+def _million_states() -> Compared:
+    from mitsuba_taxel.mechanics import load_path
+
+    load_path(Pad(), NeoHookean(), np.linspace([0, 0, 0], [0, 0, -20.0], 1_000_000))
+    raise AssertionError("a million states were kept")
+
+
+def _scaled(scale: float) -> Compared:
+    """A pad with all that stands in it, whatever the unit of length is."""
+    import mitsuba as mi
+
+    sensor = PadSensor(pad=Pad("cylindrical", 1, 1), force=(0.0, 0.0, -1.0), roof=Wall("lambertian", 0.9))
+    source = sensor.scene().source
+    assert isinstance(source, dict)
+    scaling = mi.ScalarTransform4f().scale(scale)
+    moved = {
+        name: {**part, "to_world": scaling @ part.get("to_world", mi.ScalarTransform4f())}
+        if isinstance(part, dict) and name in ("pad", "photo_reflector", "board")
+        else part
+        for name, part in source.items()
+    }
+    return _compared(
+        measure(Scene(moved), points=4096), measure(Scene(source), points=4096), "the pad in millimetres", rounding=1e-4
+    )
+
+
+def _many_taxels() -> Compared:
+    """Under one wide plate all read alike."""
+
+    def at(rows: int, points: int, seed: int) -> Readings:
+        return measure(_array(rows, rows), points=points, seed=seed)
+
+    many, one = at(30, 256, 1), at(1, 1 << 13, 2)
+    like = replace(one, replicates=np.tile(one.replicates, (1, 900)))
+    found = _compared(many, like, "one alone")
+    share = 1 / 900  # the worst of 900 deviates more than one would: Bonferroni's bound
+    return replace(found, error=found.error * _wider(share))
+
+
+def _wider(share: float) -> float:
+    """By how much the limit of deviations is wider for the worst of many, for a false alarm as rare."""
+    from scipy.stats import norm
+
+    limit = norm.sf(MOST_DEVIATIONS)
+    return float(norm.isf(limit * share) / MOST_DEVIATIONS)
+
+
+def _array(rows: int, columns: int) -> Scene:
+    import mitsuba as mi
+
+    from mitsuba_taxel.backend import activate_variant
+
+    activate_variant()
+    reflectors = PhotoReflector(rows=rows, columns=columns, led=AnnularLed(law="lambertian")).to_dict()
+    above = mi.ScalarTransform4f().translate([0, 0, 0.8]).scale([70, 70, -1])
+    plate = {"type": "rectangle", "to_world": above, "bsdf": Wall("lambertian", 1.0).to_dict()}
+    return Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, "r": reflectors, "plate": plate})
+
+
+def _billion() -> Compared:
+    """2^30 paths at once, and beside them what a running sum in single precision makes of as many numbers."""
+    many = measure(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
+    few = measure(_array(8, 4), points=1 << 16, seed=2)
+    remark = f"a running single-precision sum of as many is off by {running_sum_error(1 << 30):.0%}"
+    return _compared(many, few, "65536 points", remark, rounding=ROUNDING)
+
+
+def running_sum_error(count: int) -> float:
+    """Relative error of a sum of so many numbers, of mean 1, that is carried along in single precision."""
+    numbers = np.random.default_rng(0).exponential(size=1 << 22).astype(np.float32)
+    total, blocks = np.float32(0), count // len(numbers)
+    for _ in range(blocks):
+        numbers[0], first = numbers[0] + total, numbers[0]
+        total = np.add.accumulate(numbers, dtype=np.float32)[-1]
+        numbers[0] = first
+    return float(1 - total / (blocks * numbers.sum(dtype=np.float64)))

@@ -1,0 +1,67 @@
+"""One row of the table of readings at the extremes, and its cells as text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mitsuba_taxel.bench.row import cell
+
+RIGHT = "right"
+MOST_DEVIATIONS = 4.0
+"""Of the errors of a reading and what it is compared with, between the two."""
+
+
+@dataclass(frozen=True)
+class ReadingRow:
+    """What became of a case; numbers that there are none of are not numbers (NaN).
+
+    Attributes
+    ----------
+    verdict : ``right``, ``refused: ...`` with the message, or how the process ended; and what else was seen
+    wrong : what is wrong, empty if nothing is
+    power : W, of the taxel that is worst
+    error : relative, of light and mechanics
+    reference : W, what the reading should be
+    deviations : of the errors of both, that the reading is from it
+    by : what the reference comes from
+    seconds : of processors' time
+    megabytes : most memory
+    """
+
+    case: str
+    verdict: str
+    wrong: str = ""
+    power: float = math.nan
+    error: float = math.nan
+    reference: float = math.nan
+    deviations: float = math.nan
+    by: str = ""
+    seconds: float = math.nan
+    megabytes: float = math.nan
+
+
+READING_HEADINGS = {
+    "case": "case",
+    "verdict": "verdict",
+    "power": "power [W]",
+    "error": "error",
+    "reference": "reference [W]",
+    "deviations": "deviations",
+    "by": "reference by",
+    "seconds": "CPU s",
+    "megabytes": "MB",
+}
+_FORMS = {
+    "power": ".5e",
+    "error": ".1e",
+    "reference": ".5e",
+    "deviations": "+.1f",
+    "seconds": ".1f",
+    "megabytes": ".0f",
+}
+
+
+def reading_cells(row: ReadingRow) -> list[str]:
+    """The row's cells as text, in the order of :data:`READING_HEADINGS`; "-" where there is no number."""
+    return [cell(row, name, _FORMS) for name in READING_HEADINGS]
