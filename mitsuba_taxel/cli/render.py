@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import click
@@ -27,6 +28,7 @@ from .options import (
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="MAP.exr", help="Write an irradiance map.")
 @click.option("--audit", is_flag=True, help="Also account for the light: absorbed where, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
+@click.option("--explain", is_flag=True, help="Also say what this scene did not need, and was left out.")
 @json_option
 @debug_option
 def command(
@@ -39,6 +41,7 @@ def command(
     output: Path | None,
     audit: bool,
     crosstalk: bool,
+    explain: bool,
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
@@ -49,6 +52,7 @@ def command(
 
     if output is not None:
         check_new_file(output, ".exr")
+    began = time.time()
     description = optics.Scene.from_file(scene, **defines)
     with tables.progress_bar("pads and light"):
         readings = optics.measure(
@@ -60,7 +64,7 @@ def command(
             irradiance=output is not None,
         )
     description = description.with_mesh_size(readings.mesh_size)
-    matrix = book = None
+    matrix = book = lines = None
     if crosstalk:
         with tables.progress_bar("crosstalk"):
             matrix = optics.crosstalk(description, points=readings.points, seed=seed)
@@ -68,6 +72,11 @@ def command(
         number = {} if points is None else {"points": points}
         with tables.progress_bar("energy audit") as progress:
             book = optics.energy_audit(description, seed=seed, progress=progress, **number)
+    if explain:
+        from mitsuba_taxel.optics.leaving_out import left_out
+        from mitsuba_taxel.optics.runs import prepare
+
+        lines = left_out(prepare(description), irradiance=output is not None, crosstalk=crosstalk, began=began)
     if output is not None:
         from mitsuba_taxel.report.maps import write_irradiance
 
@@ -75,13 +84,16 @@ def command(
     if as_json:
         import json
 
-        click.echo(json.dumps(readings_as_json(readings) | crosstalk_as_json(matrix) | audit_as_json(book)))
+        answer = readings_as_json(readings) | crosstalk_as_json(matrix) | audit_as_json(book)
+        click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
         return
     tables.print_readings(readings)
     if matrix is not None:
         tables.print_crosstalk(matrix)
     if book is not None:
         tables.print_audit(book)
+    if lines is not None:
+        tables.print_left_out(lines)
 
 
 def readings_as_json(readings) -> dict[str, object]:

@@ -159,3 +159,10 @@ def study_bar() -> Iterator[Callable]:
             bar.update(task, completed=progress.done, total=progress.total, description=words)
 
         yield show
+
+
+def print_left_out(lines: Sequence[str]) -> None:
+    """What a scene did not need, one line each."""
+    print("\nLeft out of this scene:")
+    for line in lines:
+        print(f"  {line}")

@@ -14,7 +14,6 @@ from itertools import product
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.optimize import nnls
 
 from mitsuba_taxel.pads.volume_mesh import FACE_EDGES
 
@@ -85,6 +84,8 @@ def _common_point(pair: np.ndarray) -> Place:
     size = max(np.abs(corners - others[:, :1]).max(), np.finfo(float).tiny)
     equal = np.concatenate([corners - others[:, :1], others[:, :1] - others], axis=1) / size
     sums = np.repeat(np.eye(2), 3, axis=1)
+    from scipy.optimize import nnls  # here, as a pad at rest does without
+
     weights, _ = nnls(np.concatenate([equal, sums]), np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
     x, y, z = corners @ weights[:3] + pair[:, 12]
     return float(x), float(y), float(z)

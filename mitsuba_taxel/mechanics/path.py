@@ -225,7 +225,7 @@ class _Path:
         used = []
         turned = value
         for mirror in MIRRORS:
-            if mirror in self.images and len(value) == 3 and mirror.side(turned) < 0:
+            if len(value) == 3 and mirror.side(turned) < 0 and mirror in self.images:
                 turned = mirror.image(turned)
                 used.append(mirror)
         displacement, pressure, at = self._canonical(turned, used)

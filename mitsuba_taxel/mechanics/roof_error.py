@@ -56,7 +56,7 @@ class RoofComparison:
         area = np.linalg.norm(normal, axis=1)
         self._normal, self._weight = normal / area[:, None], area / area.sum()
         self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
-        self._mesh, self._seen = mesh, np.unique(mesh.faces[mesh.face_cell > 0])
+        self._seen = np.unique(mesh.faces[mesh.face_cell > 0])
         # Curved roofs of two meshes lie beside each other, by less than their elements' size.
         locator, tolerance = PointLocator(coarse), 0.1 * np.ptp(mesh.points[:, 2])
         self._there = locator.locate(points, tolerance)

@@ -41,7 +41,7 @@ class FaceGrid:
         self.count = rows * columns
         self.scale = scale
         # Only copies of numbers: a stock integrator may ask first, while it records a kernel, when none can run.
-        self.centres = mi.Point3f(*(mi.Float(np.ascontiguousarray(c, dtype=np.float32)) for c in world.T))
+        self.centres = mi.Point3f(*(mi.Float(_aligned(c)) for c in world.T))
         axes = matrix[:3, :3].T / scale
         self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
         self.origin = _opaque(mi.Point3f, world[0])
@@ -124,3 +124,11 @@ def similarity_scale(matrix: np.ndarray) -> float:
     if not scale > 0 or not np.allclose(linear.T @ linear, scale**2 * np.eye(3), atol=1e-4 * scale**2):
         raise InputError("to_world must be a rigid motion with at most a uniform scale (no shear, no mirror).")
     return scale
+
+
+def _aligned(values: np.ndarray) -> np.ndarray:
+    """Single precision on a boundary of 64 bytes: Dr.Jit takes memory as it is, and its alignment into the kernel."""
+    buffer = np.empty(len(values) + 16, np.float32)
+    start = -buffer.ctypes.data % 64 // 4
+    buffer[start : start + len(values)] = values
+    return buffer[start : start + len(values)]

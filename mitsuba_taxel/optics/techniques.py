@@ -76,6 +76,7 @@ class Techniques:
         self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
         self.area = sensor.faces.area
         self.detector = mi.ShapePtr(sensor.get_shape())
+        dr.make_opaque(self.detector)  # another phototransistor needs no other kernel
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:

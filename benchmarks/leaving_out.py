@@ -1,0 +1,280 @@
+"""What leaving out is worth: shipped scenes as they are, and with what they do not need done all the same.
+
+Run it as ``python benchmarks/leaving_out.py [--scenes NAME ...] [--markdown FILE]``. Each row is taken in processes of
+its own: first with empty caches of kernels and solutions, then twice with what the first has left there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+# Nothing else here: a row counts the modules that its scene needs.
+
+SCENES: dict[str, tuple[str, dict[str, object]]] = {
+    "plate": ("plate.xml", {}),
+    "pad": ("pad.xml", {}),
+    "pad-10": ("pad.xml", {"fz": -10}),
+    "hexagonal": ("hexagonal.xml", {}),
+}
+POINTS = 256
+SMALLEST_KERNEL = 100
+"""Operations; how many smaller ones there are, which only read numbers, is not always the same."""
+HEAVY = ("matplotlib", "meshio", "netgen", "pandas", "pytetwild", "rslab", "scipy", "trimesh", "xarray")
+AS_IS, ALL = "as it is", "all of these"
+HEADINGS = ("scene", "done all the same", "modules", "heavy ones", "triangles", "unknowns", "kernels", "operations",
+            "first CPU s", "again CPU s", "Z")  # fmt: skip
+
+
+def _import_everything() -> None:
+    import pkgutil
+    from importlib import import_module
+
+    import mitsuba_taxel
+
+    for name in HEAVY:
+        if name != "pytetwild":  # the mesher's own process alone can import it
+            import_module(name)
+    for room in pkgutil.walk_packages(mitsuba_taxel.__path__, "mitsuba_taxel."):
+        if not room.name.startswith(("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.worker")):
+            import_module(room.name)
+
+
+def _solve_the_whole_pad() -> None:
+    from mitsuba_taxel.mechanics.path import _Path
+
+    _Path.images = property(lambda path: {})
+
+
+def _solve_without_load() -> None:
+    """Solve for the state of rest, and trace what its error, which is 0, does to the readings."""
+    import numpy as np
+
+    from mitsuba_taxel.mechanics.path import _Path
+    from mitsuba_taxel.optics import mechanics_error, targets
+
+    state = _Path.state
+
+    def solved(path: _Path, value: np.ndarray):
+        direction = np.eye(len(value))[-1]
+        pad = path._pad_for(0 * direction, direction)
+        pad.solve(np.zeros(pad.unknowns), value)
+        return state(path, value)
+
+    def pads(scene):
+        return [shape for shape in scene.shapes() if hasattr(shape, "state")]
+
+    _Path.state = solved
+    targets.loaded_pads = mechanics_error.loaded_pads = pads
+
+
+def _cut_everything_finely() -> None:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from mitsuba_taxel.mechanics import surface
+
+    cut = surface._cut
+
+    def longest(mesh, faces) -> float:
+        corners = mesh.points[faces[:, :3]]
+        return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
+
+    def finely(mesh, subdivision, cells=None):
+        """As fine in the cells as before."""
+        ratio = longest(mesh, mesh.faces) / longest(mesh, mesh.faces[mesh.face_cell > 0])
+        side = np.full_like(mesh.face_region, surface.REGIONS["side"])
+        return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
+
+    surface._cut = finely
+
+
+def _only_asked_for() -> None:
+    """What another request alone brings about."""
+
+
+ALL_THE_SAME: dict[str, Callable[[], None]] = {
+    "everything imported": _import_everything,
+    "three channels traced": _only_asked_for,
+    "whole pad solved": _solve_the_whole_pad,
+    "unloaded pad solved": _solve_without_load,
+    "all of the surface cut finely": _cut_everything_finely,
+    "irradiance map accumulated": _only_asked_for,
+    "all pairs traced": _only_asked_for,
+}
+OF_ANY = ("everything imported", "three channels traced", "irradiance map accumulated")
+"""What can be done to a scene without a pad."""
+
+
+def additions(scene: str) -> list[list[str]]:
+    """What is done all the same in each row of a scene."""
+    file, values = SCENES[scene]
+    loaded = any(values.values())
+    possible = [
+        name
+        for name in ALL_THE_SAME
+        if (file != "plate.xml" or name in OF_ANY)
+        and name != ("unloaded pad solved" if loaded else "whole pad solved")
+        and (file == "pad.xml" or name != "all pairs traced")  # crosstalk takes one array
+    ]
+    return [[], *([name] for name in possible), possible]
+
+
+def row(scene: str, added: list[str]) -> dict:
+    """Figures of one scene, in this process."""
+    from mitsuba_taxel.optics import Scene  # before anything imports mitsuba: it chooses the LLVM
+
+    # isort: split
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb" if "three channels traced" in added else "llvm_ad_mono")
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
+    dr.set_thread_count(1)  # waiting threads take time as well
+    from mitsuba_taxel.optics import crosstalk, measure
+    from mitsuba_taxel.optics.runs import prepare
+
+    for name in added:
+        ALL_THE_SAME[name]()
+    file, values = SCENES[scene]
+    ready = prepare(Scene.from_file(file, **values))
+    readings = measure(ready, points=POINTS, irradiance="irradiance map accumulated" in added)
+    power, error = readings.power, readings.standard_error
+    if "all pairs traced" in added:
+        matrix = crosstalk(ready, points=POINTS)
+        power, error = matrix.power.diagonal(), matrix.standard_error.diagonal()
+    sizes = {kernel["hash"]: kernel["operation_count"] for kernel in dr.kernel_history([dr.KernelType.JIT])}
+    kernels = [size for size in sizes.values() if size >= SMALLEST_KERNEL]
+    modules = set(sys.modules)
+    return {
+        "modules": len(modules),
+        "heavy": [name for name in HEAVY if name in modules],
+        "triangles": sum(s.face_count() for s in ready.scene.shapes() if s.is_mesh() and s.class_name() != "Rectangle"),
+        "unknowns": _unknowns(),
+        "kernels": len(kernels),
+        "operations": sum(kernels),
+        "power": power.tolist(),
+        "error": error.tolist(),
+    }
+
+
+def _unknowns() -> int:
+    """Of the largest system of equations that was solved, 0 if none was."""
+    import gc
+
+    pads = [thing for thing in gc.get_objects() if type(thing).__name__ == "LoadedPad"]
+    return max((pad.unknowns for pad in pads if pad._solver._symbolic is not None), default=0)
+
+
+def with_seconds(scene: str, added: list[str]) -> dict:
+    """The row of a first run, with its CPU seconds and the least of two later ones."""
+    with tempfile.TemporaryDirectory() as folder:
+        kept = {"HOME": folder, "MITSUBA_TAXEL_CACHE": str(Path(folder) / "solutions")}
+        figures, seconds = _run(scene, added, kept)
+        return figures | {"seconds": [seconds, min(_run(scene, added, kept)[1] for _ in range(2))]}
+
+
+def _run(scene: str, added: list[str], kept: dict[str, str]) -> tuple[dict, float]:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, __file__, "--row", json.dumps([scene, added])]
+    done = subprocess.run(command, env=os.environ | kept, stdout=subprocess.PIPE, text=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return json.loads(done.stdout), after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def table(scenes: list[str]) -> list[tuple[str, ...]]:
+    """All rows in words; each is printed as it comes."""
+    rows = []
+    for scene in scenes:
+        first = None
+        for added in additions(scene):
+            figures = with_seconds(scene, added)
+            first = first or figures
+            file, values = SCENES[scene]
+            name = ", ".join([file, *(f"{key} = {value}" for key, value in values.items())])
+            what = AS_IS if not added else ALL if len(added) > 1 else added[0]
+            rows.append(
+                (
+                    name,
+                    what,
+                    str(figures["modules"]),
+                    ", ".join(figures["heavy"]) or "-",
+                    str(figures["triangles"]),
+                    str(figures["unknowns"]),
+                    str(figures["kernels"]),
+                    str(figures["operations"]),
+                    *(f"{seconds:.1f}" for seconds in figures["seconds"]),
+                    "-" if figures is first else f"{_apart(first, figures):.2f}",
+                )
+            )
+            print(" | ".join(rows[-1]), flush=True)
+    return rows
+
+
+def _apart(here: dict, there: dict) -> float:
+    """Largest change of a reading in standard errors of the two."""
+    columns = zip(here["power"], there["power"], here["error"], there["error"], strict=True)
+    return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
+
+
+PAGE = """# What leaving out is worth
+
+Written by `python benchmarks/leaving_out.py --markdown docs/leaving_out.md`; do not edit by hand.
+`taxel render SCENE --explain` says what was left out of a scene.
+
+Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the scene as it is; the next
+do one thing all the same that the scene does not need; the last does all of them.
+
+{table}
+
+- **modules**, **heavy ones**: Python modules imported; packages among them that are slow to import.
+- **triangles**: of the meshes that light is traced through.
+- **unknowns**: of the largest system of equations solved; 0 if none is.
+- **kernels**, **operations**: distinct kernels of {smallest} operations or more that Dr.Jit has run, and the operations
+  of their intermediate representation together.
+- **first CPU s**: from start to end of the process, with empty caches of kernels and solutions, traced by one thread;
+  **again CPU s**: the least of two runs with what the first has left there (a pad without load is solved anew). Rows
+  that do the same work differ by up to a third where the machine does other things as well.
+- **Z**: largest change of a reading against the first row, in standard errors of the light. The random numbers are the
+  same except where all pairs are traced: a change of one or two is to be expected there alone.
+
+What is left out in any case, and so has no row: paths end at absorbing walls by themselves. Under a plate, or an
+unloaded flat roof, all that reflects lies in one plane, and no path is reflected twice: `max_depth` = 1 gives the same
+readings to the bit. And of three channels `taxel_tracer` traces the first alone, in any variant: Dr.Jit leaves out what
+the others would take.
+"""
+
+
+def page(rows: list[tuple[str, ...]]) -> str:
+    """The table as a Markdown page."""
+    aligned = [":--" if heading in ("scene", "done all the same", "heavy ones") else "--:" for heading in HEADINGS]
+    lines = ["| " + " | ".join(cells) + " |" for cells in (HEADINGS, aligned, *rows)]
+    return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table="\n".join(lines))
+
+
+def main() -> None:
+    """Parse the command line, run, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES), help="which scenes")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table as a page, too")
+    parser.add_argument("--row", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.row:
+        print(json.dumps(row(*json.loads(options.row))))
+        return
+    print(" | ".join(HEADINGS))
+    rows = table(options.scenes)
+    if options.markdown:
+        options.markdown.write_text(page(rows), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""`taxel render --explain`, and that what it says was left out was not even imported."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {
+    "dask", "distributed", "matplotlib", "meshio", "netgen", "OpenEXR", "pandas", "pytetwild", "rslab", "scipy",
+    "trimesh", "xarray",
+}  # fmt: skip
+NO_PAD = "no pad: no mechanics imported, meshed or solved"
+UNLOADED = "pad without load: meshed, nothing solved"
+KEPT = "meshes and solutions kept on disk: nothing meshed or solved anew"
+
+PAD = """<scene version="3.9.0">
+    <default name="fz" value="0"/>
+    <integrator type="taxel_tracer"/>
+    <shape type="deformable_pad">
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
+        <vector name="force" value="0, 0, $fz"/>
+        <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+
+
+@pytest.fixture
+def modules(tmp_path, monkeypatch):
+    """Run `taxel` in a fresh process: ``modules("render", ...)`` -> what it printed, and which modules it imported."""
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "kept"))
+    (tmp_path / "pad.xml").write_text(PAD)
+    code = "import sys, taxel_cli; taxel_cli.taxel(sys.argv[1:], standalone_mode=False); print(); print(*sys.modules)"
+
+    def run(*words: object) -> tuple[dict, set[str]]:
+        command = [sys.executable, "-c", code, *map(str, words)]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=300)
+        answer, names = done.stdout.split("\n\n")
+        return json.loads(answer), set(names.split())
+
+    return run
+
+
+def test_the_package_imports_mitsuba_and_nothing_else_heavy():
+    code = "import sys, mitsuba_taxel; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    imported = set(done.stdout.split())
+    assert "mitsuba" in imported and not (HEAVY | {"click", "rich", "filelock"}) & imported
+    assert not {name for name in imported if name.startswith(("mitsuba_taxel.mechanics", "mitsuba_taxel.studies"))}
+
+
+def test_a_plate_imports_nothing_of_the_mechanics(modules):
+    answer, imported = modules("render", "plate.xml", "--points", 64, "--explain", "--json")
+    assert NO_PAD in answer["left_out"]
+    assert not HEAVY & imported
+    assert not {name for name in imported if name.startswith(("mitsuba_taxel.mechanics", "mitsuba_taxel.report"))}
+
+
+def test_a_pad_imports_what_its_load_needs(modules):
+    """Unloaded it is meshed and not solved; once it is kept, it is not even meshed."""
+    first, imported = modules("render", "pad.xml", "--points", 64, "--explain", "--json")
+    assert UNLOADED in first["left_out"] and KEPT not in first["left_out"]
+    assert HEAVY & imported == {"netgen", "scipy"}
+    again, imported = modules("render", "pad.xml", "--points", 64, "--explain", "--json")
+    assert KEPT in again["left_out"] and HEAVY & imported == {"scipy"}
+    assert again["readings"] == first["readings"]
+    loaded, imported = modules("render", "pad.xml", "-D", "fz=-0.2", "--points", 64, "--explain", "--json")
+    assert UNLOADED not in loaded["left_out"] and HEAVY & imported == {"netgen", "rslab", "scipy"}
+    (solved,) = [line for line in loaded["left_out"] if line.startswith("symmetric pad and load")]
+    assert "an eighth of the pad" in solved and "(0, 0, -0.2) N" in solved
+
+
+def test_reasons_follow_the_readings(taxel):
+    done = taxel("render", "plate.xml", "--points", 64, "--crosstalk", "--explain")
+    assert done.returncode == 0 and done.stderr == ""
+    _, matrix, reasons = done.stdout.split("\n\n")
+    heading, *lines = reasons.splitlines()
+    assert matrix.startswith("Crosstalk") and heading == "Left out of this scene:"
+    assert f"  {NO_PAD}" in lines and "  no irradiance map asked for: none accumulated" in lines
+
+
+def test_a_map_is_not_left_out(taxel):
+    done = taxel("render", "plate.xml", "--points", 64, "-o", "map.exr", "--explain", "--json")
+    assert not any("irradiance" in line for line in json.loads(done.stdout)["left_out"])
+
+
+def test_without_the_option_nothing_is_said(taxel):
+    assert "left_out" not in json.loads(taxel("render", "plate.xml", "--points", 64, "--json").stdout)
