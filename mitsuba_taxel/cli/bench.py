@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option
+from .options import debug_option, defines_option, folder_option
 
 
 @click.group(short_help="Tables of how the program does at the extremes.")
@@ -15,16 +15,17 @@ def command() -> None:
     """Make a table of how the program does at the extremes anew."""
 
 
-@command.command("stability", short_help="Pads, materials and loads at the extremes of the mechanics.")
+@command.command("stability", short_help="Pads, loads and readings at the extremes.")
 @click.option("--only", metavar="PATTERN", help="Part of the names of the rows wanted; * and ? stand for anything.")
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows, all digits.")
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def stability_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Load pads at the extremes of the mechanics and say what became of each.
+    """Load pads and read sensors at the extremes, and say what became of each.
 
     Rows are measured one by one, each in a process of its own; files hold those measured so far.
     """
+    from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
     from mitsuba_taxel.bench.row import HEADINGS, Row, cells
     from mitsuba_taxel.bench.stability import check, stability
 
@@ -33,12 +34,48 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     def starting(number: int, count: int, name: str) -> None:
         click.echo(f"{number}/{count} {name}: ", nl=False, err=True)
 
-    rows: list[Row] = []
+    rows: list[Row | ReadingRow] = []
     try:
         for row in stability(only, csv, markdown, starting):
             rows.append(row)
-            click.echo(cells(row)[1], err=True)
+            click.echo(f"{row.verdict}{f'; WRONG: {row.wrong}' if row.wrong else ''}", err=True)
     finally:
-        if rows:
-            print_text_table(list(HEADINGS.values()), map(cells, rows))
+        mechanics = [cells(row) for row in rows if isinstance(row, Row)]
+        readings = [reading_cells(row) for row in rows if isinstance(row, ReadingRow)]
+        for headings, table in ((HEADINGS, mechanics), (READING_HEADINGS, readings)):
+            if table:
+                print_text_table(list(headings.values()), table)
     check(rows)
+
+
+@command.command("accuracy", short_help="Error against time of every way to read a scene.")
+@click.argument("scene")
+@defines_option
+@folder_option
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0, min_open=True),
+    default=5.0,
+    show_default=True,
+    help="For each way to compute the light, and for the longest solution of the mechanics; a reference takes longer.",
+)
+@debug_option
+def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds: float) -> None:
+    """Measure what error every way to read SCENE has after how much time, as table, CSV and diagram.
+
+    Light: each integrator, judged by one of another family. Mechanics: element sizes and load steps, judged by much
+    smaller ones. Chain: readings and slopes to a target error, judged by small elements with long light.
+    """
+    from mitsuba_taxel.bench.accuracy import accuracy
+    from mitsuba_taxel.bench.accuracy_mechanics import ELEMENTS
+    from mitsuba_taxel.bench.accuracy_tables import HEADINGS, PEERS, cells
+    from mitsuba_taxel.optics import Scene
+
+    from .tables import print_text_table
+
+    curves = accuracy(Scene.from_file(scene, **defines), folder, seconds, lambda step: click.echo(step, err=True))
+    print_text_table(HEADINGS, map(cells, curves))
+    click.echo("Seconds are of all processors together; compilation is not in them.")
+    if any(curve.part == "mechanics" and curve.points for curve in curves):
+        click.echo(ELEMENTS)
+    click.echo(PEERS)

@@ -80,12 +80,12 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 def _common_point(pair: np.ndarray) -> Place:
     """The point of a flat patch nearest to its partner."""
+    from scipy.optimize import nnls  # here, as a pad at rest does without
+
     corners, others = pair[:, :3], pair[:, 6:9]
     size = max(np.abs(corners - others[:, :1]).max(), np.finfo(float).tiny)
     equal = np.concatenate([corners - others[:, :1], others[:, :1] - others], axis=1) / size
     sums = np.repeat(np.eye(2), 3, axis=1)
-    from scipy.optimize import nnls  # here, as a pad at rest does without
-
     weights, _ = nnls(np.concatenate([equal, sums]), np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
     x, y, z = corners @ weights[:3] + pair[:, 12]
     return float(x), float(y), float(z)

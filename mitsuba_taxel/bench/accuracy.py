@@ -1,0 +1,100 @@
+"""Work-precision diagrams of a scene: what error each way to read it has after how much time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from mitsuba_taxel.bench.accuracy_chain import chain_curves, near_load, reading_curve, slope_limit
+from mitsuba_taxel.bench.accuracy_mechanics import (
+    LoadedPad,
+    limits,
+    open_pads,
+    size_errors,
+    size_runs,
+    tolerance_errors,
+    tolerance_runs,
+)
+from mitsuba_taxel.bench.accuracy_optics import REFERENCE_TIME, optics_curves
+from mitsuba_taxel.bench.accuracy_tables import write_csv
+from mitsuba_taxel.bench.work_precision import Curve
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.optics.mechanics_error import loaded_pads
+from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.optics.scene import Scene
+from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
+from mitsuba_taxel.report.accuracy import plot_accuracy
+from mitsuba_taxel.studies.files import make_folder
+
+
+def accuracy(
+    scene: Scene, folder: Path, seconds: float, starting: Callable[[str], None] = lambda step: None
+) -> list[Curve]:
+    """Measure error against time, and write ``accuracy.csv``, ``accuracy.png`` and ``accuracy.svg`` to a folder.
+
+    Parameters
+    ----------
+    seconds : of all processors together, for each method of the light, and for the longest solution of the mechanics;
+        references, and each reading to a target error (by the clock there), may take four times as long, and the mesh
+        that the mechanics is judged by sixteen times
+    starting : called with the name of each step
+
+    Raises
+    ------
+    InputError
+        if the time is not allowed, the scene cannot be built or read, or the folder cannot be written to.
+    ComputationError
+        if a pad cannot be deformed as asked, or no two independent methods can compute the light.
+    """
+    if not 0 < seconds < math.inf:
+        raise InputError(f"seconds = {seconds} is not allowed: a finite number above 0 is needed.")
+    make_folder(folder)
+    live = prepare(scene).scene
+    taxels_of(live)
+    pads, loaded = open_pads(live, scene.mesh_size), bool(loaded_pads(live))
+    del live
+    curves, light = optics_curves(scene, seconds, starting)
+    _write(curves, scene, folder)
+    if pads:
+        curves += _with_pads(scene, pads, seconds, starting)
+    elif loaded:
+        reason = "the scene says how fine the mesh of its loaded pads is: there is nothing to compare it with"
+        curves += [Curve(part, "", [], remark=reason) for part in ("mechanics", "chain")]
+    else:
+        curves.append(Curve("mechanics", "", [], remark="no pad of the scene bears a load"))
+        curves.append(reading_curve(scene, light, REFERENCE_TIME * seconds, starting))
+    _write(curves, scene, folder)
+    return curves
+
+
+def _write(curves: Sequence[Curve], scene: Scene, folder: Path) -> None:
+    write_csv(curves, folder / "accuracy.csv")
+    plot_accuracy(curves, title(scene), [folder / "accuracy.png", folder / "accuracy.svg"])
+
+
+def title(scene: Scene) -> str:
+    """The scene's name, and what its parameters are where they are not the default."""
+    changed = [f"{name} = {value}" for name, value in scene.parameters.items() if value != scene.defaults.get(name)]
+    return ", ".join([scene.name, *changed])
+
+
+def _with_pads(scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting: Callable[[str], None]) -> list[Curve]:
+    """Curves of the mechanics and of the whole chain."""
+    near = near_load(scene)
+    try:
+        solved, ended = size_runs(scene, pads, seconds, starting)
+        size = min(solved)
+        starting(f"mechanics: reference on elements of {0.5 * size:.2g} mm")
+        found = limits([scene, near.scene] if near else [scene], size)
+    except ComputationError as reason:
+        return [Curve(part, "", [], remark=str(reason)) for part in ("mechanics", "chain")]
+    truth = found[0].truth
+    sizes = size_errors(solved, found[0], ended)
+    middle = min(solved, key=lambda h: abs(h - DEFAULT_MESH_SIZE))
+    steps = tolerance_errors(*tolerance_runs(scene, pads, middle, starting))
+    slopes = slope_limit(found[0], found[1], near.step).truth if near else None
+    if slopes is not None and not slopes.power.any():  # the force is not one that loads the pad
+        near = slopes = None
+    return [sizes, steps, *chain_curves(scene, truth, near, slopes, REFERENCE_TIME * seconds, starting)]

@@ -1,0 +1,147 @@
+"""The whole chain: total error, stated and true, of a reading and of a slope of it against force, by target error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, Limit, from_nothing
+from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
+from mitsuba_taxel.optics.readings import measure
+from mitsuba_taxel.optics.results import ERROR_SHARE, Readings, standard_error
+from mitsuba_taxel.optics.scene import Scene
+
+TARGETS = (0.02, 0.01, 0.005, 0.002)
+NEAR = 0.95
+"""The other load that a slope is taken to, relative to the scene's."""
+FORCES = ("fz", "fx", "fy")
+
+
+class Near(NamedTuple):
+    """The scene under a load nearby.
+
+    Attributes
+    ----------
+    force : name of the parameter
+    step : in N, from there to the scene's own
+    """
+
+    scene: Scene
+    force: str
+    step: float
+
+
+def near_load(scene: Scene) -> Near | None:
+    """The scene under a slightly smaller force, if it declares one that is not 0."""
+    for name in FORCES:
+        try:
+            force = float(scene.parameters.get(name, 0))
+        except ValueError:
+            continue
+        if force:
+            near = Scene(scene.source, {**scene.parameters, name: NEAR * force}, scene.mesh_size)
+            return Near(near, name, (1 - NEAR) * force)
+    return None
+
+
+def slope_limit(limit: Limit, near_limit: Limit, step: float) -> Limit:
+    """Slope of readings in the limit of small elements, in W/N."""
+    replicates = (limit.replicates - near_limit.replicates) / step
+    return Limit(replicates, (limit.change - near_limit.change) / step, limit.size)
+
+
+def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> Curve:
+    """Only the reading, of a scene whose pads bear no load.
+
+    Parameters
+    ----------
+    seconds : time budget of each reading
+    """
+    measure(scene, points=1)  # compiles
+    points = []
+    for target in TARGETS:
+        starting(f"chain: target {target:.1%}")
+        found, spent = _timed(scene, target, seconds)
+        points.append(_reading_point(found, truth.power, spent, target, truth))
+    return Curve("chain", "reading", points, launched=True)
+
+
+def chain_curves(
+    scene: Scene, truth: Truth, near: Near | None, slope: Truth | None, seconds: float, starting: Callable[[str], None]
+) -> list[Curve]:
+    """A curve for the reading, and one for its slope if there is a load nearby; all of it solved from nothing.
+
+    The slope takes another reading on the mesh and with the points that the target error led to.
+    """
+    readings, slopes = [], []
+    measure(scene, points=1)  # compiles
+    for target in TARGETS:
+        starting(f"chain: target {target:.1%}")
+        with from_nothing():
+            found, spent = _timed(scene, target, seconds)
+            if near is not None and slope is not None:
+                start = now()
+                other = measure(near.scene.with_mesh_size(found.mesh_size), points=found.points)
+                slopes.append(_slope_point(found, other, near.step, spent + now() - start, target, slope))
+            on_this_mesh = scene.with_mesh_size(found.mesh_size)
+            long = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power
+        readings.append(_reading_point(found, long, spent, target, truth))
+    curves = [Curve("chain", "reading", readings)]
+    return curves if near is None else [*curves, Curve("chain", f"slope over {near.force}", slopes)]
+
+
+def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
+    start = now()
+    found = measure(scene, target_error=target, time_budget=seconds)
+    return found, now() - start
+
+
+def _reading_point(found: Readings, long: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
+    """``long`` is what long light reads on the mesh of what was found."""
+    shares = {
+        "light_error": relative_rms(found.power - long, truth.power),
+        "mechanics_error": relative_rms(long - truth.power, truth.power),
+        "stated_light": relative_rms(found.standard_error, found.power),
+        "stated_mechanics": relative_rms(found.mechanics_error, found.power),
+    }
+    return Point(
+        setting=f"{target:.1%}",
+        seconds=seconds,
+        error=relative_rms(found.power - truth.power, truth.power),
+        stated=relative_rms(found.total_error, found.power),
+        floor=truth.floor,
+        reference=truth.name,
+        runs=1,
+        readings=int((truth.power > 0).sum()),
+        shares=shares | {f"{stage}_seconds": value for stage, value in found.seconds.items()},
+        remark="; ".join(remark for remark in found.remarks if "not reached" in remark),
+    )
+
+
+def _slope_point(found: Readings, other: Readings, step: float, seconds: float, target: float, slope: Truth) -> Point:
+    """Errors are relative to the root mean square of all taxels' slopes, some of which may be nearly 0."""
+    value = (found.power - other.power) / step
+    light = standard_error((found.replicates - other.replicates) / step)
+    # What the mechanics is off by is nearly the same in both readings, and drops out.
+    mechanics = np.zeros_like(value)
+    if found.deviation is not None and other.deviation is not None:
+        mechanics = ERROR_SHARE * (found.deviation - other.deviation) / step
+    size = np.linalg.norm(slope.power)
+    stages = {stage: found.seconds.get(stage, 0.0) + other.seconds.get(stage, 0.0) for stage in found.seconds}
+    return Point(
+        setting=f"{target:.1%}",
+        seconds=seconds,
+        error=float(np.linalg.norm(value - slope.power) / size),
+        stated=float(np.linalg.norm(np.hypot(light, mechanics)) / size),
+        floor=float(np.linalg.norm(slope.error) / size),
+        reference=slope.name,
+        runs=1,
+        readings=len(value),
+        shares={
+            "stated_light": float(np.linalg.norm(light) / size),
+            "stated_mechanics": float(np.linalg.norm(mechanics) / size),
+            **{f"{stage}_seconds": value for stage, value in stages.items()},
+        },
+    )

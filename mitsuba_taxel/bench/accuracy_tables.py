@@ -1,0 +1,60 @@
+"""Work-precision curves as a CSV with all digits, and as the rows of a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from mitsuba_taxel.bench.work_precision import Curve, slope
+from mitsuba_taxel.studies.files import replacing
+
+COLUMNS = (
+    "part", "method", "setting", "seconds", "error", "stated_error", "floor", "reference", "runs", "light_error",
+    "mechanics_error", "stated_light", "stated_mechanics", "mechanics_seconds", "load_seconds", "optics_seconds",
+    "remark",
+)  # fmt: skip
+HEADINGS = ("part", "method", "points", "error", "stated", "reference", "seconds", "slope", "remark")
+PEERS = (
+    "Radiance, raysect, a loop over Embree and CalculiX do special cases only, for which they were modelled by hand: "
+    "benchmarks/optics.py compares the first three with this project on a plate, Embree on pads too, and "
+    "benchmarks/mechanics.py compares CalculiX on a pad. For other scenes they cannot be run from here."
+)
+
+
+def write_csv(curves: Sequence[Curve], file: Path) -> None:
+    """Write every point with all digits, one a line; what is not known is empty."""
+    with replacing(file) as temporary, temporary.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, COLUMNS)
+        writer.writeheader()
+        for one in curves:
+            for point in one.points:
+                row = {
+                    "part": one.part, "method": one.method, "setting": point.setting, "seconds": point.seconds,
+                    "error": point.error, "stated_error": point.stated, "floor": point.floor,
+                    "reference": point.reference, "runs": point.runs, "remark": point.remark, **point.shares,
+                }  # fmt: skip
+                unknown = {name for name, value in row.items() if isinstance(value, float) and math.isnan(value)}
+                writer.writerow({name: value for name, value in row.items() if name not in unknown})
+            if not one.points:
+                writer.writerow({"part": one.part, "method": one.method, "remark": one.remark})
+
+
+def cells(curve: Curve) -> list[str]:
+    """One method's row of the table, in the order of :data:`HEADINGS`: what its last point reached."""
+    if not curve.points:
+        return [curve.part, curve.method or "-", "0", "-", "-", "-", "-", "-", f"not possible: {curve.remark}"]
+    last = curve.points[-1]
+    steepness = slope(curve)
+    return [
+        curve.part,
+        curve.method,
+        str(len(curve.points)),
+        f"{last.error:.2g}" if last.error > last.floor else f"< {last.floor:.2g}",
+        "-" if math.isnan(last.stated) else f"{last.stated:.2g}",
+        f"{last.reference} (+- {last.floor:.1g})",
+        f"{last.seconds:.3g}",
+        "-" if math.isnan(steepness.value) else f"{steepness.value:.2f} +- {steepness.standard_error:.2f}",
+        "; ".join(dict.fromkeys(filter(None, [curve.remark, last.remark]))) or "-",
+    ]

@@ -1,0 +1,125 @@
+"""Error against time: the points of a work-precision diagram, and how steeply the error falls."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+now = time.process_time
+"""Seconds of all processors together, so that what else a machine does meanwhile matters little."""
+WARM = 2.0
+"""Times the seconds of the shortest run, from which a run is about its work and no longer about being launched."""
+ABOVE_FLOOR = 2.0
+"""Times the reference's own error, above which an error is that of the method."""
+
+LEAST_SPAN = 2.0
+"""Times the seconds of its first point that the last of a curve must have taken, for a slope to be told."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one method gave with one setting.
+
+    Attributes
+    ----------
+    setting : what was varied, in words
+    seconds : of one run
+    error : relative, against the reference; root mean square over taxels and runs
+    stated : relative error that the method itself states; not a number where it states none
+    floor : relative error of the reference: nothing is claimed below it
+    reference : what the error was taken against
+    runs : with seeds of their own
+    readings : numbers that `error` is the root mean square of
+    shares : further columns by name: parts of the errors, seconds by stage
+    remark : what the reader must know besides
+    """
+
+    setting: str
+    seconds: float
+    error: float
+    stated: float
+    floor: float
+    reference: str
+    runs: int
+    readings: int
+    shares: dict[str, float] = field(default_factory=dict)
+    remark: str = ""
+
+    @property
+    def shown(self) -> float:
+        """The error that can be claimed."""
+        return max(self.error, self.floor)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One method's points in order of their work.
+
+    Attributes
+    ----------
+    part : ``optics``, ``mechanics`` or ``chain``
+    launched : whether a run has a launch that costs time before any work is done
+    remark : what the reader must know besides, or why there are no points
+    """
+
+    part: str
+    method: str
+    points: Sequence[Point]
+    launched: bool = False
+    remark: str = ""
+
+
+class Slope(NamedTuple):
+    """d log(error) / d log(seconds) with one standard error; not numbers where the points are too few or too close."""
+
+    value: float
+    standard_error: float
+
+
+def slope(curve: Curve) -> Slope:
+    """How steeply a method's error falls with its seconds, by least squares over the points after warm-up.
+
+    Of a method that is launched the seconds of its shortest run, which did next to nothing, are taken off, and points
+    count from :data:`WARM` times these. Points not well above the reference's error do not count. Each point weighs as
+    much as the root mean square of so many readings is known; the standard error is that of these weights, or
+    larger where the points scatter more.
+    """
+    launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0
+    used = [point for point in curve.points if point.error > ABOVE_FLOOR * point.floor]
+    used = [point for point in used if point.seconds > WARM * launch]
+    if not used or used[-1].seconds < LEAST_SPAN * used[0].seconds:
+        return Slope(math.nan, math.nan)
+    x = np.log([point.seconds - launch for point in used])
+    y = np.log([point.error for point in used])
+    weight = np.array([2.0 * point.readings for point in used])  # 1 / variance of the logarithm of a mean square's root
+    x = x - np.average(x, weights=weight)
+    spread = weight @ x**2
+    value = weight @ (x * y) / spread
+    left = y - np.average(y, weights=weight) - value * x
+    scatter = math.sqrt(weight @ left**2 / (len(used) - 2)) if len(used) > 2 else 1.0
+    return Slope(float(value), float(max(scatter, 1.0) / math.sqrt(spread)))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """(T,) power in W that estimates are judged by, its own standard error, and where it comes from."""
+
+    power: np.ndarray
+    error: np.ndarray
+    name: str
+
+    @property
+    def floor(self) -> float:
+        """Its relative error, root mean square over taxels: no smaller error can be claimed."""
+        return relative_rms(self.error, self.power)
+
+
+def relative_rms(error: np.ndarray, power: np.ndarray) -> float:
+    """Root mean square of errors (..., T) relative to a power (T,), over the taxels that receive light."""
+    lit = power > 0
+    return float(np.sqrt(np.mean((error[..., lit] / power[lit]) ** 2))) if lit.any() else math.nan
