@@ -107,7 +107,7 @@ def test_the_slope_of_a_power_law_is_its_exponent(exponent):
 def test_points_near_the_floor_and_curves_too_short_give_no_slope():
     bent = line(-1.0, floor=0.002, count=12)
     assert bent.points[-1].error < 1.2 * 0.002 and slope(bent).value == pytest.approx(-1.0, abs=0.05)
-    for curve in (line(-1.0, count=1), line(-1.0, count=0), line(-1.0, floor=1.0), line(-1.0, launch=1.0, count=4)):
+    for curve in (line(-1.0, count=2), line(-1.0, count=0), line(-1.0, floor=1.0), line(-1.0, launch=1.0, count=4)):
         assert math.isnan(slope(curve).value) and math.isnan(slope(curve).standard_error)
 
 

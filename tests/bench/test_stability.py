@@ -42,8 +42,13 @@ def own_cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def cases(monkeypatch):
-    """A function that puts other cases in place of the table's."""
-    return lambda *cases: monkeypatch.setattr(stability, "stability_cases", lambda: list(cases))
+    """A function that puts other cases in place of the tables'."""
+
+    def put(*cases):
+        monkeypatch.setattr(stability, "stability_cases", lambda: list(cases))
+        monkeypatch.setattr(stability, "reading_cases", list)
+
+    return put
 
 
 @pytest.fixture
