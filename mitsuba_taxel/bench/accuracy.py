@@ -84,10 +84,9 @@ def _with_pads(scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting
     """Curves of the mechanics and of the whole chain."""
     near = near_load(scene)
     try:
-        solved, ended = size_runs(scene, pads, seconds, starting)
-        size = min(solved)
-        starting(f"mechanics: reference on elements of {0.5 * size:.2g} mm")
-        found = limits([scene, near.scene] if near else [scene], size)
+        solved, judge, ended = size_runs(scene, pads, seconds, starting)
+        starting(f"mechanics: reference on elements of {judge:.2g} mm")
+        found = limits([scene, near.scene] if near else [scene], judge)
     except ComputationError as reason:
         return [Curve(part, "", [], remark=str(reason)) for part in ("mechanics", "chain")]
     truth = found[0].truth

@@ -95,13 +95,19 @@ def open_pads(live: Any, mesh_size: float | None) -> list[LoadedPad]:
     ]
 
 
-def size_runs(
-    scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting: Callable[[str], None]
-) -> tuple[dict[float, Solved], str]:
-    """The scene on smaller and smaller elements, until one solution would take longer; and why it ended, in words.
+class SizeRuns(NamedTuple):
+    """Runs by the size of their elements in mm, the size of those that they are judged by, and why they end."""
 
-    The next is taken to be longer as the last was, and at least as it has more elements. The smallest are such that
-    elements of half their size can be afforded for :func:`limits`.
+    solved: dict[float, Solved]
+    judge: float
+    ended: str
+
+
+def size_runs(scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
+    """The scene on smaller and smaller elements, until one solution would take longer, or elements be too many.
+
+    They are judged by elements of half the size of the smallest, or the smallest that can be afforded. The next
+    solution is taken to be longer as the last was, and at least as it has more elements.
 
     Raises
     ------
@@ -109,7 +115,7 @@ def size_runs(
         if the pads cannot be loaded on the coarsest mesh.
     """
     solved: dict[float, Solved] = {}
-    size = COARSEST
+    size, judge = COARSEST, 0.5 * COARSEST
     starting("mechanics: warm-up")
     before = solve(scene, pads, size).seconds
     while True:
@@ -118,19 +124,22 @@ def size_runs(
             solved[size] = last = solve(scene, pads, size)
         except ComputationError as reason:
             if solved:
-                return solved, f"no smaller elements: {reason}"
+                return SizeRuns(solved, judge, f"no smaller elements: {reason}")
             raise
+        if 2**3 * last.elements < MOST_ELEMENTS:
+            judge = 0.5 * size
         size /= REFINEMENT
-        if last.elements * (2 * REFINEMENT) ** 3 > MOST_ELEMENTS:
-            return solved, f"elements of {size:.2g} mm left out: there is no memory for what they would be judged by"
+        if size < 1.1 * judge:
+            return SizeRuns(solved, judge, f"elements of {judge:.2g} mm are the smallest that the memory is taken for")
         predicted = last.seconds * max(last.seconds / before, REFINEMENT**3)
         before = last.seconds
         if len(solved) >= FEWEST_SIZES and predicted > seconds:
-            return solved, f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
+            ended = f"elements of {size:.2g} mm left out: they would take about {predicted:.0f} s"
+            return SizeRuns(solved, judge, ended)
 
 
 def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
-    """What each of some scenes reads in the limit of small elements: from two meshes, the finer of half of ``size``.
+    """What each of some scenes reads in the limit of small elements: from those of ``size`` [mm] and of twice that.
 
     The error of a reading falls with the power `ORDER` of the elements' size, and so is known from two (L. F.
     Richardson, Phil. Trans. R. Soc. A 210, 1911).
@@ -138,12 +147,11 @@ def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
     with from_nothing():
         coarse, fine = (
             [measure(scene.with_mesh_size(h), points=POINTS, seed=SEED, mechanics_error=False) for scene in scenes]
-            for h in (size, 0.5 * size)
+            for h in (2 * size, size)
         )
     changes = [ERROR_SHARE * (there.replicates - here.replicates) for here, there in zip(coarse, fine, strict=True)]
     return [
-        Limit(there.replicates + change, change.mean(axis=0), 0.5 * size)
-        for there, change in zip(fine, changes, strict=True)
+        Limit(there.replicates + change, change.mean(axis=0), size) for there, change in zip(fine, changes, strict=True)
     ]
 
 

@@ -31,7 +31,8 @@ FEWEST_SEEDS, MOST_SEEDS = 4, 16
 """Runs with each number of samples, each with a seed of its own."""
 LARGEST_SHARE = 1 / 8
 """Of the time for a method, that more than the fewest runs with one number of samples take."""
-FIRST_SAMPLES = 1 << 10
+FIRST_SAMPLES = 1 << 7
+"""So few that a run with them takes as long as its launch."""
 REFERENCE_TIME = 4.0
 """Time for a reference, relative to that for a method, whose longest run takes an eighth of it at most."""
 UNBIASED = ("taxel_tracer", "taxel_path")

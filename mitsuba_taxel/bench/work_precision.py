@@ -12,11 +12,13 @@ import numpy as np
 
 now = time.process_time
 """Seconds of all processors together, so that what else a machine does meanwhile matters little."""
-WARM = 2.0
+WARM = 2.5
 """Times the seconds of the shortest run, from which a run is about its work and no longer about being launched."""
-ABOVE_FLOOR = 2.0
+ABOVE_FLOOR = 1.5
 """Times the reference's own error, above which an error is that of the method."""
 
+FEWEST_POINTS = 3
+"""From which a slope can be told: how much two scatter is not seen."""
 LEAST_SPAN = 2.0
 """Times the seconds of its first point that the last of a curve must have taken, for a slope to be told."""
 
@@ -92,7 +94,7 @@ def slope(curve: Curve) -> Slope:
     launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0
     used = [point for point in curve.points if point.error > ABOVE_FLOOR * point.floor]
     used = [point for point in used if point.seconds > WARM * launch]
-    if not used or used[-1].seconds < LEAST_SPAN * used[0].seconds:
+    if len(used) < FEWEST_POINTS or used[-1].seconds < LEAST_SPAN * used[0].seconds:
         return Slope(math.nan, math.nan)
     x = np.log([point.seconds - launch for point in used])
     y = np.log([point.error for point in used])
@@ -101,7 +103,7 @@ def slope(curve: Curve) -> Slope:
     spread = weight @ x**2
     value = weight @ (x * y) / spread
     left = y - np.average(y, weights=weight) - value * x
-    scatter = math.sqrt(weight @ left**2 / (len(used) - 2)) if len(used) > 2 else 1.0
+    scatter = math.sqrt(weight @ left**2 / (len(used) - 2))
     return Slope(float(value), float(max(scatter, 1.0) / math.sqrt(spread)))
 
 

@@ -70,7 +70,7 @@ class RoofComparison:
         return RoofError(
             displacement=float(np.sqrt(self._weight @ difference**2)),
             largest=float(difference.max()),
-            relative=float(difference.max() / most),
+            relative=float(difference.max() / most) if most > 0 else 0.0,
             slope=float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
         )
 

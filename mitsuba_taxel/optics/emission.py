@@ -163,5 +163,5 @@ def read_law(props: mi.Properties) -> EmissionLaw:
         return CosinePower(number(props, "exponent", 1.0, minimum=0, maximum=LARGEST_EXPONENT))
     if law == "tabulated":
         return Tabulated(*read_angular_table(props))
-    cone_angle = number(props, "cone_angle", 88.0, above=0, maximum=90)
+    cone_angle = number(props, "cone_angle", 88.0, minimum=0.05, maximum=90)
     return UniformSolidAngle(cone_angle) if law == "uniform_solid_angle" else UniformPolarAngle(cone_angle)

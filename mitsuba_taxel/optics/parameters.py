@@ -7,6 +7,9 @@ from typing import Any
 
 from mitsuba_taxel.errors import InputError
 
+LARGEST = 1e18
+"""Largest magnitude of a number: its square is still one in single precision."""
+
 
 def number(
     props: Any,
@@ -22,8 +25,8 @@ def number(
     Raises
     ------
     InputError
-        if it is missing without a default, not a finite number, not greater than ``above``, or outside
-        ``[minimum, maximum]``.
+        if it is missing without a default, not a finite number, beyond :data:`LARGEST`, not greater than ``above``, or
+        outside ``[minimum, maximum]``.
     """
     allowed = describe_range(above, minimum, maximum)
     if default is None and name not in props:
@@ -33,6 +36,8 @@ def number(
         raise InputError(f"{name} = {value!r} is not a number: a number {allowed} is needed.")
     if not math.isfinite(value) or value <= above or not minimum <= value <= maximum:
         raise InputError(f"{name} = {value:g} is not allowed: a finite number {allowed} is needed.")
+    if abs(value) > LARGEST:
+        raise InputError(f"{name} = {value:g} is not allowed: a number of at most {LARGEST:g} is needed.")
     return float(value)
 
 

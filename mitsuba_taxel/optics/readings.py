@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics.mechanics_error import loaded_pads
 from mitsuba_taxel.optics.results import Crosstalk, Readings
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Run, described, prepare
@@ -69,6 +69,8 @@ def measure(
         aimed = _aimed(scene, target_error, points, seed, clock, mechanics_error, continued)
         run = Run(aimed.ready, seed, irradiance, continued)
         run.go_on(aimed.settings.points, clock)
+    if not np.all(np.isfinite(run.powers)):
+        raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
     live = aimed.ready.scene
     result = Readings(
         run.powers,
@@ -177,13 +179,13 @@ def check_request(target_error: float | None, points: int | None, seed: int, tim
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")
     if target_error is not None and not (isinstance(target_error, Real) and 0 < target_error < 1):
-        raise InputError(f"target_error = {target_error} is not allowed: a number between 0 and 1 is needed.")
+        raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
     if points is not None and not (_is_whole(points) and 1 <= points <= MOST_POINTS):
-        raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
+        raise InputError(f"points = {points!r} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
     if time_budget is not None and not (isinstance(time_budget, Real) and 0 < time_budget < math.inf):
-        raise InputError(f"time_budget = {time_budget} is not allowed: a finite number of seconds above 0 is needed.")
+        raise InputError(f"time_budget = {time_budget!r} is not allowed: a finite number of seconds above 0 is needed.")
     if not (_is_whole(seed) and 0 <= seed < 1 << 32):
-        raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
 
 
 def _is_whole(value: object) -> bool:

@@ -13,6 +13,11 @@ from mitsuba_taxel import stages
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.errors import ComputationError, InputError
 
+FURTHEST = 1e8
+"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+DEEPEST = 16
+"""Most elements of a scene, one in the other: Mitsuba's parser calls itself for each."""
+
 
 class Scene:
     """A description from which Mitsuba scenes are made, with the values of its parameters.
@@ -82,11 +87,13 @@ class Scene:
             config = _parser_config(activate_variant())
             try:
                 state = self._parse(config)
-                self.names_integrator = any(node.type == mi.ObjectType.Integrator for node in state.nodes)
+                _refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
-                return mi.parser.instantiate(config, state)
+                live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
                 raise _one_line(error, self) from error
+            self.names_integrator = live.integrator() is not None
+            return live
 
     def write_xml(self, path: str | Path) -> None:
         """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
@@ -146,14 +153,22 @@ def find_scene(source: str | Path) -> Path:
         if there is neither.
     """
     path = Path(source)
-    if path.is_file():
+    if is_file(path):
         return path
     folder = shipped_scenes()
     shipped = folder / path.name
-    if path.parent == Path(".") and shipped.is_file():
+    if path.parent == Path(".") and is_file(shipped):
         return shipped
     names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
     raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file of that name; a name too long for one is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def shipped_scenes() -> Path:
@@ -163,20 +178,46 @@ def shipped_scenes() -> Path:
     return Path(str(files("mitsuba_taxel.scenes"))).resolve()
 
 
-def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
-    """Defaults of an XML scene, and the names of all parameters that it uses."""
+def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dict[str, str], set[str]]:
+    """Defaults of an XML scene, and the names of all parameters that it uses; ``around`` are files that include it."""
+    if path.resolve() in around:
+        raise InputError(f"{path.name} is not allowed: it includes itself.")
     try:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise InputError(f"{path.name} does not parse as XML: {error}.") from error
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, LookupError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {error}.") from error
+    if _depth(root) > DEEPEST:
+        raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
     defaults = {e.get("name", ""): e.get("value", "") for e in root.iter("default")}
     used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
     for include in root.iter("include"):
-        inner_defaults, inner_used = _declared_parameters(path.parent / include.get("filename", ""))
+        inner = path.parent / include.get("filename", "")
+        inner_defaults, inner_used = _declared_parameters(inner, (*around, path.resolve()))
         defaults, used = {**inner_defaults, **defaults}, used | inner_used
     return defaults, used | set(defaults)
+
+
+def _depth(root: ElementTree.Element) -> int:
+    depth, level = 0, [root]
+    while level and depth <= DEEPEST:
+        depth, level = depth + 1, [child for element in level for child in element]
+    return depth
+
+
+def _refuse_far_transforms(state: Any) -> None:
+    """Raise an InputError where a part of a scene would be put nowhere."""
+    import mitsuba as mi
+    import numpy as np
+
+    for props in (node.props for node in state.nodes):
+        for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
+            matrix = np.array(props[name].matrix, dtype=float)
+            props.mark_queried(name, False)  # or a plugin that does not know it would not be found out
+            if not np.all(np.abs(matrix) <= FURTHEST):
+                plugin = props.plugin_name()
+                raise InputError(f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed.")
 
 
 def _parser_config(variant: str) -> Any:
@@ -203,6 +244,8 @@ def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationErro
     for kind in (ComputationError, InputError):
         if lines[-1].startswith(f"{kind.__name__}: "):
             return kind(lines[-1].removeprefix(f"{kind.__name__}: "))
+    if lines[-1].startswith("MemoryError"):
+        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
     head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
     tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
     text = " ".join([head, *tail]).replace("unreferenced property", "unknown parameter")

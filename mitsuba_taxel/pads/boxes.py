@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsuba_taxel.pads.flaw import Flaw
+
 MORTON_BITS = 10
+MOST_PAIRS = 15_000_000
+"""Of boxes that overlap, found at once: the memory of one call goes with them. Triangles of even size meet some ten
+others each."""
+
+
+class TooManyPairs(Flaw):
+    """More than :data:`MOST_PAIRS` of boxes overlap."""
 
 
 def overlapping(
@@ -13,14 +22,22 @@ def overlapping(
     """Numbers (P,), (P,) of all pairs of a box of the first set, (A, 3) and (A, 3), and one of the second that overlap.
 
     The trees are binary, of boxes in the order of their centres along a Morton curve.
+
+    Raises
+    ------
+    TooManyPairs
+        as of triangles that all cross each other.
     """
     depth = int(np.ceil(np.log2(max(len(lower_a), len(lower_b), 1))))
     tree_a, order_a = _tree(lower_a, upper_a, depth)
     tree_b, order_b = _tree(lower_b, upper_b, depth)
     i = j = np.zeros(1, dtype=np.int64)
     for (low_a, high_a), (low_b, high_b) in zip(tree_a, tree_b, strict=True):
-        meet = np.all((low_a[i] <= high_b[j]) & (low_b[j] <= high_a[i]), axis=1)
-        i, j = i[meet], j[meet]
+        for axis in range(3):
+            meet = (low_a[i, axis] <= high_b[j, axis]) & (low_b[j, axis] <= high_a[i, axis])
+            i, j = i[meet], j[meet]
+        if len(i) > MOST_PAIRS:
+            raise TooManyPairs("too many of its triangles lie across each other")
         if len(low_a) < 2**depth:
             i, j = (
                 np.repeat(2 * i, 4) + np.tile([0, 0, 1, 1], len(i)),

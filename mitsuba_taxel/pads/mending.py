@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.pads.boxes import overlapping
+from mitsuba_taxel.pads.boxes import MOST_PAIRS, TooManyPairs, overlapping
 from mitsuba_taxel.pads.flaw import Flaw, place
 from mitsuba_taxel.pads.point_tree import PointTree
 from mitsuba_taxel.pads.triangles import area_normals, components, half_edges, neighbours, unit, volume
@@ -16,6 +16,8 @@ WELD = 1e-6
 TINY_HOLE = 0.01
 """Size of a hole that is filled whatever its shape, relative to the diagonal; one missing triangle always is."""
 CHUNK = 1_000_000
+MOST_COMPARED = 4 * MOST_PAIRS
+"""Pairs of triangles that are looked at for crossings: a minute's work."""
 
 
 def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -28,7 +30,8 @@ def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
     ------
     Flaw
         with its place, for a surface that is open, crosses itself, has edges of three or more triangles, cannot be
-        turned the same way round, or is that of several bodies or of one with an enclosed hollow.
+        turned the same way round, or is that of several bodies or of one with an enclosed hollow; without it where
+        too much of the surface lies in one place.
     """
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
@@ -47,8 +50,10 @@ def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
 def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
-    pairs = PointTree(unique).query_pairs(tolerance)
-    part = components(len(unique), pairs)
+    tree = PointTree(unique)
+    if tree.count_pairs(tolerance) > MOST_PAIRS:
+        raise Flaw(f"too many of its vertices lie within {tolerance:.2g} mm of each other")
+    part = components(len(unique), tree.query_pairs(tolerance))
     _, first = np.unique(part, return_index=True)
     return unique[first], part[number.reshape(-1)][triangles]
 
@@ -137,10 +142,32 @@ def _check_one_body(vertices: np.ndarray, triangles: np.ndarray) -> None:
 def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> None:
     """Refuse triangles through which an edge of another one passes by more than ``tolerance`` on all sides."""
     corners = vertices[triangles]
+    parts, compared = [np.arange(len(triangles))], 0
+    while parts:
+        part = parts.pop()
+        try:
+            first, second = _near_each_other(corners, part)
+        except TooManyPairs:
+            parts.extend(np.array_split(part, 8))
+            continue
+        compared += len(first)
+        if compared > MOST_COMPARED:
+            raise Flaw("too many of its triangles lie across each other")
+        _check_pairs(vertices, triangles, first, second, tolerance)
+
+
+def _near_each_other(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (P,), (P,) of a triangle of a ``part`` and another one whose boxes overlap."""
     low, high = corners.min(axis=1), corners.max(axis=1)
-    first, second = overlapping(low, high, low, high)
-    different = first != second
-    first, second = first[different], second[different]
+    first, second = overlapping(low[part], high[part], low, high)
+    different = part[first] != second
+    return part[first[different]], second[different]
+
+
+def _check_pairs(
+    vertices: np.ndarray, triangles: np.ndarray, first: np.ndarray, second: np.ndarray, tolerance: float
+) -> None:
+    corners = vertices[triangles]
     for start in range(0, len(first), CHUNK):
         one, other = first[start : start + CHUNK], second[start : start + CHUNK]
         for k in range(3):

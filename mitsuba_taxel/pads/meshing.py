@@ -34,6 +34,8 @@ LEAST_QUALITY = 0.2
 UNITS_OF_HEIGHT = 4.0
 """Height of every pad while it is meshed: Netgen has tolerances of its own, whatever the pad's size."""
 MOST_ELEMENTS = 1_000_000
+LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400}
+"""Of each cell, however large elements may be."""
 
 _NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
 _NETGEN_FACE = [0, 1, 2, 5, 3, 4]
@@ -52,12 +54,19 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     Raises
     ------
     InputError
-        if ``mesh_size`` is not a finite length above 0, or asks for more elements than fit in memory.
+        if ``mesh_size`` is not a finite length above 0, or it or the number of cells asks for more elements than fit in
+        memory.
     ComputationError
         if Netgen fails, or leaves an element inverted that cannot be mended.
     """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
+    most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
+    if pad.rows * pad.columns > most_cells:
+        raise InputError(
+            f"rows = {pad.rows}, columns = {pad.columns} are not allowed: at most {most_cells} {pad.cell} cells can be "
+            "meshed."
+        )
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")

@@ -29,6 +29,10 @@ class PointTree:
         """Numbers of the points within a radius; see scipy."""
         return self._tree.query_ball_point(points + self._shift, radius)
 
+    def count_pairs(self, radius: float) -> int:
+        """Number of pairs within a radius, as :meth:`query_pairs` would give them."""
+        return (int(self._tree.count_neighbors(self._tree, radius)) - self._tree.n) // 2
+
     def query_pairs(self, radius: float) -> np.ndarray:
         """(K, 2) numbers of points within a radius of each other."""
         return self._tree.query_pairs(radius, output_type="ndarray")

@@ -55,7 +55,7 @@ class Rule:
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
     def __post_init__(self) -> None:
-        if self.region not in REGIONS:
+        if not isinstance(self.region, str) or self.region not in REGIONS:
             raise InputError(f"region = {self.region!r} is not allowed: one of {', '.join(REGIONS)} is needed.")
         if self.face is not None and not isinstance(self.face, str):
             raise InputError(f"face = {self.face!r} is not allowed: a name is needed.")
@@ -81,7 +81,7 @@ def _numbers(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     """``value`` as finite numbers of that shape; raises `InputError`."""
     try:
         array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.array(math.nan)
     if array.shape != shape or not np.all(np.isfinite(array)):
         wanted = {
@@ -103,7 +103,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     """
     try:
         tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"regions = {path} is not allowed: {' '.join(str(error).split())}.") from error
     rules = tables.pop("rule", [])
     if tables or not isinstance(rules, list) or not all(isinstance(rule, Mapping) for rule in rules):
@@ -115,7 +115,7 @@ def _rule(path: str | Path, number: int, table: Mapping[str, Any]) -> Rule:
     known = [field.name for field in fields(Rule)]
     unknown = [name for name in table if name not in known]
     if unknown or "region" not in table:
-        missing = f"{unknown[0]} is no condition" if unknown else "region is missing"
+        missing = f"{' '.join(unknown[0].split())} is no condition" if unknown else "region is missing"
         raise InputError(f"regions = {path} is not allowed: in rule {number}, {missing}; known are {', '.join(known)}.")
     try:
         return Rule(**table)

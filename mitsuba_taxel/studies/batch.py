@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Scene, find_scene
 from mitsuba_taxel.optics.readings import check_request
-from mitsuba_taxel.optics.scene import shipped_scenes
+from mitsuba_taxel.optics.scene import is_file, shipped_scenes
 from mitsuba_taxel.studies.steps import read_steps
 from mitsuba_taxel.studies.vary import STEP, Axis, make_axes
 
@@ -20,10 +21,13 @@ try:
 except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
-SCENE_KEYS = ("scene", "define", "vary", "together", "steps")
+TABLES = ("define", "vary", "together")
+SCENE_KEYS = ("scene", *TABLES, "steps")
 RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps")
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
+CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
+"""A dotted key that no study has: the memory that reading one takes goes with the square of its length."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def make_batch(
         if a parameter or a value is refused.
     """
     beside = folder / source
-    file = find_scene(beside if beside.is_file() else source).resolve()
+    file = find_scene(beside if is_file(beside) else source).resolve()
     fixed = {name: str(value) for name, value in (defines or {}).items()}
     axes = make_axes(vary, together, folder)
     for parameter in (name for axis in axes for name in axis.values):
@@ -122,12 +126,16 @@ def read_study(file: str | Path) -> dict[str, Any]:
         if it cannot be read, or holds what no study has.
     """
     try:
-        with Path(file).open("rb") as stream:
-            content = tomllib.load(stream)
+        text = Path(file).read_bytes().decode()
+        if CHAIN.search(text):
+            raise RecursionError
+        content = tomllib.loads(text)
     except OSError as error:
         raise InputError(f"study {str(file)!r} cannot be read: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise InputError(f"study {str(file)!r} is no TOML: {error}.") from error
+    except RecursionError as error:
+        raise InputError(f"study {str(file)!r} is not allowed: it is nested too deeply.") from error
     several = "scenes" in content
     allowed = (*RUN_KEYS, *WRITTEN_KEYS, *(("scenes",) if several else SCENE_KEYS))
     _check_names(content, allowed, f"study {Path(file).name}")
@@ -140,11 +148,14 @@ def read_study(file: str | Path) -> dict[str, Any]:
         _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), f"scene {number} of {Path(file).name}")
         if several:
             scene.setdefault("name", f"scene_{number}")
+        for name in TABLES:
+            if not isinstance(scene.get(name, {}), dict):
+                raise InputError(f"{name} = {scene[name]!r} is not allowed: a table of values by parameter is needed.")
     names = [scene.get("name", "") for scene in scenes]
-    if len(set(names)) < len(names):
-        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: each once is needed.")
     if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
         raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
+    if len(set(names)) < len(names):
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: each once is needed.")
     return {**content, "scenes": scenes}
 
 
@@ -159,10 +170,7 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     scene = study["scenes"][number]
     if "scene" not in scene:
         raise InputError("scene is missing: the name of a scene is needed.")
-    tables = {name: scene.get(name, {}) for name in ("define", "vary", "together")}
-    for name, table in tables.items():
-        if not isinstance(table, dict):
-            raise InputError(f"{name} = {table!r} is not allowed: a table of values by parameter is needed.")
+    tables = {name: scene.get(name, {}) for name in TABLES}
     together = dict(tables["together"])
     if "steps" in scene:
         together.update(columns_of(folder / str(scene["steps"])))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Readings
 from mitsuba_taxel.optics.results import describe_mechanics, error_budget, mechanics_share, standard_error
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, describe
@@ -29,7 +30,17 @@ def assemble(
     ----------
     results, failures : by place along the axes; where there is no result, readings are not a number
     about : ``scene``, ``seed``, ``points``, ``mesh_size``, ``parameters``, ``versions``, ``pilot_seconds``
+
+    Raises
+    ------
+    InputError
+        if not all results are of the same number of taxels.
     """
+    counts = sorted({result.readings.replicates.shape[1] for result in results.values()})
+    if len(counts) > 1:
+        raise InputError(
+            f"the study holds scenes of {' and '.join(map(str, counts))} taxels: as many in each are needed."
+        )
     shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})

@@ -99,7 +99,7 @@ def failure_of(error: BaseException) -> Failure:
 
 def describe(values: Mapping[str, str]) -> str:
     """Values of parameters, in words."""
-    return ", ".join(f"{name}={value}" for name, value in values.items())
+    return ", ".join(" ".join(f"{name}={value}".split()) for name, value in values.items())
 
 
 def _read(job: Job) -> Result:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -28,7 +29,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         if the folder holds no study, or no result yet.
     """
     folder = Path(folder)
-    study = read_study(folder / STUDY)
+    study = read_results(folder)
     names = [scene.get("name") for scene in study["scenes"]]
     if names != [None]:
         begun = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
@@ -40,17 +41,35 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         return tree
     (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
     axes = make_axes(scene.get("vary", {}), scene.get("together"))
-    places = list(combinations(axes))
+    places = dict(enumerate(combinations(axes)))
     results = {}
-    for number in store.done():
+    for number in sorted(places.keys() & store.done()):
         place, values = places[number]
         kept = store.load(number, {**origin["parameters"], **values})
         if kept:
             results[place] = kept
     if not results:
         raise InputError(f"{folder} holds no result yet.")
-    failures = {places[number][0]: failure for number, failure in store.failures().items()}
+    failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
     return assemble(axes, results, failures, {**origin, **about, **run})
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """The study that the results in a folder are of, as :func:`read_study` returns it.
+
+    Raises
+    ------
+    InputError
+        if there is none, or one that no run has written.
+    """
+    study = read_study(folder / STUDY)
+    if not study["scenes"][0].get("name"):
+        origin, scene = study.get("provenance"), study["scenes"][0].get("scene")
+        tables = [origin.get(name) for name in ("parameters", "versions")] if isinstance(origin, dict) else [None]
+        words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
+        if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
+            raise InputError(f"{folder / STUDY} is of no results: scene, seed or provenance is missing.")
+    return study

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.backend import plugin_files, report
+from mitsuba_taxel.optics.scene import is_file
 from mitsuba_taxel.studies.batch import Batch
 
 ROOMS = ("backend", "pads", "mechanics", "optics")
@@ -55,15 +56,8 @@ def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:
     words = {word for element in ElementTree.parse(scene).iter() for word in element.attrib.values()}
     for word in sorted(words | values):
         file = scene.parent / re.sub(r"^@", "", word)
-        if word and _is_file(file) and file != scene:
+        if word and is_file(file) and file != scene:
             yield from _files_of(file, set()) if file.suffix == ".xml" else [file]
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a word too long for a name
-        return False
 
 
 def _digest(files: Iterable[Path]) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from mitsuba_taxel.studies.batch import read_study
+from mitsuba_taxel.studies.opening import read_results
 from mitsuba_taxel.studies.store import LOCK, RUN, STUDY, Store
 from mitsuba_taxel.studies.vary import combinations, make_axes
 
@@ -40,7 +40,7 @@ def study_status(folder: str | Path) -> list[Status]:
 
 
 def _states(folder: Path, name: str) -> Iterator[Status]:
-    study = read_study(folder / STUDY)
+    study = read_results(folder)
     scenes = study["scenes"]
     if scenes[0].get("name"):
         for scene in scenes:
@@ -49,10 +49,11 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
             else:
                 yield Status(scene["name"], 0, 0, _size(scene), 0.0, False, None)
         return
-    store, values = Store(folder), [values for _, values in combinations(_axes(scenes[0]))]
+    store, values = Store(folder), dict(enumerate(values for _, values in combinations(_axes(scenes[0]))))
     fixed = study["provenance"]["parameters"]
-    kept = [result for number in store.done() if (result := store.load(number, {**fixed, **values[number]}))]
-    done, failed, running = len(kept), len(store.failures()), _is_running(folder)
+    numbers = values.keys() & store.done()
+    kept = [result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))]
+    done, failed, running = len(kept), len(values.keys() & store.failures()), _is_running(folder)
     left = _seconds_left(folder, done + failed, len(values)) if running else None
     error = max((result.readings.relative_total_error for result in kept), default=0.0)
     yield Status(name, done, failed, len(values), error, running, left)
@@ -77,6 +78,9 @@ def _is_running(folder: Path) -> bool:
 
 
 def _seconds_left(folder: Path, finished: int, total: int) -> float | None:
-    run = json.loads((folder / RUN).read_text())
-    now = finished - run["finished_before"]
-    return (time.time() - run["started"]) / now * (total - finished) if now > 0 else None
+    try:
+        run = json.loads((folder / RUN).read_text())
+        now, seconds = finished - run["finished_before"], time.time() - run["started"]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not yet there, or damaged
+        return None
+    return seconds / now * (total - finished) if now > 0 else None

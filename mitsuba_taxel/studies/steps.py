@@ -22,10 +22,13 @@ def read_steps(file: str | Path) -> list[dict[str, str]]:
         text = Path(file).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
-    except UnicodeDecodeError as error:
+    except ValueError as error:
         raise InputError(f"{given} is no text: a CSV file is needed.") from error
     lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
-    names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
+    try:
+        names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
+    except csv.Error as error:
+        raise InputError(f"{given} is no CSV file: {error}.") from error
     if not rows or not all(names) or len(set(names)) < len(names):
         raise InputError(f"{given} is not allowed: a heading of distinct parameters and at least one row are needed.")
     if len(rows) > MOST_JOBS:

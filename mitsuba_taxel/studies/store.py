@@ -7,7 +7,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import re
 import socket
 import time
 from collections.abc import Iterator, Mapping
@@ -24,6 +26,7 @@ from mitsuba_taxel import archive
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.optics import Readings
+from mitsuba_taxel.optics.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.files import make_folder, replacing
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, Job, Result
@@ -81,11 +84,12 @@ class Store:
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
             with replacing(self.folder / STUDY) as file:
                 file.write_text(HEADING + tomli_w.dumps(content))
-        difference = _difference(tomli_w.dumps(content), (self.folder / STUDY).read_text().removeprefix(HEADING))
+        before = (self.folder / STUDY).read_text(errors="replace").removeprefix(HEADING)
+        difference = _difference(tomli_w.dumps(content), before)
         if difference:
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
         for name in (JOBS, FAILED):
-            (self.folder / name).mkdir(exist_ok=True)
+            make_folder(self.folder / name)
         for name in (JOBS, FAILED, MESHES, MAPS):
             for stale in (self.folder / name).glob(".*"):
                 stale.unlink()  # a temporary file of a run that was killed
@@ -97,12 +101,25 @@ class Store:
 
     @property
     def choice(self) -> tuple[Settings, dict[str, float]] | None:
-        """What pilot runs have led to, and the seconds that these took by stage; None before."""
+        """What pilot runs have led to, and the seconds that these took by stage; None before.
+
+        Raises
+        ------
+        InputError
+            if that can no longer be read: other points would not belong to the results that there are.
+        """
+        file = self.folder / CHOICE
         try:
-            chosen = json.loads((self.folder / CHOICE).read_text())
+            chosen = json.loads(file.read_text())
+            settings, seconds = Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
+            _require(isinstance(settings.points, int) and 1 <= settings.points <= MOST_POINTS)
+            _require(settings.mesh_size is None or 0 < settings.mesh_size < math.inf)
+            _require(_is_seconds(seconds))
         except OSError:
             return None
-        return Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise InputError(f"{file} is damaged: remove it and the results beside it.") from error
+        return settings, seconds
 
     def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
         """Store what :attr:`choice` is from now on."""
@@ -114,12 +131,13 @@ class Store:
 
     def done(self) -> list[int]:
         """Numbers of the jobs that a result is there of."""
-        return sorted(int(file.stem) for file in (self.folder / JOBS).glob("*.npz"))
+        return sorted(_numbered(self.folder / JOBS, ".npz"))
 
     def failures(self) -> dict[int, Failure]:
-        """Why there is none, by the numbers of the jobs that failed."""
-        files = sorted((self.folder / FAILED).glob("*.json"))
-        return {int(file.stem): Failure(**_read_json(file)) for file in files}
+        """Why there is none, by the numbers of the jobs that failed; a damaged file says nothing."""
+        files = sorted(_numbered(self.folder / FAILED, ".json").items())
+        read = {number: _failure(file) for number, file in files}
+        return {number: failure for number, failure in read.items() if failure is not None}
 
     def forget_failures(self) -> None:
         """Let the jobs that failed be done again."""
@@ -154,15 +172,10 @@ class Store:
         """What a job with these parameters gave; None if there is no result, or one that is damaged or another's."""
         try:
             arrays = archive.unpack(self._job(number).read_bytes())
-        except OSError:
+            kept = None if arrays is None else _kept(arrays)
+        except Exception:  # not there, or whole, but not what this version writes
             return None
-        if arrays is None:
-            return None
-        try:
-            kept = _kept(arrays)
-        except (KeyError, TypeError, ValueError):  # whole, but not what this version writes
-            return None
-        return kept if kept.readings.parameters == parameters else None
+        return kept if kept is not None and kept.readings.parameters == parameters else None
 
     def _job(self, number: int) -> Path:
         return self.folder / JOBS / f"{number:06d}.npz"
@@ -197,8 +210,13 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
+    replicates = arrays["replicates"]
+    _require(replicates.ndim == 2 and replicates.dtype == float and len(replicates) == REPLICATES)
+    for name in {"responsivity", "deviation"} & arrays.keys():
+        _require(arrays[name].shape == replicates.shape[1:] and arrays[name].dtype == float)
+    _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
     readings = Readings(
-        arrays["replicates"],
+        replicates,
         seconds=seconds,
         responsivity=arrays.get("responsivity"),
         deviation=arrays.get("deviation"),
@@ -208,8 +226,27 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     return Kept(readings, seconds, files)
 
 
-def _read_json(file: Path) -> dict[str, Any]:
-    return json.loads(file.read_text())
+def _require(condition: bool) -> None:
+    if not condition:
+        raise ValueError
+
+
+def _is_seconds(seconds: object) -> bool:
+    """Whether these are times by stage."""
+    return isinstance(seconds, dict) and all(isinstance(time, (int, float)) for time in seconds.values())
+
+
+def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
+    """The files of jobs in a folder by number; others that lie there do not count."""
+    return {int(file.stem): file for file in folder.glob(f"*{suffix}") if re.fullmatch("[0-9]{6}", file.stem)}
+
+
+def _failure(file: Path) -> Failure | None:
+    try:
+        failure = Failure(**json.loads(file.read_text()))
+    except (OSError, ValueError, TypeError, RecursionError):
+        return None
+    return failure if isinstance(failure.message, str) else None
 
 
 def _difference(now: str, before: str) -> str:

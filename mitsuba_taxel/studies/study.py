@@ -162,7 +162,7 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     settings, pilot_seconds = _settings(batch, store, pool.machines)
     place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
     jobs = list(_jobs(batch, settings, store is not None))
-    failures = store.failures() if store else {}
+    failures = {number: failure for number, failure in store.failures().items() if number in place} if store else {}
     stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
     results = {number: kept for number, kept in stored if kept is not None}
     errors = [kept.readings.relative_total_error for kept in results.values()]

@@ -108,7 +108,7 @@ def _lines(name: str, file: Path) -> list[str]:
     """The lines of a file without what follows a #."""
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is no text"
         raise InputError(
             f"{name} = '@{file}' cannot be read ({reason}): a file with a value per line is needed."
@@ -143,8 +143,8 @@ def _range(name: str, text: str) -> list[str]:
         start, stop, step = (Decimal(part) for part in text.split(":"))
     except (ValueError, InvalidOperation):
         raise InputError(f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed.") from None
-    if not all(isfinite(float(number)) for number in (start, stop, step)):
-        raise InputError(f"{name} = {text!r} is not allowed: the numbers of a range must be finite.")
+    if not all(map(_is_in_range, (start, stop, step))):
+        raise InputError(f"{name} = {text!r} is not allowed: a number of a range is not finite, or too close to 0.")
     if step == 0:
         raise InputError(f"{name} = {text!r} is endless: a step other than 0 is needed.")
     steps = (stop - start) / step
@@ -155,6 +155,11 @@ def _range(name: str, text: str) -> list[str]:
     if steps != int(steps):
         raise InputError(f"{name} = {text!r}: steps of {step} from {start} do not meet {stop}, which is included.")
     return [f"{start + i * step:f}" for i in range(int(steps) + 1)]
+
+
+def _is_in_range(number: Decimal) -> bool:
+    """Whether a number is one in double precision too, where others overflow, or vanish."""
+    return number.is_finite() and isfinite(float(number)) and (number == 0 or float(number) != 0)
 
 
 def curve_dimension(axes: Sequence[Axis]) -> str:

@@ -52,7 +52,7 @@ class AnnularLed(mi.Emitter):
 
      * - cone_angle
        - |float|
-       - Half-angle of the cone against the normal, in degrees, for the two cone laws only. (Default: 88)
+       - Half-angle of the cone against the normal, from 0.05 to 90 degrees, for the two cone laws only. (Default: 88)
 
      * - exponent
        - |float|

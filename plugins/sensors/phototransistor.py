@@ -16,6 +16,8 @@ from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.tables import Interpolant, read_angular_table, refine
 
 RESPONSES = ("ideal", "cosine_power", "tabulated")
+MOST_PIXELS = 1 << 24
+"""Of a film, all blocks together."""
 
 _E_OVER_HC = 1.602176634e-19 / (6.62607015e-34 * 299792458) * 1e-9  # A/W per nm, from the exact constants of the SI
 
@@ -107,14 +109,24 @@ class Phototransistor(mi.Sensor):
         if self.film().rfilter().radius() > 0.5 + 1e-3:
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         self.block = tuple(int(n) for n in self.film().size())
+        self._check_film(1)
         self.m_needs_sample_3 = True
         self._faces: FaceGrid | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
-        """Give the film one block of pixels for each phototransistor of an array."""
+        """Give the film one block of pixels for each phototransistor of an array; raises `InputError`."""
+        self._check_film(rows * columns)
         parameters = mi.traverse(self.film())
         parameters["size"] = mi.ScalarVector2u(columns * self.block[0], rows * self.block[1])
         parameters.update()
+
+    def _check_film(self, blocks: int) -> None:
+        width, height = self.block
+        if not 0 < blocks * width * height <= MOST_PIXELS:
+            raise InputError(
+                f"film: {width} x {height} pixels for each of {blocks} phototransistors are not allowed: from 1 to "
+                f"{MOST_PIXELS} in all are needed."
+            )
 
     def responsivity(self, wavelength_nm: float) -> float:
         """Photocurrent per effective power [A/W]: R = eta e lambda / (h c).

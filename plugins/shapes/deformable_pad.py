@@ -8,12 +8,17 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel import stages
+from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import pad_parameters
 from mitsuba_taxel.optics.faces import similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import whole_number
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.pads import Pad
+
+MOST_TRIANGLES = 20_000_000
+LEAST_FACES = 15
+"""Of the finite elements on the surface of a cell, however large they may be."""
 
 
 class DeformablePad(mi.Mesh):
@@ -222,12 +227,24 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import check_finish, tessellate
 
         with stages.stage("mechanics"):
+            # What cannot be made is refused before it is solved for.
+            if isinstance(self.pad, Pad):
+                self._check_triangles(LEAST_FACES * len(self.read_cells or self.pad.cell_centres))
+            mesh = self.states([np.zeros(len(self.value))])[0].mesh
+            read = np.isin(mesh.face_cell, self.read_cells) if self.read_cells else mesh.face_cell > 0
+            self._check_triangles(int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
-                # What cannot be made is refused before it is solved for.
-                rest = self.states([np.zeros(len(self.value))])[0]
-                check_finish(self.finish, self.pad, rest.mesh, self.subdivision)
+                check_finish(self.finish, self.pad, mesh, self.subdivision)
             self.state = self.states([self.value])[0]
             return tessellate(self.state, self.subdivision, self.finish, self.read_cells)
+
+    def _check_triangles(self, faces: int) -> None:
+        triangles = faces * self.subdivision**2
+        if triangles > MOST_TRIANGLES:
+            raise InputError(
+                f"subdivision = {self.subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
+                f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
+            )
 
     def _placed(self, surface):
         return surface.vertices @ self.to_world[:3, :3].T + self.to_world[:3, 3]

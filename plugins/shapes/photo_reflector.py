@@ -14,6 +14,9 @@ from mitsuba_taxel.optics.parameters import number, whole_number
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.regions import BODY_REGIONS
 
+MOST_TAXELS = 100_000
+SHORTEST, LONGEST = 1e-8, 1e8
+"""Sides of a package in mm: beyond, areas or products of them leave single precision."""
 _ROUNDING = 1e-6
 """Relative error of lengths that Mitsuba keeps in single precision, as it does the components of vectors."""
 
@@ -83,13 +86,23 @@ class PhotoReflector(mi.Mesh):
     def __init__(self, props: mi.Properties) -> None:
         self.rows = whole_number(props, "rows", 1, minimum=1, maximum=1000)
         self.columns = whole_number(props, "columns", 1, minimum=1, maximum=1000)
+        if self.rows * self.columns > MOST_TAXELS:
+            raise InputError(
+                f"rows = {self.rows}, columns = {self.columns} are not allowed: at most {MOST_TAXELS} photo-reflectors "
+                "are possible."
+            )
         self.pitch = number(props, "pitch", 3.55, above=0)
         self.spacing = number(props, "spacing", 0.9, minimum=0)
         self.body = np.array(props.get("body", mi.ScalarVector3f(1.46, 1.06, 0.5)), dtype=float)
         if not np.all(np.isfinite(self.body) & (self.body > 0)):
             raise InputError(f"body = {_words(self.body)} is not allowed: three finite numbers above 0 are needed.")
         self.to_world = props.get("to_world", mi.ScalarTransform4f())
-        similarity_scale(np.array(self.to_world.matrix, dtype=float))
+        sides = self.body * similarity_scale(np.array(self.to_world.matrix, dtype=float))
+        if not np.all((sides >= SHORTEST) & (sides <= LONGEST)):
+            raise InputError(
+                f"body = {_words(self.body)} is not allowed: with the scale of to_world, sides from {SHORTEST:g} to "
+                f"{LONGEST:g} mm are needed."
+            )
         led, detector = self._nested(props)
         self.sizes = {"led": (led.side, led.side), "phototransistor": (detector.width, detector.depth)}
         self._check_layout()
