@@ -1,4 +1,4 @@
-"""The two ways a request can fail."""
+"""The two ways a request can fail, and interrupts that look like failures."""
 
 from __future__ import annotations
 
@@ -15,3 +15,8 @@ class ComputationError(RuntimeError):
 
     The command line prints it as one line and exits with code 1.
     """
+
+
+def comes_from_interrupt(error: BaseException | None) -> bool:
+    """Whether an interrupt is behind an error: where it falls into the recording of a kernel it is wrapped in one."""
+    return error is not None and (isinstance(error, KeyboardInterrupt) or comes_from_interrupt(error.__cause__))

@@ -70,21 +70,16 @@ def main() -> None:
 
 def _describe(error: Exception) -> tuple[str, int]:
     """Message and exit code of an error."""
-    if _comes_from_interrupt(error):
+    kinds = sys.modules.get("mitsuba_taxel.errors")
+    if kinds is not None and kinds.comes_from_interrupt(error):
         return "interrupted", 130
     if isinstance(error, click.ClickException):
         return error.format_message(), 2
-    kinds = sys.modules.get("mitsuba_taxel.errors")
     if kinds is not None and isinstance(error, kinds.InputError):
         return str(error), 2
     if kinds is not None and isinstance(error, kinds.ComputationError):
         return str(error), 1
     return f"{type(error).__name__}: {error} (run with --debug for the traceback)", 1
-
-
-def _comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt is behind an error: where it falls into the recording of a kernel it is wrapped in one."""
-    return error is not None and (isinstance(error, KeyboardInterrupt) or _comes_from_interrupt(error.__cause__))
 
 
 def _keep_stdout_for_results() -> None:

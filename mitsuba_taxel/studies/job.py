@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.errors import ComputationError, InputError, comes_from_interrupt
 from mitsuba_taxel.optics import Readings, Scene, measure
 from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.report.maps import write_irradiance
@@ -81,10 +81,12 @@ class Failure:
 
 
 def run(job: Job) -> Result | Failure:
-    """Read the scene of a job; whatever goes wrong in it is its result, so that others go on."""
+    """Read the scene of a job; whatever goes wrong in it is its result, so that others go on. An interrupt ends it."""
     try:
         return _read(job)
     except Exception as error:
+        if comes_from_interrupt(error):
+            raise KeyboardInterrupt from error
         return failure_of(error)
     finally:
         gc.collect()  # a scene that lives on adds its plugins to the kernels of the next one

@@ -216,3 +216,17 @@ def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
     (tmp_path / "scene.xml").write_text(text.replace(body[0], f'<shape type="ply"> {ply} {body[1]} </shape>'))
     read = measure(Scene.from_file(tmp_path / "scene.xml"), points=256)
     np.testing.assert_allclose(read.replicates, measure(pad, points=256).replicates, rtol=1e-5)
+
+
+def test_an_interrupt_that_a_library_wraps_is_no_failure_of_a_job(monkeypatch):
+    """Dr.Jit does so where it falls into the recording of a kernel; the study must end, and not go on without it."""
+
+    def interrupted(*arguments, **keywords):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise RuntimeError("the kernel could not be compiled") from error
+
+    monkeypatch.setattr(job, "measure", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sweep("plate.xml", {"z": "0.6,0.7"}, points=64)
