@@ -1,1 +1,1 @@
-"""Tables that say how the package does at the extremes, each made by one command."""
+"""How the package does: at the extremes, and error against time, each by one command."""

@@ -9,10 +9,10 @@ import click
 from .options import debug_option, defines_option, folder_option
 
 
-@click.group(short_help="Tables of how the program does at the extremes.")
+@click.group(short_help="How the program does: extremes, and error against time.")
 @debug_option
 def command() -> None:
-    """Make a table of how the program does at the extremes anew."""
+    """Measure how the program does: at the extremes, and error against time."""
 
 
 @command.command("stability", short_help="Pads, loads and readings at the extremes.")

@@ -196,11 +196,18 @@ def test_a_target_chooses_one_mesh_for_all_scenes_and_keeps_it(one_cell, tmp_pat
     np.testing.assert_array_equal(study.replicate_power, same.replicate_power)
 
 
-def test_a_time_budget_limits_points_and_mesh(one_cell):
-    short, free = (sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=budget) for budget in (0.5, 60))
-    assert "mesh_size" not in short.attrs and short.attrs["points"] < free.attrs["points"]
+def test_a_time_budget_limits_points():
+    request = {"target_error": 1e-4, "seed": 2}
+    short, free = (sweep("plate.xml", {"z": "0.6,0.7"}, PLATE, time_budget=left, **request) for left in (1e-3, 600))
+    assert short.attrs["points"] == 256 < free.attrs["points"]
+    assert study_error_budget(free)["total"] < 1.5e-4
     with pytest.raises(InputError, match="points and time_budget exclude each other"):
-        sweep(one_cell, {"fz": "-2,-4"}, points=64, time_budget=1)
+        sweep("plate.xml", {"z": "0.6,0.7"}, points=64, time_budget=1)
+
+
+def test_a_time_budget_limits_the_mesh(one_cell):
+    study = sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=0.5)
+    assert "mesh_size" not in study.attrs and study.attrs["points"] == 256
 
 
 def test_written_mesh_gives_the_reading_of_its_pad(tmp_path):
