@@ -57,7 +57,8 @@ class Readings:
     irradiance : (height, width) map in W/mm², one block of pixels for each taxel, or None
     responsivity : (T,) photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None
     deviation : (T,) W, by how much the power changes where loaded pads have the shape that coarser finite elements give
-        them; not a number where that is unknown; None where no pad is loaded
+        them; not a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors
+        are then those of the light alone
     mesh_size : mm, of the finite elements of pads that the scene leaves open; None for the default
     roof_errors : of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown
     remarks : what the reader of the numbers must know besides, in words

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.optics import Scene
 from mitsuba_taxel.optics.readings import LIGHT_ERROR
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
 from mitsuba_taxel.optics.targets import Settings, aim, points_for
@@ -57,20 +58,23 @@ class _Pilot:
 
     def read(self, values: Mapping[str, str]) -> None:
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
-        start = time.perf_counter()
-        ready = prepare(scene)
-        apart = time.perf_counter() - start
         if self.batch.target_error is None:
-            points = points_for(ready, LIGHT_ERROR, self.batch.seed)
+            points = points_for(prepare(scene), LIGHT_ERROR, self.batch.seed)
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
-            ready, _, (points, self.mesh_size) = aim(scene, self.batch.target_error, self.batch.seed, allowed)
-        self.points.append(points)
+            _, _, (points, self.mesh_size) = aim(scene, self.batch.target_error, self.batch.seed, allowed)
         if self.batch.time_budget is not None:
-            run = Run(ready, self.batch.seed)
-            run.go_on(FIRST_POINTS)
-            self._seconds.append((apart, run.seconds))
+            self._seconds.append(self._costs(scene.with_mesh_size(self.mesh_size)))
+        self.points.append(points)
+
+    def _costs(self, scene: Scene) -> tuple[float, float]:
+        """Seconds that a scene takes apart from tracing, and for the first points."""
+        start = time.perf_counter()
+        run = Run(prepare(scene), self.batch.seed)
+        apart = time.perf_counter() - start
+        run.go_on(FIRST_POINTS)
+        return apart, run.seconds
 
     def affordable_points(self) -> int:
         """Points for each taxel and replicate that the rest of the time budget is enough for."""
