@@ -10,6 +10,7 @@ from mitsuba_taxel.characterise.measurement import Measurement, read_measurement
 from mitsuba_taxel.characterise.mechanics_error import deviating
 from mitsuba_taxel.characterise.recorded_runs import recorded_experiment
 from mitsuba_taxel.characterise.sensitivity import sensitivity, sensitivity_table
+from mitsuba_taxel.characterise.simulated import Simulated, simulated_experiments
 from mitsuba_taxel.characterise.slopes import Slopes, slopes
 from mitsuba_taxel.characterise.tangential import TangentialMap, symmetric_pairs, tangential_map, tangential_maps
 
@@ -18,6 +19,7 @@ __all__ = [
     "Deviation",
     "Experiment",
     "Measurement",
+    "Simulated",
     "Slopes",
     "TangentialMap",
     "characteristics",
@@ -30,6 +32,7 @@ __all__ = [
     "repeatability",
     "sensitivity",
     "sensitivity_table",
+    "simulated_experiments",
     "slopes",
     "symmetric_pairs",
     "tangential_map",

@@ -23,12 +23,13 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     FILE.csv holds time, force and one voltage per taxel, under headings such as time_s,force_N,v1_V,v2_V. Tables and
     plots go beside it, or into DIR.
     """
-    from mitsuba_taxel.characterise import characteristics, symmetric_pairs
+    from mitsuba_taxel import open_study
+    from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
     from mitsuba_taxel.errors import InputError
     from mitsuba_taxel.report.characteristics import write_characteristics
     from mitsuba_taxel.studies.files import make_folder
 
-    experiments, off, maps, notes = _measured(source) if source.is_file() else _simulated(source)
+    experiments, off, maps, notes = _measured(source) if source.is_file() else simulated_experiments(open_study(source))
     if not experiments:
         raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
     folder = folder or (source.parent if source.is_file() else source)
@@ -51,33 +52,6 @@ def _measured(file: Path) -> tuple[list, list, list, list[str]]:
     replicates = experiment.runs[0].samples.shape[1]
     error = "1 sigma of the recording's noise" if replicates > 1 else "not known (few rows, or correlated noise)"
     return [experiment], [], [], [f"{len(experiment.runs)} runs. Error: {error}."]
-
-
-def _simulated(folder: Path) -> tuple[list, list, list, list[str]]:
-    """Experiments, the same off by the mechanics' error, maps, and notes."""
-    from xarray import DataTree
-
-    from mitsuba_taxel import open_study
-    from mitsuba_taxel.characterise import deviating, experiments, tangential_maps
-    from mitsuba_taxel.errors import InputError
-
-    study = open_study(folder)
-    scenes = [study] if hasattr(study, "replicate_power") else [leaf.to_dataset() for leaf in study.leaves]
-    notes = [
-        "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the mechanics' error "
-        "does; on maps and of symmetric pairs that of the light alone."
-    ]
-    notes += dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())
-    missing = sum(int(scene.replicate_power.isnull().any(("replicate", "taxel")).sum()) for scene in scenes)
-    if missing:
-        notes.append(f"Jobs without a reading, left out: {missing}.")
-    try:
-        maps = tangential_maps(study)
-    except InputError as error:
-        maps = []
-        notes.append(f"No map of tangential loads: {error}")
-    off = study.map_over_datasets(deviating) if isinstance(study, DataTree) else deviating(study)
-    return experiments(study), experiments(off), maps, notes
 
 
 def _as_json(table, pairs, notes: list[str], files: list[Path]) -> str:

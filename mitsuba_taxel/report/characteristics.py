@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -60,14 +60,14 @@ def write_characteristics(
     return [folder / name for name in writers]
 
 
-def plot_sensitivity(experiments: Sequence[Experiment], file: Path) -> None:
-    """Write a PNG of the first run of growing force of each experiment: change and slope against force.
+def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of the first run of growing force of each experiment: change and slope against force.
 
     Above, how each taxel's reading has changed since the start; below, its slope between neighbouring points. Bars
     are 1 sigma.
     """
     shown = [one for one in experiments if one.loading_runs]
-    with _panels(shown, file, rows=2) as axes:
+    with _panels(shown, file, form, rows=2) as axes:
         for (above, below), one in zip(axes, shown, strict=False):
             run = one.loading_runs[0]
             _draw(above, run.force, run.value, run.error, one)
@@ -78,15 +78,15 @@ def plot_sensitivity(experiments: Sequence[Experiment], file: Path) -> None:
             below.set_ylabel(f"slope [{one.unit}/N]")
 
 
-def plot_deviations(experiments: Sequence[Experiment], file: Path) -> None:
-    """Write a PNG of how branches deviate from the end-point line of the first one of growing force.
+def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of how branches deviate from the end-point line of the first one of growing force.
 
     In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
     the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing
     one (dotted) from the first the repeatability. Bars are 1 sigma.
     """
     shown = [one for one in experiments if any(branch.loading for branch in one.branches)]
-    with _panels(shown, file, rows=1) as axes:
+    with _panels(shown, file, form, rows=1) as axes:
         for (ax,), one in zip(axes, shown, strict=False):
             cycle = _first_cycle(one.branches)
             largest = one.largest_change.mean(axis=0)
@@ -98,12 +98,12 @@ def plot_deviations(experiments: Sequence[Experiment], file: Path) -> None:
                 _explain_lines(ax, cycle)
 
 
-def plot_tangential_maps(maps: Sequence[TangentialMap], file: Path) -> None:
-    """Write a PNG of the taxels' changes under each tangential load, x to the right, y upwards.
+def plot_tangential_maps(maps: Sequence[TangentialMap], file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of the taxels' changes under each tangential load, x to the right, y upwards.
 
     Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes.
     """
-    with _panels([one.experiment for one in maps], file, rows=1, sharex=False) as axes:
+    with _panels([one.experiment for one in maps], file, form, rows=1, sharex=False) as axes:
         for (ax,), one in zip(axes, maps, strict=False):
             power = math.floor(math.log10(np.abs(one.change).max() or 1.0))
             changes, errors = one.change / 10.0**power, one.error / 10.0**power
@@ -155,7 +155,9 @@ def _first_cycle(branches: Sequence[Branch]) -> dict[str, Branch]:
 
 
 @contextmanager
-def _panels(experiments: Sequence[Experiment], file: Path, rows: int, sharex: bool = True) -> Iterator[np.ndarray]:
+def _panels(
+    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str, rows: int, sharex: bool = True
+) -> Iterator[np.ndarray]:
     """Axes (panels, rows), a panel per experiment, its plots above each other; the figure is written at the end."""
     import matplotlib
 
@@ -183,7 +185,7 @@ def _panels(experiments: Sequence[Experiment], file: Path, rows: int, sharex: bo
         handles, labels = max((ax.get_legend_handles_labels() for ax in axes[:count, 0]), key=lambda pair: len(pair[1]))
         if labels:
             figure.legend(handles, labels, title="taxel", loc="outside right center", frameon=False)
-        figure.savefig(file, dpi=150, format="png")
+        figure.savefig(file, dpi=150, format=form)
     finally:
         pyplot.close(figure)
 

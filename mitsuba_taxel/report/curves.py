@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import xarray as xr
 
@@ -14,9 +14,10 @@ MARKERS = "osD^v<>Px"
 MOST_PANELS = 12
 
 
-def plot_curves(study: xr.Dataset, file: Path) -> None:
-    """Write a PNG of each taxel's power against the study's curve parameter, with error bars of 1 sigma.
+def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of each taxel's power against the study's curve parameter.
 
+    Bars are 1 sigma of the light, bands the total error.
     Where there are several taxels, a second plot below shows how each differs from their mean, with the error
     of that difference. There is one such pair for each combination of the other varied parameters, at most
     :data:`MOST_PANELS`; the title says how many are left out.
@@ -27,8 +28,8 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
     from matplotlib import pyplot
 
     curve = study.attrs["curve"]
-    powers = study.replicate_power
-    others = [str(dim) for dim in powers.dims if dim not in (curve, "replicate", "taxel")]
+    powers = study[["replicate_power", "total_error"]]
+    others = [str(dim) for dim in powers.total_error.dims if dim not in (curve, "taxel")]
     panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
     shown = panels.isel(panel=slice(MOST_PANELS))
     count = shown.sizes["panel"]
@@ -49,9 +50,10 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
         for number in range(count):
             panel = shown.isel(panel=number)
             row, column = divmod(number, columns)
-            _draw(axes[lines * row, column], panel, curve)
+            power = panel.replicate_power
+            _draw(axes[lines * row, column], power, curve, panel.total_error)
             if lines > 1:
-                _draw(axes[lines * row + 1, column], panel - panel.mean("taxel"), curve)
+                _draw(axes[lines * row + 1, column], power - power.mean("taxel"), curve)
             if others:
                 values = (f"{name} = {panel[name].item()}" for name in others)
                 axes[lines * row, column].set_title(", ".join(values))
@@ -68,13 +70,13 @@ def plot_curves(study: xr.Dataset, file: Path) -> None:
             loc="outside right center",
             frameon=False,
         )
-        figure.savefig(file, dpi=150, format="png")
+        figure.savefig(file, dpi=150, format=form)
     finally:
         pyplot.close(figure)
 
 
-def _draw(ax: Any, replicates: xr.DataArray, curve: str) -> None:
-    """One line per taxel, with error bars from the replicates."""
+def _draw(ax: Any, replicates: xr.DataArray, curve: str, total_error: xr.DataArray | None = None) -> None:
+    """One line per taxel, with error bars from the replicates, and a band of the total error where that is given."""
     values = replicates.mean("replicate")
     errors = replicates.std("replicate", ddof=1) / math.sqrt(replicates.sizes["replicate"])
     for number, taxel in enumerate(replicates.taxel.values):
@@ -90,6 +92,12 @@ def _draw(ax: Any, replicates: xr.DataArray, curve: str) -> None:
             elinewidth=0.8,
             markersize=3,
         )
+        if total_error is not None and len(replicates[curve]) > 1:
+            middle, width = values.sel(taxel=taxel).values, total_error.sel(taxel=taxel).values
+            colour = COLOURS[number % len(COLOURS)]
+            ax.fill_between(
+                replicates[curve].values, middle - width, middle + width, color=colour, alpha=0.2, linewidth=0
+            )
     ax.set_visible(True)
     ax.grid(alpha=0.3)
     ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))

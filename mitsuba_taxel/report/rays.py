@@ -46,10 +46,10 @@ def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    meshes = [mesh for shape in scene.shapes() if (mesh := _as_mesh(shape)) is not None]
+    meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)
-    faces = {"LED": (_corners(pair.led.faces, index), LED)}
-    faces["phototransistor"] = (_corners(pair.sensor.faces, index), PHOTOTRANSISTOR)
+    faces = {"LED": (face_corners(pair.led.faces, index), LED)}
+    faces["phototransistor"] = (face_corners(pair.sensor.faces, index), PHOTOTRANSISTOR)
     centre = np.mean([corners for corners, _ in faces.values()], axis=(0, 1))
     box = _view(paths, faces)
     width, depth, height = box[1] - box[0]
@@ -134,7 +134,7 @@ def _section(mesh: Any, across: int, centre: np.ndarray) -> np.ndarray:
     return trimesh.intersections.mesh_plane(mesh, normal, origin)
 
 
-def _as_mesh(shape: Any) -> Any:
+def shape_mesh(shape: Any) -> Any:
     """A shape's triangles, or None for one that has none."""
     import mitsuba as mi
     import trimesh
@@ -150,7 +150,7 @@ def _as_mesh(shape: Any) -> Any:
     return trimesh.Trimesh(vertices, np.array(parameters["faces"]).reshape(-1, 3), process=False)
 
 
-def _corners(faces: Any, index: int) -> np.ndarray:
+def face_corners(faces: Any, index: int) -> np.ndarray:
     """(4, 3) corners in mm of one face."""
     import mitsuba as mi
 

@@ -217,7 +217,7 @@ PATCHES = [
 ]
 
 
-@pytest.mark.parametrize(("patch", "mirrors"), PATCHES, ids=str)
+@pytest.mark.parametrize(("patch", "mirrors"), PATCHES, ids=[str(patch) for patch, _ in PATCHES])
 def test_a_patch_keeps_the_mirrors_that_it_has_itself(patch, mirrors, mesh, images):
     assert {mirror for mirror, image in images.items() if keeps(patch, mesh, image)} == mirrors
 

@@ -24,8 +24,9 @@ from mitsuba_taxel.report.curves import plot_curves
 def test_plot(tmp_path, varied, curve, taxels):
     shape = [len(values) for values in varied.values()]
     power = np.random.default_rng(0).normal(1, 0.1, (*shape, 4, taxels))
+    total = np.full((*shape, taxels), 0.05)
     study = xr.Dataset(
-        {"replicate_power": ([*varied, "replicate", "taxel"], power)},
+        {"replicate_power": ([*varied, "replicate", "taxel"], power), "total_error": ([*varied, "taxel"], total)},
         coords={**varied, "taxel": np.arange(1, taxels + 1)},
         attrs={"curve": curve, "scene": "scene.xml"},
     )

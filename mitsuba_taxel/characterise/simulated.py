@@ -1,0 +1,43 @@
+"""What a study holds of experiments: its lines of load, the same off by the mechanics' error, and tangential maps."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import xarray as xr
+
+from mitsuba_taxel.characterise.experiment import Experiment
+from mitsuba_taxel.characterise.load_lines import experiments
+from mitsuba_taxel.characterise.mechanics_error import deviating
+from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
+from mitsuba_taxel.errors import InputError
+
+ERROR = (
+    "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the mechanics' error does; "
+    "on maps and of symmetric pairs that of the light alone."
+)
+
+
+class Simulated(NamedTuple):
+    """``experiments``; ``off``, the same as ``characteristics`` takes them; ``maps``; and ``notes``, in words."""
+
+    experiments: list[Experiment]
+    off: list[Experiment]
+    maps: list[TangentialMap]
+    notes: list[str]
+
+
+def simulated_experiments(study: xr.Dataset | xr.DataTree) -> Simulated:
+    """The experiments of a study, as ``open_study`` returns it; none where no force is varied."""
+    scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]
+    notes = [ERROR, *dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())]
+    missing = sum(int(scene.replicate_power.isnull().any(("replicate", "taxel")).sum()) for scene in scenes)
+    if missing:
+        notes.append(f"Jobs without a reading, left out: {missing}.")
+    try:
+        maps = tangential_maps(study)
+    except InputError as error:
+        maps = []
+        notes.append(f"No map of tangential loads: {error}")
+    off = study.map_over_datasets(deviating) if isinstance(study, xr.DataTree) else deviating(study)
+    return Simulated(experiments(study), experiments(off), maps, notes)

@@ -1,0 +1,40 @@
+"""`taxel report`: a study as one web page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, json_option
+
+
+@click.command(short_help="A study as one self-contained web page.")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), default=Path("report.html"), show_default=True,
+    metavar="FILE.html", help="The page.",
+)  # fmt: skip
+@json_option
+@debug_option
+def command(folder: Path, output: Path, as_json: bool) -> None:
+    """Write the study in DIR as one page: plots, tables, error and time, and the deformed pad to turn and cut open.
+
+    The page needs no network and no server: it can be sent and opened as a file.
+    """
+    from mitsuba_taxel.report.page import write_report
+    from mitsuba_taxel.studies.files import check_new_file
+
+    from .tables import progress_bar
+
+    check_new_file(output, ".html")
+    with progress_bar("load steps") as progress:
+        left_out = write_report(folder, output, progress)
+    if as_json:
+        import json
+
+        click.echo(json.dumps({"file": str(output), "left_out": left_out}))
+        return
+    for line in left_out:
+        click.echo(f"Left out: {line}")
+    click.echo(f"Results: {output}")

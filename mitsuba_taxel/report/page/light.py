@@ -1,0 +1,60 @@
+"""What the page's viewer shows besides the pad: packages, LEDs and phototransistors, and light paths of one cell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.optics import sample_paths
+from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.report.page.solids import Packing
+from mitsuba_taxel.report.rays import face_corners, shape_mesh
+
+SAMPLED, DRAWN = 200, 12
+"""Light paths: the shortest of those that reach the phototransistor, and of the others, are drawn."""
+LIFT = 0.01
+"""mm that faces are drawn above the package that they are set into."""
+
+
+class Lit:
+    """A live scene, and the taxel whose cell is looked into: the one nearest the middle of ``box`` (2, 3)."""
+
+    def __init__(self, live: Any, box: np.ndarray) -> None:
+        self._live, self._box, self._pairs = live, box, taxels_of(live)
+        places = np.concatenate([np.array(pair.sensor.faces.centres).T for pair in self._pairs])
+        self.taxel = 1 + int(np.argmin(np.linalg.norm(places - box.mean(axis=0), axis=1)))
+        self.y = float(places[self.taxel - 1, 1])
+
+    def paths(self, packing: Packing) -> dict[str, list[str]]:
+        """Packed paths: those that reach the phototransistor, and others."""
+        paths = sample_paths(self._live, self.taxel, count=SAMPLED)
+        kinds: dict[str, list[np.ndarray]] = {"reached": [], "others": []}
+        for vertices, reached in zip(paths.vertices, paths.reached, strict=True):
+            kinds["reached" if reached else "others"].append(vertices)
+        return {kind: [packing.lengths(path) for path in sorted(some, key=len)[:DRAWN]] for kind, some in kinds.items()}
+
+    def fixed(self, packing: Packing) -> list[dict[str, Any]]:
+        """Packed solids other than pads, each with its kind and its largest y; boards end near the pad."""
+        margin = 0.04 * np.ptp(self._box, axis=0).max()
+        solids = []
+        for kind, vertices, triangles in self._parts():
+            inside = np.clip(vertices, self._box[0] - margin, self._box[1] + margin)
+            packed = {"vertices": packing.lengths(inside), "triangles": packing.indices(triangles)}
+            solids.append({**packed, "kind": kind, "y": float(inside[:, 1].max())})
+        return solids
+
+    def _parts(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """Kind, vertices and triangles of each connected surface."""
+        for shape in self._live.shapes():
+            mesh = None if hasattr(shape, "state") else shape_mesh(shape)
+            kind = "board" if shape.class_name() == "Rectangle" else "other"
+            for part in [] if mesh is None else mesh.split(only_watertight=False, repair=False):
+                yield kind, part.vertices, part.faces
+        for pair in self._pairs:
+            for kind, faces in (("led", pair.led.faces), ("phototransistor", pair.sensor.faces)):
+                for index in range(faces.count):
+                    corners = face_corners(faces, index)
+                    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+                    yield kind, corners + LIFT * normal / np.linalg.norm(normal), np.array([[0, 1, 2], [0, 2, 3]])

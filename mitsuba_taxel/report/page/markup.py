@@ -1,0 +1,56 @@
+"""Pieces of the page as HTML; whatever comes from a study is escaped."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from html import escape
+from io import BytesIO
+from typing import BinaryIO
+
+
+def section(name: str, title: str, *parts: str) -> str:
+    """A section that the table of contents can lead to."""
+    return f'<section id="{name}" aria-labelledby="{name}-title"><h2 id="{name}-title">{escape(title)}</h2>' + (
+        "\n".join(parts) + "</section>"
+    )
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """Plain text; ``kind`` is a class of the style sheet."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def bullets(lines: Sequence[str]) -> str:
+    """A list, or nothing of nothing."""
+    return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
+
+
+def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table that scrolls where it is wider than the screen."""
+    head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return (
+        f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(caption)}"><table>'
+        f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def folded(title: str, *parts: str) -> str:
+    """What is shown when its title is pressed."""
+    return f"<details><summary>{escape(title)}</summary>{''.join(parts)}</details>"
+
+
+def plot(write: Callable[[BinaryIO], None], words: str, caption: str) -> str:
+    """A plot as an SVG picture; ``words`` say what it shows to those who do not see it."""
+    import matplotlib
+
+    picture = BytesIO()
+    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "page", "savefig.transparent": True}):
+        write(picture)
+    content = base64.b64encode(picture.getvalue()).decode("ascii")
+    source = f"data:image/svg+xml;base64,{content}"
+    return (
+        f'<figure><img class="plot" src="{source}" alt="{escape(words)}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )

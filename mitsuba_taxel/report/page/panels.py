@@ -1,0 +1,138 @@
+"""What the page's viewer shows of a study: a panel for each combination of parameters, with its load steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.report.page.light import Lit
+from mitsuba_taxel.report.page.solids import Packing, Surface, Topologies, read_surfaces
+from mitsuba_taxel.studies.batch import Batch
+
+MOST_PANELS = 6
+MOST_STEPS = 21
+
+
+def viewer_panels(
+    study: xr.Dataset, folder: Path, batch: Batch | None, progress: Callable[[int, int], None]
+) -> list[dict[str, Any]]:
+    """Panels of a study whose pads lie as meshes in its folder; none of a study without pads.
+
+    Parameters
+    ----------
+    batch : what the study is of, for light paths and packages; None leaves them out
+    progress : called with the number of load steps done and the number of all
+    """
+    if "mesh" not in study:
+        return []
+    curve = study.attrs["curve"]
+    others = [str(dim) for dim in study.mesh.dims if dim != curve]
+    stacked = study.mesh.stack(panel=others) if others else study.mesh.expand_dims("panel")
+    chosen = [stacked.isel(panel=number) for number in range(min(stacked.sizes["panel"], MOST_PANELS))]
+    rows = [_steps(one, curve) for one in chosen]
+    total = sum(len(steps) for steps in rows)
+    panels: list[dict[str, Any]] = []
+    for one, steps in zip(chosen, rows, strict=True):
+        if steps:
+            where = {name: _word(one[name].item()) for name in others}
+            done = sum(len(panel["steps"]) for panel in panels)
+            panels.append(_panel(where, steps, study, folder, batch, partial(_report, progress, done, total)))
+    return panels
+
+
+def _report(progress: Callable[[int, int], None], before: int, total: int, done: int) -> None:
+    progress(before + done, total)
+
+
+def _steps(row: xr.DataArray, curve: str) -> list[xr.DataArray]:
+    """The load steps that have a mesh; of many, a selection with both ends."""
+    there = [row.isel({curve: place}) for place in range(row.sizes[curve]) if row.isel({curve: place}).item()]
+    if len(there) <= MOST_STEPS:
+        return there
+    return [there[place] for place in np.linspace(0, len(there) - 1, MOST_STEPS).round().astype(int)]
+
+
+def _panel(
+    where: dict[str, str],
+    steps: list[xr.DataArray],
+    study: xr.Dataset,
+    folder: Path,
+    batch: Batch | None,
+    progress: Callable[[int], None],
+) -> dict[str, Any]:
+    along = [str(name) for name, values in study.coords.items() if values.dims == (study.attrs["curve"],)]
+    along = [name for name in along if name != "step" or len(along) == 1]
+    topologies = Topologies()
+    surfaces = [read_surfaces([folder / file for file in step.item().split()]) for step in steps]
+    places = [topologies.place(surface) for surface in surfaces]
+    rest = int(np.argmin([_size(step, along) for step in steps]))
+    box = np.array([surfaces[rest].vertices.min(axis=0), surfaces[rest].vertices.max(axis=0)])
+    packing = Packing(1.1 * max(np.abs(surface.vertices).max() for surface in surfaces))  # boards end further out
+    panel: dict[str, Any] = {
+        "unit": packing.unit,
+        "name": ", ".join(f"{name} = {value}" for name, value in where.items()),
+        "box": box.round(4).tolist(),
+        "rest": rest,
+        "topologies": [packing.topology(coarse) for coarse in topologies.coarse],
+        "steps": [],
+        "fixed": [],
+        "cut": 50,
+        "taxel": None,
+    }
+    moved = [_largest(surface, surfaces[rest]) for surface in surfaces]
+    for number, (step, surface, place) in enumerate(zip(steps, surfaces, places, strict=True)):
+        drawn = surface.vertices[topologies.coarse[place].kept]
+        about = {"words": _words(step, along), "largest": f"{moved[number]:.3g}"}
+        panel["steps"].append({**about, "topology": place, "vertices": packing.lengths(drawn)})
+        if batch is not None:
+            values = {**where, **{name: _word(step[name].item()) for name in along if name != "step"}}
+            _light(panel, number, batch, values, box, packing)
+        progress(number + 1)
+    panel["most"] = float(f"{max(moved):.3g}")
+    return panel
+
+
+def _light(
+    panel: dict[str, Any], number: int, batch: Batch, values: dict[str, str], box: np.ndarray, packing: Packing
+) -> None:
+    """Add to a panel what a step's scene shows; nothing if it cannot be loaded here."""
+    try:
+        lit = Lit(batch.scene(values).load(), box)
+        panel["steps"][number]["rays"] = lit.paths(packing)
+    except (InputError, ComputationError):
+        return
+    if not panel["fixed"]:
+        panel["fixed"] = lit.fixed(packing)
+        panel["cut"] = round(100 * float((lit.y - box[0, 1]) / np.ptp(box[:, 1])))
+        panel["taxel"] = lit.taxel
+
+
+def _words(step: xr.DataArray, along: list[str]) -> str:
+    parts = []
+    for name in along:
+        value, unit = step[name].item(), step[name].attrs.get("units", "")
+        parts.append(f"{name} = {_word(value)} {unit}".strip())
+    return ", ".join(parts)
+
+
+def _word(value: str | float) -> str:
+    """A value as a scene takes it: a whole number has no point."""
+    return value if isinstance(value, str) else f"{value:.15g}"
+
+
+def _size(step: xr.DataArray, along: list[str]) -> float:
+    """How large a load is, for telling the least one of a curve."""
+    return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
+
+
+def _largest(surface: Surface, rest: Surface) -> float:
+    """mm, largest displacement between two states of a pad; not a number between different ones."""
+    if not np.array_equal(surface.triangles, rest.triangles):
+        return 0.0
+    return float(np.linalg.norm(surface.vertices - rest.vertices, axis=1).max())

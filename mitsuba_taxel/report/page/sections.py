@@ -1,0 +1,140 @@
+"""The sections of the page that are words, tables and plots; ``key`` tells those of several scenes apart."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
+from mitsuba_taxel.characterise.wording import pair_rows, table_rows, with_error
+from mitsuba_taxel.report.characteristics import plot_deviations, plot_sensitivity, plot_tangential_maps
+from mitsuba_taxel.report.curves import plot_curves
+from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
+from mitsuba_taxel.studies import stage_totals, study_error_budget
+
+MOST_ROWS = 2000
+"""Of the table of readings: longer ones are in readings.csv."""
+
+
+def about(study: xr.Dataset, title: str, key: str) -> str:
+    """What was simulated."""
+    power = study.power
+    varied = [
+        f"{name}: {_span(study[name].values, study[name].attrs.get('units', ''))}"
+        for name in study.coords
+        if study[name].dims and study[name].dims[0] not in ("taxel", "stage", "replicate") and name != "step"
+    ]
+    points, replicates = study.attrs["points"], study.sizes["replicate"]
+    lines = [
+        f"Scene {study.attrs['scene']}; {study.sizes['taxel']} taxels; {int(power.notnull().sum())} readings.",
+        f"Varied: {'; '.join(varied)}.",
+        f"Each reading: {replicates} randomisations of {points} points, seed {study.attrs['seed']}.",
+        *study.attrs["notes"].splitlines(),
+    ]
+    failures = study.attrs["failures"].splitlines()
+    failed = f'<div class="failed">{paragraph("Failed:")}{bullets(failures)}</div>' if failures else ""
+    return section(f"about{key}", title, bullets(lines), failed, *_provenance(study))
+
+
+def _span(values: np.ndarray, unit: str) -> str:
+    if values.dtype.kind not in "fi":
+        return ", ".join(map(str, dict.fromkeys(values)))
+    if len(values) == 1:
+        return f"{values[0]:.6g} {unit}".strip()
+    return " ".join(f"{values[0]:.6g} to {values[-1]:.6g} {unit} in {len(values)} steps".split())
+
+
+def _provenance(study: xr.Dataset) -> list[str]:
+    tables = {"Parameters that were not varied": "parameters", "Versions": "versions"}
+    read: dict[str, Mapping[str, str]] = {title: json.loads(study.attrs[name]) for title, name in tables.items()}
+    return [folded(title, table(title, ("name", "value"), list(rows.items()))) for title, rows in read.items() if rows]
+
+
+def power(study: xr.Dataset, key: str) -> str:
+    """Power against what is varied, and the same as a table."""
+    curve = study.attrs["curve"]
+    values = study.power.values[np.isfinite(study.power.values)]
+    words = (
+        f"Optical power of {study.sizes['taxel']} taxels against {curve}: between {values.min():.4g} and "
+        f"{values.max():.4g} W. The table below holds the numbers."
+    )
+    caption = "Bands: total error, of light and mechanics. Bars: one standard error of the light."
+    return section(
+        f"power{key}",
+        "Power",
+        plot(partial(plot_curves, study, form="svg"), words, caption),
+        folded("Readings", _readings(study)),
+    )
+
+
+def _readings(study: xr.Dataset) -> str:
+    frame = study[["power", "total_error"]].to_dataframe().reset_index()
+    keys = [name for name in frame.columns if name not in ("power", "total_error")]
+    units = [f" [{study[name].attrs['units']}]" if "units" in study[name].attrs else "" for name in keys]
+    rows = [
+        [*(_word(record[name]) for name in keys), with_error(record["power"], record["total_error"])]
+        for record in frame.head(MOST_ROWS).to_dict("records")
+    ]
+    left = f" (the first {MOST_ROWS} of {len(frame)}: readings.csv holds all)" if len(frame) > MOST_ROWS else ""
+    headings = [name + unit for name, unit in zip(keys, units, strict=True)]
+    return table(f"Power with its total error{left}", [*headings, "power [W]"], rows)
+
+
+def _word(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def merit(study: xr.Dataset, key: str) -> str:
+    """Sensitivity, linearity and tangential maps; nothing where no force is varied."""
+    found = simulated_experiments(study)
+    if not found.experiments:
+        return ""
+    figures, pairs = characteristics(found.experiments, found.off), symmetric_pairs(found.maps)
+    parts = []
+    for title, (headings, rows) in {
+        "Sensitivities": table_rows(figures, SLOPES),
+        "Largest deviations, in percent of the largest change": table_rows(figures, DEVIATIONS),
+    }.items():
+        if rows:
+            parts.append(table(title, headings, rows))
+    words = "Change of each taxel's reading against force, and its slope below; the tables hold the numbers."
+    parts.append(
+        plot(partial(plot_sensitivity, found.experiments, form="svg"), words, "Change of the reading, and its slope.")
+    )
+    if len(figures[figures.figure.isin(DEVIATIONS)]):
+        words = "Deviation of each taxel's reading from the straight line between its end points, in percent."
+        parts.append(plot(partial(plot_deviations, found.experiments, form="svg"), words, "Deviation from the line."))
+    if found.maps:
+        parts.append(_tangential(found.maps, pairs))
+    return section(f"merit{key}", "Sensitivity and linearity", *parts, paragraph(found.notes[0], "quiet"))
+
+
+def _tangential(maps, pairs) -> str:
+    words = "Map of the taxels' changes under each tangential load; arrows show which way it pushes."
+    caption = "Change of each taxel under a tangential load, with one standard error; x to the right, y upwards."
+    headings, rows = pair_rows(pairs)
+    numbers = [table("Symmetric pairs under a tangential load", headings, rows)] if rows else []
+    return "".join(
+        ["<h3>Tangential loads</h3>", plot(partial(plot_tangential_maps, maps, form="svg"), words, caption), *numbers]
+    )
+
+
+def cost(study: xr.Dataset, key: str) -> str:
+    """Error budget and time by stage."""
+    budget = study_error_budget(study)
+    errors = [(source, "unknown" if np.isnan(share) else f"{share:.2%}") for source, share in budget.items()]
+    seconds = stage_totals(study)
+    total = sum(seconds.values())
+    times = [(stage, f"{value:.2f}", f"{value / total:.0%}") for stage, value in seconds.items() if total > 0]
+    times.append(("total", f"{total:.2f}", ""))
+    return section(
+        f"cost{key}",
+        "Error and time",
+        table("Error of the worst reading, relative", ("source", "error"), errors),
+        table("Processor time by stage", ("stage", "seconds", "share"), times),
+    )

@@ -1,0 +1,84 @@
+"""The deformed pads of a study, packed for the page's viewer."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.report.page.coarsening import Coarse, coarsened
+
+SPAN = 32000
+"""Lengths are sent as whole numbers of so many parts of the largest one."""
+
+
+class Surface(NamedTuple):
+    """(N, 3) vertices in mm, (M, 3) triangles, and the (M,) region of each."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    regions: np.ndarray
+
+
+def read_surfaces(files: Sequence[Path]) -> Surface:
+    """The surfaces in PLY files as one."""
+    parts = [_read(file) for file in files]
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    triangles = [part.triangles + start for part, start in zip(parts, starts, strict=True)]
+    return Surface(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate(triangles),
+        np.concatenate([part.regions for part in parts]),
+    )
+
+
+def _read(file: Path) -> Surface:
+    import trimesh
+
+    mesh = trimesh.load_mesh(file, process=False)
+    assert isinstance(mesh, trimesh.Trimesh)
+    faces = mesh.metadata["_ply_raw"]["face"]["data"]
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces), faces["region_0"].astype(np.int64))
+
+
+class Topologies:
+    """Coarse versions of the surfaces of one panel: those with the same triangles share one."""
+
+    def __init__(self) -> None:
+        self._places: dict[bytes, int] = {}
+        self.coarse: list[Coarse] = []
+
+    def place(self, surface: Surface) -> int:
+        """Where in ``coarse`` the version of a surface is."""
+        key = surface.triangles.tobytes()
+        if key not in self._places:
+            self._places[key] = len(self.coarse)
+            self.coarse.append(coarsened(*surface))
+        return self._places[key]
+
+
+class Packing:
+    """How arrays become text: lengths as 16-bit multiples of ``unit`` mm, little-endian, in base 64."""
+
+    def __init__(self, largest: float) -> None:
+        self.unit = max(largest, 1e-6) / SPAN
+
+    def lengths(self, vertices: np.ndarray) -> str:
+        """(..., 3) mm."""
+        return _text(np.round(np.clip(vertices / self.unit, -SPAN, SPAN)).astype("<i2"))
+
+    @staticmethod
+    def indices(triangles: np.ndarray) -> str:
+        """(T, 3) int, below 65536."""
+        return _text(triangles.astype("<u2"))
+
+    def topology(self, coarse: Coarse) -> Mapping[str, Any]:
+        """Triangles and their regions."""
+        return {"triangles": self.indices(coarse.triangles), "regions": _text(coarse.regions.astype(np.uint8))}
+
+
+def _text(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")

@@ -1,0 +1,128 @@
+"""The page of a study: one HTML file with everything in it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import xarray as xr
+
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.report.page import sections
+from mitsuba_taxel.report.page.markup import paragraph
+from mitsuba_taxel.report.page.panels import viewer_panels
+from mitsuba_taxel.studies import open_study
+from mitsuba_taxel.studies.batch import WRITTEN_KEYS, Batch, batch_from
+from mitsuba_taxel.studies.files import replacing
+from mitsuba_taxel.studies.opening import read_results
+from mitsuba_taxel.studies.provenance import provenance
+
+
+def write_report(
+    folder: Path, file: Path, progress: Callable[[int, int], None] = lambda done, total: None
+) -> list[str]:
+    """Write the page of the study in a folder.
+
+    Parameters
+    ----------
+    folder : of one scene's study, or of a study of several scenes
+    file : ends in ``.html``; replaced when the page is whole
+    progress : called with the number of load steps drawn and the number of all
+
+    Returns
+    -------
+    What was left out of the page and why, in words.
+
+    Raises
+    ------
+    InputError
+        if the folder holds no results.
+    """
+    study = open_study(folder)
+    scenes: dict[str, Any] = {"": study}
+    if isinstance(study, xr.DataTree):
+        scenes = {name: one.to_dataset() for name, one in study.children.items()}
+    left_out: list[str] = []
+    panels = _panels(scenes, folder, left_out, progress)
+    parts = [_viewer(panels), *(part for name, one in scenes.items() for part in _sections(name, one))]
+    remarks = [paragraph(f"Left out: {line}", "quiet") for line in left_out]
+    title, body = folder.resolve().name, "\n".join([*parts, *remarks])
+    page = Template(_asset("page.html")).substitute(
+        title=escape(title),
+        style=_asset("page.css"),
+        contents=_contents(body),
+        body=body,
+        solids=json.dumps({"panels": panels}).replace("<", "\\u003c"),
+        script=_asset("viewer.js"),
+    )
+    with replacing(file) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return left_out
+
+
+def _panels(
+    scenes: dict[str, xr.Dataset], folder: Path, left_out: list[str], progress: Callable[[int, int], None]
+) -> list[dict[str, Any]]:
+    """Panels of the viewer; what it cannot show is added to ``left_out``."""
+    panels = []
+    for name, study in scenes.items():
+        if "mesh" not in study:
+            left_out.append(
+                f"{name or study.attrs['scene']}: the pad in three dimensions, since the study has no meshes."
+            )
+            continue
+        found = viewer_panels(study, folder / name, _batch(folder / name, study, left_out), progress)
+        for panel in found:
+            panel["name"] = ": ".join(word for word in (name, panel["name"]) if word)
+        panels += found
+    return panels
+
+
+def _batch(folder: Path, study: xr.Dataset, left_out: list[str]) -> Batch | None:
+    """What the study is of, or None if its scene is no longer there as it was."""
+    about = read_results(folder)
+    try:
+        batch = batch_from({name: about[name] for name in about if name not in WRITTEN_KEYS}, 0, folder)
+        if provenance(batch)["scene_content"] == about["provenance"]["scene_content"]:
+            return replace(batch, mesh_size=study.attrs.get("mesh_size"))
+        reason = "has been changed since"
+    except (InputError, ComputationError) as error:
+        reason = f"cannot be loaded: {error}"
+    left_out.append(f"light paths and packages, since the scene {study.attrs['scene']} {reason}.")
+    return None
+
+
+def _sections(name: str, study: xr.Dataset) -> list[str]:
+    key = f"-{name}" if name else ""
+    title = f"What was simulated: {name}" if name else "What was simulated"
+    made = [sections.about(study, title, key), sections.power(study, key), sections.merit(study, key)]
+    return [*made, sections.cost(study, key)]
+
+
+def _contents(body: str) -> str:
+    """Links to the sections of the page."""
+    titles = re.findall(r'<section id="([^"]+)"[^>]*><h2[^>]*>(.*?)</h2>', body)
+    return "".join(f'<li><a href="#{name}">{title}</a></li>' for name, title in titles)
+
+
+def _viewer(panels: list[dict[str, Any]]) -> str:
+    if not panels:
+        return ""
+    options = "".join(f'<option value="{n}">{escape(panel["name"])}</option>' for n, panel in enumerate(panels))
+    choice = f'<label>Pad <select data-part="panel">{options}</select></label>' if len(panels) > 1 else ""
+    has_light = any("rays" in step for panel in panels for step in panel["steps"])
+    rays = (
+        '<label class="tick"><input type="checkbox" data-part="rays" checked> Light paths</label>' if has_light else ""
+    )
+    return Template(_asset("viewer.html")).substitute(choice=choice, rays=rays)
+
+
+def _asset(name: str) -> str:
+    return (files(__package__) / "assets" / name).read_text(encoding="utf-8")

@@ -1,0 +1,194 @@
+"""The page of a study holds all of it, needs nothing else, and shows the pad as it is."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import trimesh
+
+from mitsuba_taxel import InputError, open_study
+from mitsuba_taxel.report.page import write_report
+from mitsuba_taxel.report.page.coarsening import coarsened
+from mitsuba_taxel.report.page.markup import paragraph, table
+from mitsuba_taxel.studies import study_error_budget
+
+
+def box(pieces):
+    """A closed cube of edge 2 mm, each face with ``pieces`` cut along it, and a region for each of its six faces."""
+    mesh = trimesh.creation.box((2, 2, 2))
+    for _ in range(pieces):
+        mesh = mesh.subdivide()
+    normals = np.round(mesh.face_normals).astype(int)
+    return mesh, 1 + np.array([3 * (normal.sum() > 0) + int(np.argmax(np.abs(normal))) for normal in normals])
+
+
+@pytest.mark.parametrize("most", [100, 500, 3000])
+def test_a_coarser_surface_keeps_rims_volume_and_regions(most):
+    mesh, regions = box(5)
+    kept, triangles, kinds = coarsened(mesh.vertices, mesh.faces, regions, most)
+    assert 8 <= len(kept) <= most < len(mesh.vertices)
+    coarse = trimesh.Trimesh(mesh.vertices[kept], triangles, process=False)
+    assert coarse.is_watertight and coarse.volume == pytest.approx(8.0, rel=1e-9)
+    normals = np.round(coarse.face_normals[coarse.area_faces > 1e-9]).astype(int)
+    of = 1 + np.array([3 * (normal.sum() > 0) + int(np.argmax(np.abs(normal))) for normal in normals])
+    assert np.array_equal(of, kinds[coarse.area_faces > 1e-9])
+
+
+def test_the_same_material_points_are_shown_of_a_deformed_surface():
+    mesh, regions = box(4)
+    kept, triangles, _ = coarsened(mesh.vertices, mesh.faces, regions, 300)
+    moved = mesh.vertices * (1.1, 1.0, 0.7)
+    assert trimesh.Trimesh(moved[kept], triangles, process=False).volume == pytest.approx(8.0 * 1.1 * 0.7, rel=1e-9)
+
+
+def solids(page):
+    text = re.search(r'<script type="application/json" id="solids">(.*?)</script>', page.read_text(), re.DOTALL)[1]
+    return json.loads(text)["panels"]
+
+
+def numbers(packed, kind):
+    return np.frombuffer(base64.b64decode(packed), dtype=kind).reshape(-1, 3)
+
+
+def test_the_viewer_gets_the_pads_of_the_study(page, study_folder):
+    study = open_study(study_folder)
+    panels = solids(page)
+    assert [panel["name"] for panel in panels] == ["cell = parallelepiped", "cell = cylindrical"]
+    for panel in panels:
+        cell = panel["name"].removeprefix("cell = ")
+        assert [step["words"] for step in panel["steps"]] == ["fz = 0 N", "fz = -0.5 N", "fz = -1 N"]
+        for force, step in zip((0, -0.5, -1), panel["steps"], strict=True):
+            pad = trimesh.load(study_folder / study.mesh.sel(cell=cell, fz=force).item(), process=False)
+            vertices = numbers(step["vertices"], "<i2") * panel["unit"]
+            triangles = numbers(panel["topologies"][step["topology"]]["triangles"], "<u2")
+            shown = trimesh.Trimesh(vertices, triangles, process=False)
+            assert shown.bounds == pytest.approx(pad.bounds, abs=2 * panel["unit"])
+            assert shown.volume == pytest.approx(pad.volume, rel=0.02)
+        rest = trimesh.load(study_folder / study.mesh.sel(cell=cell, fz=0).item(), process=False)
+        pressed = trimesh.load(study_folder / study.mesh.sel(cell=cell, fz=-1).item(), process=False)
+        largest = np.linalg.norm(rest.vertices - pressed.vertices, axis=1).max()
+        assert panel["rest"] == 0 and panel["most"] == pytest.approx(largest, rel=0.01)
+
+
+def test_light_paths_run_from_the_led_to_the_phototransistor_of_the_cell_that_is_cut(page):
+    for panel in solids(page):
+        faces = {
+            kind: [
+                numbers(solid["vertices"], "<i2") * panel["unit"] for solid in panel["fixed"] if solid["kind"] == kind
+            ]
+            for kind in ("led", "phototransistor", "board", "other")
+        }
+        assert [len(found) for found in faces.values()] == [2, 2, 1, 2]
+        led, phototransistor = (faces[kind][panel["taxel"] - 1] for kind in ("led", "phototransistor"))
+        for step in panel["steps"]:
+            assert step["rays"]["reached"] and step["rays"]["others"]
+            for path in step["rays"]["reached"]:
+                start, end = (numbers(path, "<i2") * panel["unit"])[[0, -1]]
+                for point, face in ((start, led), (end, phototransistor)):
+                    assert np.all(point > face.min(axis=0) - 0.02) and np.all(point < face.max(axis=0) + 0.02)
+
+
+class Checker(HTMLParser):
+    """Collects what a page would fetch, its pictures, and whether its tags match."""
+
+    EMPTY = ("meta", "link", "img", "input", "br")
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.fetched, self.alternatives, self.ids = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+        self.ids += [attrs["id"]] if "id" in attrs else []
+        self.fetched += [attrs[name] for name in ("src", "href") if name in attrs]
+        self.alternatives += [attrs.get("alt")] if tag == "img" else []
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_needs_no_network(page):
+    text = page.read_text()
+    checker = Checker()
+    checker.feed(text)
+    assert checker.open == [] and len(set(checker.ids)) == len(checker.ids)
+    assert all(target.startswith(("data:", "#")) for target in checker.fetched)
+    assert {target[1:] for target in checker.fetched if target.startswith("#")} <= set(checker.ids)
+    assert not re.search(r"url\(|@import|fetch\(|XMLHttp", text)
+    assert len(checker.alternatives) == 3 and all(len(words) > 40 for words in checker.alternatives)
+
+
+def test_the_page_says_what_the_study_says(page, study_folder):
+    text, study = page.read_text(), open_study(study_folder)
+    assert "one &amp; two.xml" in text and "one & two.xml" not in text
+    assert "cell: parallelepiped, cylindrical" in text and "fz: 0 to -1 N in 3 steps" in text
+    budget = study_error_budget(study)
+    assert all(f"<td>{source}</td><td>{share:.2%}</td>" in text for source, share in budget.items())
+    assert all(word in text for word in ("mechanics", "total", "optics", "max slope [W/N]", "nonlinearity [%]"))
+    assert json.loads(study.attrs["versions"])["mitsuba"] in text
+
+
+def test_what_a_study_says_is_not_taken_for_html():
+    assert paragraph("<script>") == "<p>&lt;script&gt;</p>"
+    assert "<b>" not in table("<b>", ["<b>"], [["<b>"]])
+
+
+def test_without_its_scene_the_page_shows_the_pad_without_light(study_folder, tmp_path):
+    moved = tmp_path / "results"
+    shutil.copytree(study_folder, moved)
+    study = moved / "study.toml"
+    study.write_text(study.read_text().replace("one & two.xml", "gone.xml"))
+    (left_out,) = write_report(moved, tmp_path / "page.html")
+    assert left_out.startswith("light paths and packages") and "does not exist" in left_out
+    panels = solids(tmp_path / "page.html")
+    assert len(panels) == 2 and not any("rays" in step for panel in panels for step in panel["steps"])
+    assert "Left out: light paths" in (tmp_path / "page.html").read_text()
+
+
+def test_a_scene_that_was_changed_since_shows_no_light(study_folder, tmp_path):
+    scene = study_folder.parent / "one & two.xml"
+    before = scene.read_text()
+    try:
+        scene.write_text(before.replace('"0, 0, $fz"', '"0, 0.1, $fz"'))
+        (left_out,) = write_report(study_folder, tmp_path / "page.html")
+    finally:
+        scene.write_text(before)
+    assert left_out.endswith("has been changed since.")
+
+
+def test_a_study_without_a_pad_has_no_viewer(tmp_path):
+    from mitsuba_taxel import sweep
+
+    sweep("plate.xml", {"z": "0.5,0.7"}, points=64, output=tmp_path / "plate")
+    (left_out,) = write_report(tmp_path / "plate", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert "no meshes" in left_out and 'id="viewer"' not in text and 'id="power"' in text and 'id="merit"' not in text
+
+
+def test_scenes_of_one_study_share_a_page(study_folder, tmp_path):
+    from mitsuba_taxel import run_study
+
+    file = tmp_path / "two.toml"
+    file.write_text(
+        'points = 64\n[[scenes]]\nname = "near"\nscene = "plate.xml"\nvary = {z = [0.5, 0.7]}\n'
+        '[[scenes]]\nname = "far"\nscene = "plate.xml"\nvary = {z = [1.0]}\n'
+    )
+    run_study(file, tmp_path / "two")
+    assert len(write_report(tmp_path / "two", tmp_path / "page.html")) == 2
+    checker = Checker()
+    checker.feed((tmp_path / "page.html").read_text())
+    assert {"power-near", "power-far", "cost-near", "about-far"} <= set(checker.ids)
+
+
+def test_a_folder_without_results_is_refused(tmp_path):
+    with pytest.raises(InputError, match="study.toml"):
+        write_report(tmp_path, tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
