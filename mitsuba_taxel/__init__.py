@@ -19,6 +19,7 @@ check_llvm()
 register_for_every_variant()
 
 if TYPE_CHECKING:
+    from mitsuba_taxel.check import check_scene
     from mitsuba_taxel.mechanics import (
         Grooves,
         LayerSteps,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         write_xml,
     )
     from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.report.notebook import show
     from mitsuba_taxel.studies import open_study, run_study, sweep, training_set, write_template
 
 _LAZY = {
@@ -74,6 +76,7 @@ _LAZY = {
     "SpreadForce": "mitsuba_taxel.mechanics",
     "Wall": "mitsuba_taxel.optics",
     "Yeoh": "mitsuba_taxel.mechanics",
+    "check_scene": "mitsuba_taxel.check",
     "crosstalk": "mitsuba_taxel.optics",
     "energy_audit": "mitsuba_taxel.optics",
     "from_shore_a": "mitsuba_taxel.mechanics",
@@ -82,6 +85,7 @@ _LAZY = {
     "measure": "mitsuba_taxel.optics",
     "open_study": "mitsuba_taxel.studies",
     "run_study": "mitsuba_taxel.studies",
+    "show": "mitsuba_taxel.report.notebook",
     "silicone": "mitsuba_taxel.mechanics",
     "sweep": "mitsuba_taxel.studies",
     "tessellate": "mitsuba_taxel.mechanics",
@@ -113,6 +117,7 @@ __all__ = [
     "SpreadForce",
     "Wall",
     "Yeoh",
+    "check_scene",
     "crosstalk",
     "energy_audit",
     "from_shore_a",
@@ -121,6 +126,7 @@ __all__ = [
     "measure",
     "open_study",
     "run_study",
+    "show",
     "silicone",
     "sweep",
     "tessellate",

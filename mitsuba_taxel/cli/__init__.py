@@ -17,8 +17,8 @@ import click
 from .options import debug_option
 
 COMMANDS = (
-    "new", "render", "rays", "sweep", "status", "characterise", "dataset", "deform", "plugins", "bench", "reproduce",
-    "doctor",
+    "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "report", "dataset", "deform",
+    "plugins", "bench", "reproduce", "doctor",
 )  # fmt: skip
 
 

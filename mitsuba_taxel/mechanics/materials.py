@@ -64,6 +64,11 @@ class Material(ABC):
         if not (condition and isinstance(value, Real) and math.isfinite(value)):
             raise InputError(f"{name} = {value} is not allowed: {needed}.")
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import material_html
+
+        return material_html(self)
+
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers, each of which :meth:`changed` changes."""

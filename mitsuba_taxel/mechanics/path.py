@@ -23,7 +23,8 @@ from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, n
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, keeps
 from mitsuba_taxel.mechanics.materials import Material
-from mitsuba_taxel.mechanics.roof_error import COARSENING, NO_ERROR, RoofComparison, RoofError
+from mitsuba_taxel.mechanics.order import COARSENING
+from mitsuba_taxel.mechanics.roof_error import NO_ERROR, RoofComparison, RoofError
 from mitsuba_taxel.mechanics.solvers import available_solvers
 from mitsuba_taxel.mechanics.symmetry import node_images
 from mitsuba_taxel.pads.mirror import MIRRORS, Mirror
@@ -40,8 +41,8 @@ FEW_STATES = 100
 MOST_BYTES = 4 * 2**30
 """Of the states that are returned at once; a few are never refused."""
 
-SIMILAR = 0.98
-"""A mesh with more elements than this share of another's is not coarser: thin walls leave no choice."""
+SIMILAR = 0.6
+"""A mesh with more elements than this share of another's is not coarser: thin walls and curves leave no choice."""
 
 _LOCK = threading.RLock()
 
@@ -61,10 +62,10 @@ class State:
     residual : largest out-of-balance force there, relative to the load
     newton_iterations : iterations of the last solve
     stability_checked : whether the solver gave the inertia that stability was judged by
-    error : estimated discretisation error at the roofs; None where it is not known, because the coarser mesh that it
-        takes cannot be made or loaded so far, or is hardly coarser
-    deviation : (N, 3) mm, of the coarser mesh's displacement from this one on roofs and sides of the cells, 0
-        elsewhere: about the error, place by place; None where that is not known
+    error : estimated discretisation error at the roofs; None where it is not known, because the other mesh that it
+        takes cannot be made or loaded so far, or is no other
+    deviation : (N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
+        cells, 0 elsewhere: about the error, place by place; None where that is not known
     """
 
     mesh: VolumeMesh
@@ -79,6 +80,11 @@ class State:
     stability_checked: bool
     error: RoofError | None
     deviation: np.ndarray | None = None
+
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import state_html
+
+        return state_html(self)
 
 
 def load_path(
@@ -256,30 +262,38 @@ class _Path:
         return *start, at
 
     def _error(self, value: np.ndarray, displacement: np.ndarray) -> tuple[RoofError, np.ndarray] | tuple[None, None]:
-        """Error and deviation of a canonical displacement, by the same path on a coarser mesh."""
+        """Error and deviation of a canonical displacement, by the same path on another mesh."""
         if not value.any():
             return NO_ERROR, np.zeros_like(displacement)
-        if len(self._coarser.mesh.tets) > SIMILAR * len(self.mesh.tets):
-            return None, None
         try:
-            coarse = self._coarser._canonical(value, [])[0]
+            if self._other is None:
+                return None, None
+            other = self._other._canonical(value, [])[0]
         except ComputationError:
             return None, None
-        return self._comparison.error(displacement, coarse), self._comparison.deviation(displacement, coarse)
+        return self._comparison.error(displacement, other), self._comparison.deviation(displacement, other)
 
     @cached_property
-    def _coarser(self) -> _Path:
-        return _path(self.pad, self.material, self.load, COARSENING * self.mesh_size)
+    def _other(self) -> _Path | None:
+        """The path on elements of twice the size; where these are hardly fewer, of half; None if neither differs."""
+        coarser = _path(self.pad, self.material, self.load, COARSENING * self.mesh_size)
+        if len(coarser.mesh.tets) <= SIMILAR * len(self.mesh.tets):
+            return coarser
+        finer = _path(self.pad, self.material, self.load, self.mesh_size / COARSENING)
+        return finer if len(self.mesh.tets) <= SIMILAR * len(finer.mesh.tets) else None
 
     @cached_property
     def _comparison(self) -> RoofComparison:
-        return RoofComparison(self.mesh, self._coarser.mesh)
+        assert self._other is not None
+        return RoofComparison(self.mesh, self._other.mesh)
 
     @property
     def small_load_error(self) -> float:
-        """Relative error of the roofs' change from rest under small loads."""
-        responses = zip(self._small_responses, self._coarser._small_responses, strict=True)
-        return max(self._comparison.error(here, coarse).relative for here, coarse in responses)
+        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
+        if self._other is None:
+            return math.inf
+        responses = zip(self._small_responses, self._other._small_responses, strict=True)
+        return max(self._comparison.error(here, other).relative for here, other in responses)
 
     @cached_property
     def _small_responses(self) -> list[np.ndarray]:

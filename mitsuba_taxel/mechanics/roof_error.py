@@ -3,7 +3,8 @@
 A pad is solved on a second mesh of twice the element size. Where roofs meet walls, and along the rim on the board, the
 stress is singular, and the error falls about in proportion to the size of the elements there, whatever their order
 (G. Strang and G. J. Fix, An Analysis of the Finite Element Method, 1973, chapter 8): so the difference of the two
-solutions is about the error of the better one.
+solutions is about the error of the better one. Where walls or curves ask for elements so small that the second mesh
+would hardly be coarser, it has elements of half the size, and what twice the size would change is extrapolated.
 """
 
 from __future__ import annotations
@@ -13,12 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.locate import PointLocator
+from mitsuba_taxel.mechanics.order import COARSENING, ORDER
 from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
-
-COARSENING = 2.0
-"""Element size of the second mesh, relative to that of the first."""
 
 _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
 
@@ -45,9 +44,11 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class RoofComparison:
-    """Compares solutions on a mesh with those on a coarser mesh of the same pad."""
+    """Compares solutions on a mesh with those on another of the same pad, of twice or half its element size."""
 
-    def __init__(self, mesh: VolumeMesh, coarse: VolumeMesh) -> None:
+    def __init__(self, mesh: VolumeMesh, other: VolumeMesh) -> None:
+        # To differences from elements of twice the size: with e(h) = c h^p, e(2 h) - e(h) = 2^p (e(h) - e(h / 2)).
+        self._factor = 1.0 if len(other.tets) < len(mesh.tets) else -(COARSENING**ORDER)
         faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
         nodes = mesh.points[faces]
         points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
@@ -58,14 +59,16 @@ class RoofComparison:
         self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
         self._seen = np.unique(mesh.faces[mesh.face_cell > 0])
         # Curved roofs of two meshes lie beside each other, by less than their elements' size.
-        locator, tolerance = PointLocator(coarse), 0.1 * np.ptp(mesh.points[:, 2])
+        locator, tolerance = PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
         self._there = locator.locate(points, tolerance)
         self._nodes_there = locator.locate(mesh.points[self._seen], tolerance)
 
-    def error(self, displacement: np.ndarray, coarse: np.ndarray) -> RoofError:
-        """The error of ``displacement`` (N, 3), from that on the coarser mesh, in mm."""
-        difference = np.linalg.norm(self._here.interpolate(displacement) - self._there.interpolate(coarse), axis=1)
-        angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(coarse)))
+    def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
+        """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
+        difference = np.linalg.norm(self._here.interpolate(displacement) - self._there.interpolate(other), axis=1)
+        difference *= abs(self._factor)
+        angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(other)))
+        angle *= abs(self._factor)
         most = np.linalg.norm(displacement, axis=1).max()
         return RoofError(
             displacement=float(np.sqrt(self._weight @ difference**2)),
@@ -74,10 +77,10 @@ class RoofComparison:
             slope=float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
         )
 
-    def deviation(self, displacement: np.ndarray, coarse: np.ndarray) -> np.ndarray:
-        """(N, 3) by how much the coarser solution differs at the nodes on roofs and sides of cells; 0 elsewhere."""
+    def deviation(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere."""
         difference = np.zeros_like(displacement)
-        difference[self._seen] = self._nodes_there.interpolate(coarse) - displacement[self._seen]
+        difference[self._seen] = self._factor * (self._nodes_there.interpolate(other) - displacement[self._seen])
         return difference
 
     def _turned(self, gradient: np.ndarray) -> np.ndarray:

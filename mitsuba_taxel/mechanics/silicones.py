@@ -32,6 +32,11 @@ class Silicone:
     source: str
     max_strain: float | None = None
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import silicone_html
+
+        return silicone_html(self)
+
 
 def _fitted(c10: float, c20: float, misfit: float) -> Silicone:
     """A fit to a tensile curve of the database; `misfit` is relative to the largest stress fitted."""

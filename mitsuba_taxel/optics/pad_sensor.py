@@ -89,6 +89,11 @@ class PadSensor:
         }
         return Scene(description)
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import sensor_html
+
+        return sensor_html(self)
+
 
 _LAWS = {NeoHookean: "neo_hookean", MooneyRivlin: "mooney_rivlin", Yeoh: "yeoh"}
 

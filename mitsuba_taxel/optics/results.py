@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.order import COARSENING, ORDER
+
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
 
-
-ORDER = 1.5
-"""With which the error of a reading by the finite elements falls with their size, from runs on finer meshes of all
-shapes: more than 1, with which the worst of the roof does, since a reading is an average over it."""
-ERROR_SHARE = 1 / (2**ORDER - 1)
+ERROR_SHARE = 1 / (COARSENING**ORDER - 1)
 """Of the deviation on elements of twice the size, that is the error on those of the size itself."""
 
 
@@ -75,6 +73,11 @@ class Readings:
     mesh_size: float | None = None
     roof_errors: list[RoofError | None] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import readings_html
+
+        return readings_html(self)
 
     @property
     def notes(self) -> list[str]:

@@ -66,6 +66,11 @@ class Scene:
         """The file's name, or ``scene`` for one made in Python."""
         return self.source.name if isinstance(self.source, Path) else "scene"
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import scene_html
+
+        return scene_html(self)
+
     def with_mesh_size(self, mesh_size: float | None) -> Scene:
         """The same scene with another size of elements where it leaves that open."""
         given = {} if isinstance(self.source, dict) else self.parameters

@@ -82,6 +82,11 @@ class Pad:
             self._check_length(name)
         self._check_fit()
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import pad_html
+
+        return pad_html(self)
+
     def _check_count(self, name: str) -> None:
         value = getattr(self, name)
         if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100:

@@ -56,6 +56,11 @@ class PadFile:
         object.__setattr__(self, "regions", rules)
         object.__setattr__(self, "digest", hashlib.sha256(self._read()).hexdigest())
 
+    def _repr_html_(self) -> str:
+        from mitsuba_taxel.report.notebook import pad_file_html
+
+        return pad_file_html(self)
+
     def _read(self) -> bytes:
         try:
             size = self.path.stat().st_size

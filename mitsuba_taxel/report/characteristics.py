@@ -61,7 +61,7 @@ def write_characteristics(
 
 
 def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture (png, svg, pdf) of the first run of growing force of each experiment: change and slope against force.
+    """Write a picture (png, svg, pdf) of each experiment's first run of growing force: change and slope against force.
 
     Above, how each taxel's reading has changed since the start; below, its slope between neighbouring points. Bars
     are 1 sigma.
@@ -79,7 +79,7 @@ def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, f
 
 
 def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture (png, svg, pdf) of how branches deviate from the end-point line of the first one of growing force.
+    """Write a picture (png, svg, pdf) of how branches deviate from the end-point line of the first of growing force.
 
     In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
     the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing

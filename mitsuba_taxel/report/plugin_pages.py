@@ -5,10 +5,40 @@ from __future__ import annotations
 import ast
 import re
 import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mitsuba_taxel.backend import plugin_files
 from mitsuba_taxel.errors import InputError
+
+_UNIT = re.compile(r"\bin (mm|nm|N|MPa|W|degrees)\b|\bto [\d.]+ (degrees)\b|\bhardness (Shore A)\b")
+_DEFAULT = re.compile(r"\s*\(Default: ((?:[^()]|\([^()]*\))*)\)$")
+
+
+class Parameter(NamedTuple):
+    """A row of a parameter table; one row may stand for several parameters of one kind."""
+
+    name: str
+    type: str
+    description: str
+
+    @property
+    def unit(self) -> str:
+        """Unit that the description names, empty for what has none."""
+        found = _UNIT.search(self.description) if self.type in ("float", "vector") else None
+        return next(filter(None, found.groups())) if found else ""
+
+    @property
+    def default(self) -> str:
+        """What holds where a scene says nothing; empty if a scene must say it where it applies."""
+        found = _DEFAULT.search(self.description)
+        return found[1] if found else ""
+
+    @property
+    def meaning(self) -> str:
+        """The description without the default."""
+        return _DEFAULT.sub("", self.description)
 
 
 @dataclass(frozen=True)
@@ -18,17 +48,18 @@ class PluginPage:
     Attributes
     ----------
     name, kind, title : as ``wall``, ``bsdf``, ``Wall``
-    parameters : (name, type, description) of each row of the parameter table
+    parameters : rows of the parameter table
     text : paragraphs after the table
-    example : XML
+    example, python_example : XML, and entries of a dictionary as for ``mi.load_dict``
     """
 
     name: str
     kind: str
     title: str
-    parameters: tuple[tuple[str, str, str], ...]
+    parameters: tuple[Parameter, ...]
     text: str
     example: str
+    python_example: str
 
 
 def plugin_names() -> list[str]:
@@ -37,8 +68,20 @@ def plugin_names() -> list[str]:
     return sorted(files, key=lambda name: (files[name].parent.name, name))
 
 
-def plugin_page(name: str) -> PluginPage:
+def plain(text: str) -> str:
+    """RST roles and substitutions as plain words on one line."""
+    text = re.sub(r":\w+:`([^`]*)`", r"\1", text)
+    text = re.sub(r"\|(\w+)\|", r"\1", text)
+    return " ".join(text.replace("``", "").replace("`", "").split())
+
+
+def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
     """The page of one plugin.
+
+    Parameters
+    ----------
+    name : of the plugin
+    convert : makes of a docstring's RST what the page's texts are to be; the title is always plain
 
     Raises
     ------
@@ -61,10 +104,11 @@ def plugin_page(name: str) -> PluginPage:
     return PluginPage(
         name=name,
         kind=file.parent.name.removesuffix("s"),
-        title=_plain(title[1]).removesuffix(f"({name})").strip() if title else name,
-        parameters=_rows(table),
-        text="\n\n".join(_plain(paragraph) for paragraph in prose.strip().split("\n\n")),
-        example=_xml(tabs),
+        title=plain(title[1]).removesuffix(f"({name})").strip() if title else name,
+        parameters=tuple(Parameter(plain(name), plain(kind), convert(text)) for name, kind, text in _rows(table)),
+        text="\n\n".join(convert(paragraph) for paragraph in prose.strip().split("\n\n")),
+        example=_tab(tabs, "xml"),
+        python_example=_tab(tabs, "python"),
     )
 
 
@@ -74,24 +118,17 @@ def _split_indented(text: str) -> tuple[str, str]:
     return (text[: end.start()], text[end.start() :]) if end else (text, "")
 
 
-def _rows(table: str) -> tuple[tuple[str, str, str], ...]:
+def _rows(table: str) -> list[list[str]]:
     """Rows of an RST list-table: ``* -`` starts a row, ``-`` one of its three cells."""
-    rows = []
-    for row in re.split(r"^ *\* - ", table, flags=re.MULTILINE)[1:]:
-        cells = [_plain(cell) for cell in re.split(r"^ *- ", row, flags=re.MULTILINE)]
-        if len(cells) != 3:
-            raise ValueError(f"a row of a parameter table has {len(cells)} cells, not 3: {cells[0]!r}")
-        rows.append((cells[0], cells[1], cells[2]))
-    return tuple(rows)
+    rows = [re.split(r"^ *- ", row, flags=re.MULTILINE) for row in re.split(r"^ *\* - ", table, flags=re.MULTILINE)[1:]]
+    for row in rows:
+        if len(row) != 3:
+            raise ValueError(f"a row of a parameter table has {len(row)} cells, not 3: {plain(row[0])!r}")
+    return rows
 
 
-def _xml(tabs: str) -> str:
-    found = re.search(r"\.\. code-tab:: xml\n(.*?)(?:^ *\.\. code-tab::|\Z)", tabs, flags=re.MULTILINE | re.DOTALL)
+def _tab(tabs: str, language: str) -> str:
+    """The code in the tab of a language, empty if there is none."""
+    pattern = rf"\.\. code-tab:: {language}\n(.*?)(?:^ *\.\. code-tab::|\Z)"
+    found = re.search(pattern, tabs, flags=re.MULTILINE | re.DOTALL)
     return textwrap.dedent(found[1]).strip() if found else ""
-
-
-def _plain(text: str) -> str:
-    """RST roles and substitutions as plain words on one line."""
-    text = re.sub(r":\w+:`([^`]*)`", r"\1", text)
-    text = re.sub(r"\|(\w+)\|", r"\1", text)
-    return " ".join(text.replace("``", "").replace("`", "").split())

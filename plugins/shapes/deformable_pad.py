@@ -72,8 +72,10 @@ class DeformablePad(mi.Mesh):
 
      * - material
        - |string|
-       - :monosp:`neo_hookean`, :monosp:`mooney_rivlin`, :monosp:`yeoh`, or a measured silicone such as
-         :monosp:`dragon_skin_30`. (Default: :monosp:`neo_hookean`)
+       - A law, :monosp:`neo_hookean`, :monosp:`mooney_rivlin` or :monosp:`yeoh`; or a silicone of known stiffness:
+         :monosp:`dragon_skin_10_medium`, :monosp:`dragon_skin_20`, :monosp:`dragon_skin_30`,
+         :monosp:`ecoflex_00_30`, :monosp:`ecoflex_00_50`, :monosp:`mold_star_16_fast`, :monosp:`mold_star_20t`,
+         :monosp:`rtv_615`, :monosp:`sorta_clear_40` or :monosp:`multiphysics_pad`. (Default: :monosp:`neo_hookean`)
 
      * - youngs_modulus
        - |float|

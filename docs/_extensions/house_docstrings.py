@@ -1,0 +1,67 @@
+"""Docstrings of this project as Sphinx wants them.
+
+They say ``name : meaning`` on one line, where numpydoc has the meaning on a line of its own; they put a letter behind
+a literal; and they refer to things by their last name alone.
+"""
+
+from __future__ import annotations
+
+import re
+
+from docutils import nodes
+from sphinx import addnodes
+from sphinx.application import Sphinx
+from sphinx.util.nodes import make_refnode
+
+SECTIONS = ("Parameters", "Attributes", "Returns")
+ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.+)$")
+LITERAL = re.compile(r"(``[^`]+``)(\w?)")
+
+_whole: dict[str, list[str]] = {}
+"""Docstrings of properties, of which napoleon takes what stands before a colon for a type."""
+
+
+def numpydoc(lines: list[str]) -> list[str]:
+    """The lines of a docstring with the meaning of each parameter below its name."""
+    made, section = [], ""
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if below and set(below) == {"-"}:
+            section = line.strip()
+        line = LITERAL.sub(lambda match: f"{match[1]}\\ {match[2]}" if match[2] else match[0], line)
+        entry = ENTRY.match(line) if section in SECTIONS else None
+        made += [entry[1], f"    {entry[2]}"] if entry else [line]
+    return made
+
+
+def _before_napoleon(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    lines[:] = numpydoc(lines)
+    if what in ("attribute", "property"):
+        _whole[name] = list(lines)
+
+
+def _after_napoleon(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    lines[:] = _whole.pop(name, lines)
+
+
+def _resolve(app: Sphinx, env, node: nodes.Element, contnode: nodes.Element) -> nodes.Element | None:
+    """A link to the one thing in the reference that has this last name; in a signature, else the bare name."""
+    if node.get("refdomain") != "py":
+        return None
+    last = node["reftarget"].split(".")[-1]
+    objects = env.get_domain("py").objects
+    found = [name for name in objects if name.split(".")[-1] == last and objects[name].objtype != "module"]
+    if len(found) == 1:
+        entry = objects[found[0]]
+        return make_refnode(app.builder, node["refdoc"], entry.docname, entry.node_id, contnode, found[0])
+    return contnode if _is_in_signature(node) else None
+
+
+def _is_in_signature(node: nodes.Node) -> bool:
+    return node is not None and (isinstance(node, addnodes.desc_signature) or _is_in_signature(node.parent))
+
+
+def setup(app: Sphinx) -> dict[str, object]:
+    app.connect("autodoc-process-docstring", _before_napoleon, priority=100)
+    app.connect("autodoc-process-docstring", _after_napoleon, priority=900)
+    app.connect("missing-reference", _resolve)
+    return {"parallel_read_safe": True}

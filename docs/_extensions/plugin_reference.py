@@ -1,0 +1,88 @@
+"""The directive ``plugin-reference``: a section for every plugin, from its docstring."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+
+from docutils import nodes
+from docutils.statemachine import StringList
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+from sphinx.util.nodes import nested_parse_with_titles
+
+from mitsuba_taxel.report.plugin_pages import PluginPage, plugin_names, plugin_page
+
+KINDS = {
+    "shape": "Shapes",
+    "emitter": "Emitters",
+    "sensor": "Sensors",
+    "bsdf": "Walls",
+    "integrator": "Integrators",
+    "sampler": "Samplers",
+}
+HEADINGS = ("parameter", "type", "unit", "default", "meaning")
+WIDTHS = "20 9 9 17 45"
+
+
+class PluginReference(SphinxDirective):
+    """Sections of all plugins, sorted by kind; an unknown kind comes last."""
+
+    def run(self) -> list[nodes.Node]:
+        pages = [plugin_page(name, convert=_rst) for name in plugin_names()]
+        kinds = [*KINDS, *sorted({page.kind for page in pages} - set(KINDS))]
+        lines = []
+        for kind in kinds:
+            heading = KINDS.get(kind, kind)
+            lines += [heading, "=" * len(heading), ""]
+            for page in pages:
+                if page.kind == kind:
+                    lines += _section(page)
+        section = nodes.section()
+        section.document = self.state.document
+        nested_parse_with_titles(self.state, StringList(lines, source="docstrings of the plugins"), section)
+        return section.children
+
+
+def _section(page: PluginPage) -> list[str]:
+    """Lines of RST."""
+    title = f"{page.title}: ``{page.name}``"
+    rows = [HEADINGS]
+    for row in page.parameters:
+        names = ", ".join(name if name.startswith("(") else f"``{name}``" for name in row.name.split(", "))
+        rows.append((names, row.type, row.unit or "–", row.default or "–", row.meaning))
+    parts = [
+        f".. _plugin-{page.name}:",
+        f"{title}\n{'-' * len(title)}",
+        f".. list-table::\n   :header-rows: 1\n   :widths: {WIDTHS}",
+        "\n".join(map(_row, rows)),
+        page.text,
+        "XML:",
+        ".. code-block:: xml",
+        textwrap.indent(page.example, "   "),
+        "Python, for ``mi.load_dict``:",
+        ".. code-block:: python",
+        textwrap.indent(f"{{{page.python_example}}}", "   "),
+    ]
+    return "\n\n".join([*parts, ""]).splitlines()
+
+
+def _row(cells: tuple[str, ...]) -> str:
+    first, *rest = cells
+    return "\n".join([f"   * - {first}", *(f"     - {cell}" for cell in rest)])
+
+
+def _rst(text: str) -> str:
+    """A docstring's RST on one line, its roles as literals and the names of plugins as links."""
+
+    def literal(match: re.Match) -> str:
+        word = match[1] or match[2] or match[3]
+        return f":ref:`{word} <plugin-{word}>`" if word in plugin_names() else f"``{word}``"
+
+    text = re.sub(r"\|(\w+)\|", r"\1", " ".join(text.split()))
+    return re.sub(r":monosp:`([^`]*)`|``([^`]*)``|`([^`]*)`", literal, text)
+
+
+def setup(app: Sphinx) -> dict[str, object]:
+    app.add_directive("plugin-reference", PluginReference)
+    return {"parallel_read_safe": True}

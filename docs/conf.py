@@ -1,0 +1,62 @@
+"""Settings of Sphinx. Build with: sphinx-build -W --keep-going -n -b html docs docs/_build/html"""
+
+import sys
+from pathlib import Path
+
+import mitsuba_taxel
+
+sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
+
+project = "mitsuba_taxel"
+author = "the authors of mitsuba_taxel"
+version = release = mitsuba_taxel.__version__
+language = "en"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "command_reference",
+    "house_docstrings",
+    "mathml",
+    "plugin_reference",
+]
+# What docstrings refer to inside the package, and the reference leaves out.
+nitpick_ignore_regex = [
+    ("py:func", r"(mitsuba_taxel\.pads\.regions\.)?(tagged|prepare)"),
+    ("py:data", r"mitsuba_taxel\.mechanics\.leg\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
+    ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
+    ("py:class", "Relief"),
+]
+exclude_patterns = ["_build", "_extensions"]
+default_role = "code"
+
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+napoleon_google_docstring = False
+napoleon_attr_annotations = False
+napoleon_use_param = False
+napoleon_use_rtype = False
+
+html_theme = "furo"
+html_title = "mitsuba_taxel"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+html_copy_source = False
+html_show_sphinx = False
+html_show_copyright = False
+pygments_style = "friendly"
+pygments_dark_style = "native"
+
+
+def _lead_inside(app, name, source):
+    """Links of pages that commands write lead to files of the repository, which the site has as pages."""
+    source[0] = source[0].replace("(../benchmarks/README.md)", "(benchmarks.md)")
+
+
+def setup(app):
+    app.connect("source-read", _lead_inside)

@@ -1,0 +1,118 @@
+"""The XML of a scene, with the line on which each element stands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.optics.scene import DEEPEST, is_file
+
+
+@dataclass
+class Element:
+    """One element.
+
+    Attributes
+    ----------
+    tag, attributes : as written
+    file, line : where it stands
+    offset : bytes before its ``<``
+    children : elements in it; those of an included file stand in its ``include``
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    file: Path
+    line: int
+    offset: int
+    children: list[Element] = field(default_factory=list)
+
+    def walk(self) -> Iterator[Element]:
+        """This element and all in it, in the order of the file."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    def finding(self, severity: str, message: str) -> Finding:
+        """A finding at its place."""
+        return Finding(severity, message, self.file.name, self.line)
+
+
+class Unreadable(Exception):
+    """A document that is no XML, or no scene can be made of; it holds what there is to say."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(finding.message)
+        self.finding = finding
+
+
+def read_document(path: Path, around: tuple[Path, ...] = ()) -> Element:
+    """The root of an XML file, with what it includes; ``around`` are files that include it.
+
+    Raises
+    ------
+    Unreadable
+        if a file does not exist, is no XML, is nested deeper than Mitsuba takes it, or includes itself.
+    """
+    reader = _Reader(path)
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = reader.start
+    parser.EndElementHandler = reader.end
+    reader.parser = parser
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except expat.ExpatError as error:
+        line = getattr(error, "lineno", 0)
+        reason = expat.errors.messages.get(error.code, str(error))
+        raise Unreadable(Finding("error", f"it does not parse as XML: {reason}.", path.name, line)) from error
+    except (OSError, LookupError, ValueError) as error:
+        raise Unreadable(Finding("error", f"it cannot be read: {error}.", path.name, 0)) from error
+    assert reader.root is not None
+    around = (*around, path.resolve())
+    for element in [element for element in reader.root.walk() if element.tag == "include"]:
+        element.children.append(_included(element, around))
+    return reader.root
+
+
+def _included(element: Element, around: tuple[Path, ...]) -> Element:
+    name = element.attributes.get("filename", "")
+    inner = element.file.parent / name
+    if not is_file(inner):
+        raise Unreadable(element.finding("error", f"filename = {name!r} does not exist: a file beside this is needed."))
+    if inner.resolve() in around:
+        raise Unreadable(element.finding("error", f"filename = {name!r} is not allowed: the file includes itself."))
+    return read_document(inner, around)
+
+
+def filled_in(value: str, parameters: Mapping[str, str]) -> str:
+    """An attribute's value with its ``$name``s replaced; names that are not parameters stay."""
+    return re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), value)
+
+
+class _Reader:
+    """Builds the tree; the parser is set once there is one."""
+
+    parser: expat.XMLParserType
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.root: Element | None = None
+        self.open: list[Element] = []
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        line, offset = self.parser.CurrentLineNumber, self.parser.CurrentByteIndex
+        element = Element(tag, attributes, self.path, line, offset)
+        if len(self.open) >= DEEPEST:
+            raise Unreadable(element.finding("error", f"more than {DEEPEST} elements lie one in the other."))
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    def end(self, tag: str) -> None:
+        self.open.pop()

@@ -1,0 +1,226 @@
+"""Parts that are where they cannot work: LEDs in a body or looking away, packages in the silicone, gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, faces_of, to_world
+from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.check.parts import PAD, Part, Parts
+from mitsuba_taxel.pads import Pad, PadFile
+
+GAP = 1e-3
+"""mm between pad and board that count as none."""
+_ROUNDING = 1e-5
+"""Of lengths in single precision, relative."""
+_ON_SURFACE = 1e-4
+"""Distance from the surface of a box, relative to its half, that is none."""
+
+
+def check_geometry(parts: Parts) -> Iterator[Finding]:
+    """What can be seen of a scene's geometry with its pads undeformed."""
+    faces, nowhere = faces_of(parts)
+    yield from nowhere
+    boxes = boxes_of(parts)
+    for face in faces:
+        for box in boxes:
+            if box.part is not face.carrier:
+                yield from _in_a_box(face, box)
+    if parts.sound:
+        yield from _nothing_in_front(faces, parts)
+    pads = [part for part in parts.shapes() if part.plugin == PAD]
+    for pad in pads:
+        if isinstance(pad.made.pad, PadFile):
+            yield from _of_file(pad)
+        yield from _board(pad, faces, parts)
+    bodies = [box for box in boxes if box.part.plugin == "photo_reflector"]
+    if parts.sound and pads and all(isinstance(pad.made.pad, Pad) for pad in pads):
+        for body in bodies:
+            yield from _in_cells(body, pads)
+
+
+def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
+    """An LED or phototransistor inside a box, or on one of its faces, where a ray hits either."""
+    what, where = face.part.plugin, f"the {box.part.plugin} of line {box.part.element.line}"
+    places = box.relative(face.centres)
+    turn = (box.relative(face.centres[:1] + 1e-3 * face.side * face.normal) - places[:1])[0]
+    on_surface = np.abs(np.abs(places).max(axis=1) - 1) < _ON_SURFACE
+    axis = np.abs(places).argmax(axis=1)
+    outwards = turn[axis] * np.sign(places[np.arange(len(places)), axis])
+    if np.any(np.abs(places).max(axis=1) <= 1 - _ON_SURFACE):
+        yield face.part.finding("error", f"{what} lies inside {where}, where no light passes: move one of them.")
+    elif np.any(on_surface & (outwards < 0)):
+        yield face.part.finding("error", f"{what} lies on {where} and looks into it: turn it round.")
+    elif np.any(on_surface & (outwards > 0.99 * np.linalg.norm(turn))):
+        yield face.part.finding("error", f"{what} lies in a face of {where}, where rays hit either: move one of them.")
+
+
+def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
+    """LEDs and phototransistors that see no other shape."""
+    extents = [(part, _corners(part)) for part in parts.shapes()]
+    if any(corners is None for _, corners in extents):
+        return
+    for face in faces:
+        others = [corners for part, corners in extents if part is not face.carrier]
+        ahead = [np.max((corners - face.centres[0]) @ face.normal) for corners in others]
+        if all(distance <= _ROUNDING * face.side for distance in ahead):
+            what = f"nothing lies in front of the {face.part.plugin}"
+            yield face.part.finding("warning", f"{what}: turn it round, or add what is to reflect light.")
+
+
+def _corners(part: Part) -> np.ndarray | None:
+    """(8, 3) corners of a box in the world that holds a shape; None where they are not known."""
+    if part.plugin == PAD:
+        if not isinstance(part.made.pad, Pad):
+            return None
+        size = np.array(part.made.pad.extent)
+        return apply(part.made.to_world, 0.5 * size * CORNERS + [0, 0, 0.5 * size[2]])
+    box = part.made.bbox()
+    low, high = np.array(box.min, dtype=float).ravel(), np.array(box.max, dtype=float).ravel()
+    if not np.all(low <= high):
+        return None
+    return 0.5 * (low + high) + 0.5 * (high - low) * CORNERS
+
+
+def _of_file(pad: Part) -> Iterator[Finding]:
+    """A surface that is no pad."""
+    from mitsuba_taxel.pads.flaw import Flaw
+    from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
+    from mitsuba_taxel.pads.surfaces import read_surface
+
+    file = pad.made.pad
+    if file.suffix not in SURFACE_FORMATS:
+        return
+    try:
+        read_surface(file.content(), file.suffix)
+    except Flaw as flaw:
+        yield pad.finding("error", f"filename = {file.path.name} of {PAD} is not allowed: {flaw}.", "filename")
+
+
+def _board(pad: Part, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
+    """A board that is not in the plane of the pad's bottom, or covers what should shine."""
+    from_world = np.linalg.inv(pad.made.to_world)
+    highest = 0.5 * pad.made.pad.top_of_cell if isinstance(pad.made.pad, Pad) else 0.2
+    candidates = [
+        part
+        for part in parts.shapes()
+        if part.plugin not in (PAD, "photo_reflector") and not part.nested("emitter") and not part.nested("sensor")
+    ]
+    boards = []
+    for part in candidates:
+        if part.plugin in ("rectangle", "cube"):
+            found = _horizontal(from_world @ to_world(part), part.plugin == "cube")
+            if found is not None and found[0] < highest and np.all(found[1] < 0) and np.all(found[2] > 0):
+                boards.append((found, part))
+    if not boards:
+        if not candidates and parts.sound:
+            lost = "light that leaves a cell downwards is lost, as on a board that absorbs"
+            yield pad.finding("note", f"there is no board under the {PAD}: {lost}.")
+        return
+    (height, low, high), board = max(boards, key=lambda entry: entry[0][0])
+    if abs(height) > GAP:
+        where = "below the bottom of the pad, and light passes between the two"
+        if height > 0:
+            where = "above the bottom of the pad, in its silicone"
+        yield board.finding(
+            "warning", f"the board ({board.plugin}) lies {abs(height):.3g} mm {where}: move one of them."
+        )
+    for face in faces:
+        local, normal = apply(from_world, face.centres), from_world[:3, :3] @ face.normal
+        over = np.all((local[:, :2] > low) & (local[:, :2] < high), axis=1)
+        what, name = face.part.plugin, f"the board ({board.plugin} of line {board.element.line})"
+        if np.any(over & (local[:, 2] < height - 1e-4 * face.side)):
+            yield face.part.finding("error", f"{what} lies under {name}: raise it, or lower the board.")
+        elif np.any(over & (local[:, 2] < highest)) and normal[2] < 0:
+            yield face.part.finding("warning", f"{what} looks at {name}, not at the roof of its cell: turn it round.")
+
+
+def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.ndarray] | None:
+    """Height of a rectangle's plane or a cube's top, and the corners (2,) of what it covers; None if it is tilted."""
+    axes, centre = matrix[:3, :3], matrix[:3, 3]
+    normal = np.cross(axes[:, 0], axes[:, 1])
+    if not np.hypot(*normal[:2]) <= 1e-3 * np.abs(normal[2]):
+        return None
+    reach = np.abs(axes).sum(axis=1) if solid else np.abs(axes[:, :2]).sum(axis=1)
+    return centre[2] + (reach[2] if solid else 0.0), centre[:2] - reach[:2], centre[:2] + reach[:2]
+
+
+def _in_cells(body: Boxes, pads: list[Part]) -> Iterator[Finding]:
+    """Packages in the silicone or beside the pad, or in other cells than those that are read."""
+    stand = np.zeros(body.rows * body.columns, dtype=bool)
+    for pad in pads:
+        shape = pad.made.pad
+        corners = apply(np.linalg.inv(pad.made.to_world), body.corners())
+        half = 0.5 * np.array(shape.extent[:2])
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        near = np.all((low[:, :2] < half) & (high[:, :2] > -half), axis=1)
+        near &= (low[:, 2] < shape.height) & (high[:, 2] > 0)
+        cells = np.array(shape.cell_centres)
+        number = _nearest_cell(shape, 0.5 * (low + high)[:, :2])
+        free = _inside(shape, corners - np.insert(cells[number], 2, 0, axis=1)[:, None])
+        stand |= near
+        if np.any(near & ~free):
+            yield _stands_in_silicone(body, pad, int(np.argmax(near & ~free)))
+        elif np.any(near):
+            yield from _other_pitch(body, pad)
+            yield from _cells_not_read(body, pad, number[near & free] + 1)
+    if not np.all(stand):
+        count = f"{np.count_nonzero(~stand)} of {len(stand)} packages of photo_reflector stand"
+        yield body.part.finding(
+            "warning", f"{count} beside the {PAD}, in no cell: check rows, columns, pitch and to_world of both."
+        )
+
+
+def _nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
+    """(N,) index of the cell nearest to each place (N, 2) on the pad's bottom."""
+    last = np.array([pad.columns - 1, pad.rows - 1])
+    column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
+    return row * pad.columns + column
+
+
+def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
+    """(N,) whether all of some points (N, M, 3), given from the centre of a cell's opening, lie in the cell."""
+    slack = _ROUNDING * pad.cell_size
+    radius = 0.5 * pad.cell_size - slack
+    across = np.hypot(points[..., 0], points[..., 1])
+    if pad.cell == "parallelepiped":
+        across = np.abs(points[..., :2]).max(axis=-1)
+    roof = np.full(across.shape, pad.top_of_cell)
+    if pad.dome_radius:
+        roof += np.sqrt(np.maximum(pad.dome_radius**2 - across**2, 0)) - pad.dome_radius
+    return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)
+
+
+def _stands_in_silicone(body: Boxes, pad: Part, index: int) -> Finding:
+    shape, reflector = pad.made.pad, body.part.made
+    size = " x ".join(f"{side:g}" for side in reflector.body)
+    cells = f"whose cells are {shape.cell_size:g} mm wide and {shape.top_of_cell:g} mm high"
+    remedy = "make it smaller, or move it"
+    grids = [(part.rows, part.columns, part.pitch) for part in (reflector, shape)]
+    if grids[0] != grids[1]:
+        own, pads = (f"{rows} x {columns} at {pitch:g} mm" for rows, columns, pitch in grids)
+        remedy = f"its array is {own}, that of the cells {pads}"
+    return body.part.finding(
+        "error",
+        f"package {index + 1} of photo_reflector, {size} mm, stands in the silicone of the {PAD}, {cells}: {remedy}.",
+    )
+
+
+def _other_pitch(body: Boxes, pad: Part) -> Iterator[Finding]:
+    shape, reflector = pad.made.pad, body.part.made
+    both = (reflector.rows > 1 and shape.rows > 1) or (reflector.columns > 1 and shape.columns > 1)
+    scale = np.cbrt(np.linalg.det(body.to_world[:3, :3]) / np.linalg.det(pad.made.to_world[:3, :3]))
+    pitch = scale * reflector.pitch
+    if both and abs(pitch - shape.pitch) > 1e-4 * shape.pitch:
+        other = f"pitch = {pitch:g} of photo_reflector is not that of the {PAD}, {shape.pitch:g}"
+        yield body.part.finding("warning", f"{other}: packages stand off the middle of their cells.", "pitch")
+
+
+def _cells_not_read(body: Boxes, pad: Part, numbers: np.ndarray) -> Iterator[Finding]:
+    """Packages in cells whose surface is cut coarsely."""
+    left_out = sorted(set(numbers.tolist()) - set(pad.made.read_cells or numbers.tolist()))
+    if left_out:
+        coarse = f"read_cells leaves out cell {', '.join(map(str, left_out))}, where a photo_reflector stands"
+        yield pad.finding("warning", f"{coarse}: add it, or its surface is cut too coarsely.", "read_cells")

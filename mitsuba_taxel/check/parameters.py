@@ -1,0 +1,144 @@
+"""Names that nothing knows, and values in the wrong element: found in the file as it is written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+
+import mitsuba as mi
+
+from mitsuba_taxel.check.document import Element, filled_in
+from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Vocabulary, vocabularies
+
+_VALUES = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum", "transform")
+_TRANSFORMATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
+_TAGS = (*KINDS, *_VALUES, *_TRANSFORMATIONS, "scene", "default", "include", "path", "alias", "ref")
+
+
+def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
+    """Elements, plugins, parameters and ``$name``s that do not exist, and elements of the wrong type."""
+    for element in root.walk():
+        yield from _references(element, parameters)
+        if element.tag not in _TAGS:
+            message = f"<{element.tag}> is no element of a Mitsuba scene{_meant(element.tag, _TAGS)}."
+            yield element.finding("error", message)
+        if element.tag in KINDS and "type" in element.attributes:
+            yield from _of_object(element, parameters)
+        yield from _given_twice(element)
+    yield from _unused_defaults(root, parameters)
+
+
+def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
+    """What stands for no value."""
+    for value in element.attributes.values():
+        for name in re.findall(r"\$(\w+)", value):
+            if name not in parameters:
+                yield element.finding(
+                    "error", f"${name} has no value{_meant(name, parameters)}: a <default> of that name is needed."
+                )
+
+
+def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
+    used = used_names(root)
+    if used - set(parameters):  # then one of them is meant by what is misspelt
+        return
+    for element in root.walk():
+        name = element.attributes.get("name", "")
+        if element.tag == "default" and name not in used:
+            message = f"the <default> {name} is used nowhere: take it out, or write ${name} where it belongs."
+            yield element.finding("error", message)
+
+
+def used_names(root: Element) -> set[str]:
+    """The names that stand as ``$name`` anywhere in a file."""
+    return {name for e in root.walk() for value in e.attributes.values() for name in re.findall(r"\$(\w+)", value)}
+
+
+def _given_twice(element: Element) -> Iterator[Finding]:
+    """Parameters of one object, which Mitsuba refuses, and objects in it, of which it takes one."""
+    seen: set[str] = set()
+    for child in element.children:
+        name = child.attributes.get("name", "") if child.tag != "default" else ""
+        if name in seen:
+            severity = "warning" if child.tag in KINDS else "error"
+            yield child.finding(severity, f"{name} is given twice: take one of them out.")
+        seen |= {name} - {""}
+
+
+def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
+    flaw = flaw_of_plugin(element, parameters)
+    words = vocabularies().get(filled_in(element.attributes["type"], parameters))
+    if flaw:
+        yield element.finding("error", flaw)
+    elif words is not None:
+        yield from _of_plugin(element, words, parameters)
+
+
+def flaw_of_plugin(element: Element, parameters: Mapping[str, str]) -> str:
+    """What is wrong with the type of an object; empty if it is a plugin, and one for such an element."""
+    plugin = filled_in(element.attributes.get("type", ""), parameters)
+    words = vocabularies().get(plugin)
+    kind = words.kind if words is not None else _kind_of(plugin)
+    if kind not in ("", element.tag):
+        return f"{plugin} is a plugin for <{kind}>, not for <{element.tag}>."
+    if "$" in plugin or _exists(plugin):
+        return ""
+    ours = [name for name, known in vocabularies().items() if known.kind == element.tag]
+    return f"{plugin!r} is no plugin{_meant(plugin, (*ours, *_mitsuba_plugins()))}."
+
+
+def _of_plugin(element: Element, words: Vocabulary, parameters: Mapping[str, str]) -> Iterator[Finding]:
+    for child in element.children:
+        message = flaw_of(child, words, parameters)
+        if message:
+            yield child.finding("error", message)
+
+
+def flaw_of(child: Element, words: Vocabulary, parameters: Mapping[str, str]) -> str:
+    """What is wrong with the name or the element of something that a plugin of this package is told; empty if nothing.
+
+    Objects nested in the plugin are not looked at.
+    """
+    name = filled_in(child.attributes.get("name", ""), parameters)
+    if child.tag not in _VALUES or not name:
+        return ""
+    if name not in words.parameters:
+        return f"{name} is no parameter of {words.name}{_meant(name, (*words.parameters, *words.named))}."
+    allowed = ELEMENTS[words.parameters[name].type]
+    if child.tag not in allowed:
+        return f"{name} of {words.name} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
+    return ""
+
+
+def _kind_of(plugin: str) -> str:
+    """The element that stands for a plugin of Mitsuba's own; empty where that is not known."""
+    kind = mi.PluginManager.instance().plugin_type(plugin).name if plugin else "Unknown"
+    name = {"PhaseFunction": "phase", "ReconstructionFilter": "rfilter"}.get(kind, kind.lower())
+    return name if name in KINDS else ""
+
+
+def _exists(plugin: str) -> bool:
+    """Whether Mitsuba has a plugin of that name, or one has been registered from Python."""
+    if not plugin or _kind_of(plugin):
+        return bool(plugin)
+    try:
+        mi.PluginManager.instance().create_object(mi.Properties(plugin))
+    except Exception as error:
+        return "not found" not in str(error)
+    return True
+
+
+@cache
+def _mitsuba_plugins() -> tuple[str, ...]:
+    """Names of the plugins that come with Mitsuba."""
+    return tuple(sorted(file.stem for file in (Path(mi.__file__).parent / "plugins").glob("*.so")))
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """A question after the name that may have been meant, if there is one."""
+    close = get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]}?)" if close else ""

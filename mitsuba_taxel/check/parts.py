@@ -1,0 +1,263 @@
+"""The parts of a scene, made one by one, so that each can say what it refuses; pads are read, but not deformed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.check.document import Element, filled_in
+from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
+from mitsuba_taxel.check.vocabulary import KINDS, vocabularies
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.faces import similarity_scale
+from mitsuba_taxel.optics.pad_parameters import read_cells, read_finish, read_load, read_material, read_mesh, read_pad
+from mitsuba_taxel.optics.parameters import whole_number
+from mitsuba_taxel.optics.scene import FURTHEST
+from mitsuba_taxel.pads import Pad
+
+PAD = "deformable_pad"
+
+
+@dataclass
+class UndeformedPad:
+    """What a scene says of a pad; None where the plugin would refuse it.
+
+    Attributes
+    ----------
+    pad, material : as for `load_path`
+    load : the load and its value
+    read_cells : numbers of the cells that are read, None for all
+    to_world : (4, 4)
+    """
+
+    pad: Any
+    material: Any
+    load: tuple[Any, tuple[float, ...]] | None
+    read_cells: tuple[int, ...] | None
+    to_world: np.ndarray | None
+
+
+@dataclass
+class Part:
+    """One object of a scene.
+
+    Attributes
+    ----------
+    plugin, kind : its plugin's name, and the name of the element
+    element : where it stands in the file
+    props : what the scene says to the plugin, objects aside
+    children : objects nested in it, by name
+    made : the object, an `UndeformedPad` for a pad; None where it cannot be made
+    sound : whether it was made just as the scene describes it
+    """
+
+    plugin: str
+    kind: str
+    element: Element
+    props: Any
+    children: dict[str, Part]
+    made: Any = None
+    sound: bool = False
+
+    def finding(self, severity: str, message: str, name: str = "") -> Finding:
+        """A finding at the parameter of a name, or at the object itself."""
+        for child in self.element.children:
+            if name and child.attributes.get("name") == name:
+                return child.finding(severity, message)
+        return self.element.finding(severity, message)
+
+    def nested(self, kind: str) -> list[Part]:
+        """The objects of one kind nested in it."""
+        return [child for child in self.children.values() if child.kind == kind]
+
+
+@dataclass
+class Parts:
+    """All objects of a scene: those that stand in it directly, and all of them."""
+
+    roots: list[Part]
+    all: list[Part]
+    findings: list[Finding]
+
+    @property
+    def sound(self) -> bool:
+        """Whether all objects were made as the scene describes them."""
+        return all(part.sound for part in self.all)
+
+    def of(self, *plugins: str) -> list[Part]:
+        """Sound objects of some plugins."""
+        return [part for part in self.all if part.sound and part.plugin in plugins]
+
+    def shapes(self) -> list[Part]:
+        """Sound shapes that stand in the scene directly."""
+        return [part for part in self.roots if part.sound and part.kind == "shape"]
+
+
+def make_parts(state: Any, root: Element, parameters: Mapping[str, str]) -> Parts:
+    """Make the objects of a scene that Mitsuba has parsed, and collect what their plugins refuse."""
+    maker = _Maker(state, root, parameters)
+    scene = maker.part(0)
+    everything = [part for part in maker.parts.values() if part is not scene]
+    return Parts(list(scene.children.values()), everything, maker.findings)
+
+
+class _Maker:
+    """Makes each object once, those that are nested in it first."""
+
+    def __init__(self, state: Any, root: Element, parameters: Mapping[str, str]) -> None:
+        self.state, self.root, self.parameters = state, root, parameters
+        self.places = {(str(element.file), element.offset): element for element in root.walk()}
+        self.findings: list[Finding] = []
+        self.parts: dict[int, Part] = {}
+
+    def part(self, index: int) -> Part:
+        """The part that stands for a node of what Mitsuba has parsed."""
+        if index in self.parts:
+            return self.parts[index]
+        node = self.state.nodes[index]
+        props = node.props
+        nested = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]
+        children = {name: self.part(props[name].index()) for name in nested}
+        file = str(self.state.files[node.file_index]) if node.file_index < len(self.state.files) else ""
+        element = self.places.get((file, node.offset - 1), self.root)
+        part = self.parts[index] = Part(props.plugin_name(), element.tag, element, mi.Properties(props), children)
+        if node.type != mi.ObjectType.Scene:
+            before = len(self.findings)
+            dropped = self._make(part)
+            whole = part.made is not None and not dropped and len(self.findings) == before
+            part.sound = whole and all(child.sound for child in children.values())
+        return part
+
+    def _make(self, part: Part) -> bool:
+        """Make the object of a part, if it can be; whether that left out something that is refused already."""
+        for child in part.children.values():
+            if child.plugin == PAD:
+                message = f"{PAD} stands in a {part.plugin}: take it out, into the scene itself."
+                self.findings.append(child.finding("error", message))
+                return False
+        if any(child.made is None for child in part.children.values()):
+            return False
+        if part.element.tag in KINDS and flaw_of_plugin(part.element, self.parameters):
+            return False
+        props = mi.Properties(part.props)
+        for name, child in part.children.items():
+            props[name] = child.made
+        dropped = self._drop_what_is_refused_already(part, props)
+        before = len(self.findings)
+        if part.plugin == PAD:
+            part.made = self._read_pad(part, props)
+        else:
+            part.made = self._retry(part, props, mi.PluginManager.instance().create_object)
+        if part.made is not None and len(self.findings) == before:
+            self._refuse_unread(part, props)
+        return dropped
+
+    def _drop_what_is_refused_already(self, part: Part, props: Any) -> bool:
+        """Remove parameters that `check_names` refuses, and transformations to nowhere."""
+        words = vocabularies().get(part.plugin)
+        refused = []
+        if words is not None:
+            flawed = [child for child in part.element.children if flaw_of(child, words, self.parameters)]
+            refused = [filled_in(child.attributes["name"], self.parameters) for child in flawed]
+        for name in part.props.keys():
+            if part.props.type(name) == mi.Properties.Type.Transform and not _is_near(part.props[name]):
+                message = f"{name} of {part.plugin} is not allowed: numbers of at most {FURTHEST:g} are needed."
+                self.findings.append(part.finding("error", message, name))
+                refused.append(name)
+        for name in set(refused) & set(props.keys()) - set(part.children):
+            del props[name]
+        return bool(refused)
+
+    def _retry(self, part: Part, props: Any, make: Callable[[Any], Any]) -> Any:
+        """What ``make`` makes of the properties, less those that it refuses; None where it makes nothing."""
+        dropped: set[str] = set()
+        while True:
+            try:
+                return make(props)
+            except (InputError, RuntimeError, TypeError, ValueError) as error:
+                message = _one_sentence(error, part.plugin)
+            if dropped & set(re.findall(r"\w+", message)):  # it may follow from what was left out
+                return None
+            culprit = _culprit(message, props)
+            self.findings.append(part.finding("error", message, culprit))
+            if not culprit or culprit in part.children:
+                return None
+            del props[culprit]
+            dropped.add(culprit)
+
+    def _read_pad(self, part: Part, props: Any) -> UndeformedPad:
+        """Read a pad as its plugin does before it solves for the deformation."""
+        pad = UndeformedPad(
+            self._retry(part, props, read_pad),
+            self._retry(part, props, read_material),
+            self._retry(part, props, read_load),
+            self._retry(part, props, read_cells),
+            self._retry(part, props, _rigid_motion),
+        )
+        for read in (read_mesh, _read_subdivision):
+            self._retry(part, props, read)
+        self._check_cells(part, pad, self._retry(part, props, read_finish))
+        for name in part.children:
+            props.mark_queried(name)
+        return pad
+
+    def _check_cells(self, part: Part, pad: UndeformedPad, finish: Any) -> None:
+        """What is said only once the pad is solved for: cells that it does not have, or that have no finish."""
+        numbers = pad.read_cells or ()
+        if numbers and finish is not None:
+            message = "read_cells is not allowed with a finish: it is laid on all cells."
+            self.findings.append(part.finding("error", message, "read_cells"))
+        most = pad.pad.rows * pad.pad.columns if isinstance(pad.pad, Pad) else max(numbers, default=0)
+        for number in numbers:
+            if number > most:
+                message = f"read_cells = {number} is not allowed: the cells of the pad have numbers from 1 to {most}."
+                self.findings.append(part.finding("error", message, "read_cells"))
+
+    def _refuse_unread(self, part: Part, props: Any) -> None:
+        for name in props.unqueried():
+            if name in part.children:
+                child = part.children[name]
+                message = f"{part.plugin} has no use for the <{child.kind}> nested in it: take it out."
+                self.findings.append(child.finding("error", message))
+            else:
+                why = f"is no parameter of {part.plugin}"
+                if part.plugin in vocabularies():
+                    why = f"means nothing to {part.plugin} beside what else it is told"
+                self.findings.append(part.finding("error", f"{name} {why}: take it out.", name))
+
+
+def _rigid_motion(props: Any) -> np.ndarray:
+    matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
+    similarity_scale(matrix)
+    return matrix
+
+
+def _read_subdivision(props: Any) -> int:
+    return whole_number(props, "subdivision", 12, minimum=1, maximum=64)
+
+
+def _is_near(transform: Any) -> bool:
+    return bool(np.all(np.abs(np.array(transform.matrix, dtype=float)) <= FURTHEST))
+
+
+def _one_sentence(error: Exception, plugin: str) -> str:
+    """What a plugin says of what it refuses, without traceback or place in the source."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+    if lines[-1].startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
+    if "Traceback" in lines[0]:
+        lines = lines[-1:]
+    text = re.sub(r"^(\[[^\]]*\] |[\w.]*Error: )+", "", " ".join(lines)).removesuffix(".")
+    return f"{text}." if isinstance(error, InputError) or plugin in text else f"{plugin}: {text}."
+
+
+def _culprit(message: str, props: Any) -> str:
+    """The parameter that a message begins with, if it is among the properties."""
+    names = set(props.keys())
+    return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

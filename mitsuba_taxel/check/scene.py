@@ -1,0 +1,99 @@
+"""A scene, looked over before it is rendered."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+
+from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.check.document import Element, Unreadable, read_document
+from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.check.geometry import check_geometry
+from mitsuba_taxel.check.light import check_light
+from mitsuba_taxel.check.parameters import check_names, used_names
+from mitsuba_taxel.check.parts import make_parts
+from mitsuba_taxel.check.units import check_units
+from mitsuba_taxel.check.values import refused_values
+from mitsuba_taxel.optics.scene import Scene, find_scene
+
+
+def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
+    """Look a scene over: nothing is traced, and no pad is meshed or deformed.
+
+    Parameters
+    ----------
+    source : path of an XML scene, or the name of a shipped one
+    parameters : values for the ``<default>``s of the file, by name
+
+    Returns
+    -------
+    All that was found, in the order of the file; empty for a scene of which nothing is to be said.
+
+    Raises
+    ------
+    InputError
+        if there is no such file, or a parameter is not one of the scene's.
+    """
+    path = find_scene(source)
+    try:
+        root = read_document(path)
+    except Unreadable as error:
+        return [error.finding]
+    scene = Scene(path, parameters)
+    activate_variant()
+    findings = list(check_names(root, scene.parameters))
+    with _files_beside(path):
+        state = _parse(scene, path, root, findings)
+        if state is not None:
+            parts = make_parts(state, root, scene.parameters)
+            findings += parts.findings
+            for check in (check_units, check_geometry, check_light):
+                findings += check(parts)
+    return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
+
+
+def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> Any:
+    """What Mitsuba's parser makes of a scene; None, and findings, where it makes nothing."""
+    used = used_names(root)
+    # Mitsuba stops at a parameter that is not used, of which `check_names` has spoken already.
+    given = {name: value for name, value in scene.parameters.items() if name in used}
+    config = mi.parser.ParserConfig(mi.variant())
+    config.merge_meshes = False
+    config.merge_equivalent = False
+    try:
+        state = mi.parser.parse_file(config, str(path), **given)
+        mi.parser.transform_all(config, state)
+        return state
+    except RuntimeError as error:
+        said = str(error)
+    for found in (*refused_values(root, scene.parameters), _of_parser(said, path)):
+        if not any((f.file, f.line, f.severity) == (found.file, found.line, "error") for f in findings):
+            findings.append(found)
+    return None
+
+
+def _of_parser(said: str, path: Path) -> Finding:
+    """What Mitsuba's parser says, at the place that it names."""
+    text = re.sub(r"^\[[^\]]*\] ", "", " ".join(said.split()))
+    place = re.search(r"(?:^|\s)\"?([^\s\"]*)\"? \(line (\d+), col \d+\): (.*)", text)
+    if place is None:
+        return Finding("error", f"{text.removesuffix('.')}.", path.name, 0)
+    return Finding("error", f"{place[3].removesuffix('.')}.", Path(place[1]).name, int(place[2]))
+
+
+@contextmanager
+def _files_beside(path: Path) -> Iterator[None]:
+    """Let a scene name files relative to its own folder."""
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.prepend(str(path.resolve().parent))
+    mi.set_file_resolver(resolver)
+    try:
+        yield
+    finally:
+        mi.set_file_resolver(before)

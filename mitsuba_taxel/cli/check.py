@@ -1,0 +1,54 @@
+"""`taxel check`: what is wrong with a scene, without rendering it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import click
+
+from .options import debug_option, defines_option, json_option
+
+
+@click.command(short_help="Look a scene over without rendering it; write the schema for editors.")
+@click.argument("scene", required=False)
+@defines_option
+@click.option(
+    "--schema", type=click.Path(path_type=Path), metavar="FILE.rng", help="Write the schema of scenes, for editors."
+)
+@json_option
+@debug_option
+@click.pass_context
+def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
+    """List what is wrong or odd with SCENE, with its line; nothing is traced, and no pad is deformed.
+
+    The exit code is 2 if the scene cannot be read as it is (an error), and 0 if there are warnings and notes at most.
+
+    An editor that knows RELAX NG completes and checks a scene that has this as its first line and the schema beside it:
+
+    \b
+    <?xml-model href="taxel.rng" schematypens="http://relaxng.org/ns/structure/1.0"?>
+    """
+    if scene is None and schema is None:
+        raise click.UsageError("SCENE or --schema is needed.")
+    if schema is not None:
+        from mitsuba_taxel.report.schema import write_schema
+
+        write_schema(schema)
+        click.echo(f"Written: {schema}", err=as_json)
+    if scene is not None:
+        from mitsuba_taxel.check import check_scene
+        from mitsuba_taxel.check.finding import SEVERITIES
+
+        findings = check_scene(scene, **defines)
+        if as_json:
+            import json
+            from dataclasses import asdict
+
+            click.echo(json.dumps({"findings": [asdict(finding) for finding in findings]}))
+        else:
+            for finding in findings:
+                click.echo(finding)
+            counts = Counter(finding.severity for finding in findings)
+            click.echo(", ".join(f"{severity}s: {counts[severity]}" for severity in SEVERITIES))
+        ctx.exit(2 if any(finding.severity == "error" for finding in findings) else 0)

@@ -1,0 +1,89 @@
+"""`taxel picture`: the sensor itself, cut open."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .options import debug_option, defines_option, json_option
+
+
+class _Cut(click.ParamType):
+    """Where to cut: ``middle``, ``none``, or y in mm, also written as y=0.5."""
+
+    name = "cut"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        text = str(value).strip().removeprefix("y=")
+        if text in ("middle", "none"):
+            return text
+        try:
+            offset = float(text)
+        except ValueError:
+            offset = math.nan
+        if not math.isfinite(offset):
+            self.fail(f"{value!r} is not allowed: y in mm, middle or none is needed.", param, ctx)
+        return offset
+
+
+@click.command(short_help="A picture of the sensor, cut open.")
+@click.argument("scene")
+@defines_option
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), default=Path("picture.png"), show_default=True, metavar="FILE",
+    help="Picture, as PNG or, in linear colours, as EXR.",
+)  # fmt: skip
+@click.option(
+    "--width", type=click.IntRange(16, 8192), default=1600, show_default=True,
+    help="Pixels in width; 10 in height to 16 of them.",
+)  # fmt: skip
+@click.option(
+    "--samples", type=click.IntRange(1, 65536), default=64, show_default=True,
+    help="Samples of each pixel, rounded up to a multiple of 16; four times as many halve the noise.",
+)  # fmt: skip
+@click.option(
+    "--cut", type=_Cut(), default="middle", show_default=True, metavar="Y",
+    help="Where to cut, in mm along y: middle is that of the middle row of cells; none cuts nothing.",
+)  # fmt: skip
+@json_option
+@debug_option
+def command(
+    scene: str,
+    defines: dict[str, str],
+    output: Path,
+    width: int,
+    samples: int,
+    cut: float | str,
+    as_json: bool,
+) -> None:
+    """Draw the sensor of SCENE: deformed pad, photo-reflectors and board, seen from -y and from above.
+
+    What lies in front of the cut is taken away, but for the photo-reflectors. LEDs are shown glowing, in red for their
+    near infrared.
+    """
+    from mitsuba_taxel.optics import Scene
+    from mitsuba_taxel.report.picture import check_picture, render_parts, write_picture
+    from mitsuba_taxel.report.sensor_parts import shown_parts
+
+    from .tables import progress_bar
+
+    check_picture(output)
+    description = Scene.from_file(scene, **defines)
+    with progress_bar("pads"):
+        parts, offset = shown_parts(description.load(), cut)
+    with progress_bar("picture") as progress:
+        pixels = render_parts(parts, width=width, samples=samples, progress=progress)
+    write_picture(pixels, output)
+    height = len(pixels)
+    if as_json:
+        import json
+
+        about = {"width": width, "height": height, "samples": samples, "cut": offset}
+        click.echo(json.dumps({**about, "files": [str(output)]}))
+        return
+    where = "not cut" if offset is None else f"cut at y = {offset:g} mm"
+    click.echo(f"{width} x {height} pixels of at least {samples} samples, {where}.")
+    click.echo(f"Results: {output}")

@@ -1,0 +1,165 @@
+"""Drawings of pads, section and plan with their dimensions in mm, as SVG in the colour of the text around them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+import numpy as np
+
+from mitsuba_taxel.pads.pad import Pad
+
+WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
+"""Width of a view, space beside and above it, and height of letters, in pixels."""
+MOST_NUMBERS = 100
+"""Cells of which each is numbered."""
+SILICONE = 'fill="#6f8ba6" fill-opacity="0.35" stroke="currentColor" stroke-width="1.2" fill-rule="evenodd"'
+_TICK, _FIRST, _SECOND = 4.0, 16.0, 40.0
+"""Half a tick, and distances of rows of dimensions from the outline, in pixels."""
+
+Point = tuple[float, float]
+
+
+def draw_pad(pad: Pad) -> str:
+    """Section through the middle row of a pad's cells, and its plan with the cells' numbers."""
+    length, depth, height = pad.extent
+    scale = WIDTH / max(length, depth)
+    words = f"Section and plan of a pad of {length:g} by {depth:g} by {height:g} mm with {pad.cell} cells"
+    centres = sorted({x for x, _ in pad.cell_centres})
+    section = _View((-0.5 * length, 0.0), height, scale, TOP)
+    parts = [f'<path d="{_section_path(pad, centres, section)}" {SILICONE}/>']
+    radius, first = 0.5 * pad.cell_size, centres[0]
+    edges = [-0.5 * length, first - radius, first + radius]
+    parts += [section.below(edges[k], edges[k + 1], 0.0, _FIRST) for k in (0, 1)]
+    if len(centres) > 1:
+        parts.append(section.below(centres[-2], centres[-1], 0.0, _FIRST))
+    parts.append(section.below(-0.5 * length, 0.5 * length, 0.0, _SECOND))
+    parts.append(section.beside(0.0, height, 0.5 * length, _FIRST))
+    parts.append(section.beside(0.0, pad.top_of_cell, -0.5 * length, -_FIRST))
+    plan = _View((-0.5 * length, -0.5 * depth), depth, scale, TOP + scale * height + 2 * _SECOND)
+    parts.append(f'<path d="{_plan_path(pad, plan)}" {SILICONE}/>')
+    if len(pad.cell_centres) <= MOST_NUMBERS:
+        parts += [plan.label(centre, str(number)) for number, centre in enumerate(pad.cell_centres, start=1)]
+    parts.append(plan.beside(-0.5 * depth, 0.5 * depth, 0.5 * length, _FIRST))
+    return _svg(words, scale * length + 2 * GAP, plan.bottom + TOP, parts)
+
+
+def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
+    """Sections of a closed surface (vertices (V, 3) in mm, triangles (T, 3)): upright through its middle, and flat just
+    above its lowest points, where cells are open."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    size = high - low
+    scale = WIDTH / max(size[:2])
+    words = f"Section and plan of a pad of {size[0]:.4g} by {size[1]:.4g} by {size[2]:.4g} mm"
+    upright = _segments(vertices, triangles, 1, low[1] + 0.5001 * size[1])
+    flat = _segments(vertices, triangles, 2, low[2] + 0.01 * size[2])
+    section = _View((low[0], low[2]), size[2], scale, TOP)
+    plan = _View((low[0], low[1]), size[1], scale, TOP + scale * size[2] + 2 * _SECOND)
+    parts = [section.lines(upright[:, :, [0, 2]]), plan.lines(flat[:, :, [0, 1]])]
+    parts.append(section.below(low[0], high[0], low[2], _FIRST))
+    parts.append(section.beside(low[2], high[2], high[0], _FIRST))
+    parts.append(plan.beside(low[1], high[1], high[0], _FIRST))
+    return _svg(words, scale * size[0] + 2 * GAP, plan.bottom + TOP, parts)
+
+
+class _View:
+    """A plane of the pad on the drawing: pixels of points in mm, the second coordinate upwards.
+
+    Parameters
+    ----------
+    corner : lowest coordinates of the view, mm
+    height : mm
+    scale : pixels per mm
+    top : pixels from the drawing's upper edge
+    """
+
+    def __init__(self, corner: Point, height: float, scale: float, top: float) -> None:
+        self.corner, self.scale = corner, scale
+        self.bottom = top + scale * height
+
+    def at(self, x: float, y: float) -> Point:
+        return GAP + self.scale * (x - self.corner[0]), self.bottom - self.scale * (y - self.corner[1])
+
+    def below(self, start: float, end: float, y: float, distance: float) -> str:
+        """A dimension along the first coordinate, so many pixels below height ``y``."""
+        (a, line), (b, _) = self.at(start, y), self.at(end, y)
+        line += distance
+        text = _text(0.5 * (a + b), line + TEXT + 1, _number(end - start))
+        return _line(a, line, b, line) + "".join(_line(x, line - _TICK, x, line + _TICK) for x in (a, b)) + text
+
+    def beside(self, start: float, end: float, x: float, distance: float) -> str:
+        """A dimension along the second coordinate, so many pixels to the right of ``x``, or to the left."""
+        (line, a), (_, b) = self.at(x, start), self.at(x, end)
+        line += distance
+        anchor, shift = ("start", 7) if distance > 0 else ("end", -7)
+        text = _text(line + shift, 0.5 * (a + b) + TEXT / 3, _number(end - start), anchor)
+        return _line(line, a, line, b) + "".join(_line(line - _TICK, y, line + _TICK, y) for y in (a, b)) + text
+
+    def label(self, place: Point, words: str) -> str:
+        x, y = self.at(*place)
+        return _text(x, y + TEXT / 3, words)
+
+    def lines(self, segments: np.ndarray) -> str:
+        """Segments (S, 2, 2) in mm."""
+        ends = ((self.at(*start), self.at(*end)) for start, end in segments.tolist())
+        path = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for (a, b), (c, d) in ends)
+        return f'<path d="{path}" stroke="currentColor" stroke-width="1.2" fill="none"/>'
+
+
+def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
+    """The outline of a section, along the bottom into each cell, and back over the top."""
+    half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, view.scale * pad.dome_radius
+    roof = f"A{sphere:.2f} {sphere:.2f} 0 0 1 " if sphere else "L"
+    path = f"M{_pair(view.at(-half, 0))}"
+    for x in centres:
+        path += f"L{_pair(view.at(x - radius, 0))}L{_pair(view.at(x - radius, pad.side_height))}"
+        path += f"{roof}{_pair(view.at(x + radius, pad.side_height))}L{_pair(view.at(x + radius, 0))}"
+    corners = [(half, 0.0), (half, pad.height), (-half, pad.height)]
+    return path + "".join(f"L{_pair(view.at(*corner))}" for corner in corners) + "Z"
+
+
+def _plan_path(pad: Pad, view: _View) -> str:
+    """Outline of the pad and of every cell."""
+    length, depth, _ = (view.scale * extent for extent in pad.extent)
+    path = f"M{_pair(view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1]))}h{length:.2f}v{depth:.2f}h{-length:.2f}Z"
+    size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size
+    for x, y in pad.cell_centres:
+        left, middle = view.at(x - 0.5 * pad.cell_size, y)
+        if pad.cell == "parallelepiped":
+            path += f"M{_pair((left, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
+        else:
+            half = f"a{radius:.2f} {radius:.2f} 0 0 1 "
+            path += f"M{_pair((left, middle))}{half}{size:.2f} 0{half}{-size:.2f} 0Z"
+    return path
+
+
+def _segments(vertices: np.ndarray, triangles: np.ndarray, axis: int, height: float) -> np.ndarray:
+    """(S, 2, 3) where triangles meet the plane at a height along an axis."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    return trimesh.intersections.mesh_plane(mesh, np.eye(3)[axis], height * np.eye(3)[axis])
+
+
+def _svg(words: str, width: float, height: float, parts: list[str]) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(words)}" '
+        f'width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'font-family="sans-serif" font-size="{TEXT}"><title>{escape(words)}</title>{"".join(parts)}</svg>'
+    )
+
+
+def _line(a: float, b: float, c: float, d: float) -> str:
+    return f'<path d="M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" stroke="currentColor" stroke-width="0.8" fill="none"/>'
+
+
+def _text(x: float, y: float, words: str, anchor: str = "middle") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="currentColor">{escape(words)}</text>'
+
+
+def _number(length: float) -> str:
+    return f"{length:.4g}"
+
+
+def _pair(place: Point) -> str:
+    return f"{place[0]:.2f} {place[1]:.2f}"

@@ -1,0 +1,208 @@
+"""A schema of scenes (RELAX NG), made from the plugins' parameter tables: editors complete and check with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Parameter, Vocabulary, vocabularies
+from mitsuba_taxel.errors import InputError
+
+_NUMBER = r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"
+_PATTERNS = {
+    "reference": r".*[$].*",
+    "integer_text": r"\s*\-?[0-9]+\s*",
+    "number": rf"\s*{_NUMBER}\s*",
+    "vector_text": rf"[\s,]*{_NUMBER}(([\s,]+{_NUMBER}){{2}})?[\s,]*",
+}
+"""Texts of attributes, as Mitsuba reads them; a reference holds the name of a <default>, as $name."""
+_TEXTS = {"int": "integer_text", "float": "number", "vector": "vector_text"}
+_VALUE_ELEMENTS = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum")
+_TRANSFORMATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
+_HEADER = """
+  Scenes of mitsuba_taxel, made from the plugins' tables by taxel check, option schema.
+  Put it beside a scene, and let its first line be
+  <?xml-model href="taxel.rng" schematypens="http://relaxng.org/ns/structure/1.0"?>
+  VS Code (extension XML) and oXygen take it so; Emacs takes the compact form that trang makes of it.
+"""
+
+
+def schema() -> str:
+    """The schema as text, in RELAX NG's XML syntax.
+
+    Parameters of this package's plugins are held to their tables; what Mitsuba's own plugins are told may be anything.
+    Wherever a value stands, ``$name`` may stand too.
+    """
+    grammar = Element(
+        "grammar",
+        {
+            "xmlns": "http://relaxng.org/ns/structure/1.0",
+            "xmlns:a": "http://relaxng.org/ns/compatibility/annotations/1.0",
+            "datatypeLibrary": "http://www.w3.org/2001/XMLSchema-datatypes",
+        },
+    )
+    scene = SubElement(SubElement(grammar, "start"), "element", name="scene")
+    SubElement(scene, "attribute", name="version")
+    _any_of(scene, ("declaration", "object", "value", "reference_to_object"))
+    _define_texts(grammar)
+    _define_declarations(grammar)
+    _define_values(grammar)
+    for kind in KINDS:
+        _define_kind(grammar, kind)
+    _choice(_define(grammar, "object"), KINDS)
+    for words in vocabularies().values():
+        _define_plugin(grammar, words)
+    ElementTree.indent(grammar)
+    text = ElementTree.tostring(grammar, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n<!--{_HEADER}-->\n{text}\n'
+
+
+def write_schema(file: str | Path) -> None:
+    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` where that cannot be."""
+    file = Path(file)
+    if file.suffix != ".rng":
+        raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")
+    try:
+        file.write_text(schema(), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{file} cannot be written: {error.strerror}.") from error
+
+
+def _define(grammar: Element, name: str) -> Element:
+    return SubElement(grammar, "define", name=name)
+
+
+def _ref(parent: Element, name: str) -> None:
+    SubElement(parent, "ref", name=name)
+
+
+def _choice(parent: Element, names: Iterable[str]) -> Element:
+    choice = SubElement(parent, "choice")
+    for name in names:
+        _ref(choice, name)
+    return choice
+
+
+def _any_of(parent: Element, names: Iterable[str]) -> Element:
+    return _choice(SubElement(parent, "zeroOrMore"), names)
+
+
+def _document(parent: Element, text: str) -> None:
+    SubElement(parent, "a:documentation").text = text
+
+
+def _pattern(parent: Element, pattern: str) -> Element:
+    data = SubElement(parent, "data", type="string")
+    SubElement(data, "param", name="pattern").text = pattern
+    return data
+
+
+def _define_texts(grammar: Element) -> None:
+    for name, pattern in _PATTERNS.items():
+        _pattern(_define(grammar, name), pattern)
+    anything = SubElement(_define(grammar, "any_attributes"), "zeroOrMore")
+    SubElement(SubElement(anything, "attribute"), "anyName")
+
+
+def _define_declarations(grammar: Element) -> None:
+    """What says nothing of an object itself."""
+    contents = {"default": ("name", "value"), "include": ("filename",), "path": ("value",), "alias": ("id", "as")}
+    choice = SubElement(_define(grammar, "declaration"), "choice")
+    for tag, attributes in contents.items():
+        element = SubElement(choice, "element", name=tag)
+        for attribute in attributes:
+            SubElement(element, "attribute", name=attribute)
+    reference = SubElement(_define(grammar, "reference_to_object"), "element", name="ref")
+    SubElement(reference, "attribute", name="id")
+    _optional_attributes(reference, ("name",))
+
+
+def _define_values(grammar: Element) -> None:
+    """What Mitsuba's own plugins may be told: any parameter."""
+    choice = SubElement(_define(grammar, "value"), "choice")
+    for tag in _VALUE_ELEMENTS:
+        _ref(SubElement(choice, "element", name=tag), "any_attributes")
+    _transform(choice)
+    steps = SubElement(_define(grammar, "transformation"), "choice")
+    for tag in _TRANSFORMATIONS:
+        _ref(SubElement(steps, "element", name=tag), "any_attributes")
+
+
+def _transform(parent: Element, name: str | None = None, text: str = "") -> None:
+    element = SubElement(parent, "element", name="transform")
+    if name is None:
+        _ref(element, "any_attributes")
+    else:
+        _named(element, name, text)
+    _any_of(element, ("transformation",))
+
+
+def _define_kind(grammar: Element, kind: str) -> None:
+    """An object of one kind: of a plugin of this package, or of one of Mitsuba's own."""
+    ours = [words.name for words in vocabularies().values() if words.kind == kind]
+    element = SubElement(_define(grammar, kind), "element", name=kind)
+    _optional_attributes(element, ("name", "id"))
+    _ref(element, f"any_{kind}")
+    choice = _choice(_define(grammar, f"any_{kind}"), (f"{kind}_{name}" for name in ours))
+    group = SubElement(choice, "group")
+    data = SubElement(SubElement(group, "attribute", name="type"), "data", type="string")
+    exceptions = SubElement(SubElement(data, "except"), "choice")
+    for name in vocabularies():
+        SubElement(exceptions, "value", type="string").text = name
+    _any_of(group, ("object", "value", "declaration", "reference_to_object"))
+
+
+def _define_plugin(grammar: Element, words: Vocabulary) -> None:
+    define = _define(grammar, f"{words.kind}_{words.name}")
+    kind = SubElement(define, "attribute", name="type")
+    _document(kind, words.title)
+    SubElement(kind, "value", type="string").text = words.name
+    content = _any_of(define, ("declaration", "reference_to_object", *sorted(words.nested)))
+    for parameter in words.parameters.values():
+        _parameter(content, parameter)
+    for name, nested in words.named.items():
+        element = SubElement(content, "element", name=nested)
+        SubElement(SubElement(element, "attribute", name="name"), "value", type="string").text = name
+        _optional_attributes(element, ("id",))
+        _ref(element, f"any_{nested}")
+
+
+def _parameter(parent: Element, parameter: Parameter) -> None:
+    if parameter.type == "transform":
+        _transform(parent, parameter.name, parameter.text)
+        return
+    for tag in ELEMENTS[parameter.type]:
+        element = SubElement(parent, "element", name=tag)
+        _named(element, parameter.name, parameter.text)
+        if parameter.type == "vector":
+            _components(element)
+            continue
+        value = SubElement(element, "attribute", name="value")
+        if parameter.values:
+            choice = _choice(value, ("reference",))
+            for word in parameter.values:
+                SubElement(choice, "value", type="string").text = word
+        elif parameter.type in _TEXTS:
+            _choice(value, (_TEXTS[parameter.type], "reference"))
+
+
+def _components(element: Element) -> None:
+    """Three numbers in one attribute, or in three."""
+    choice = SubElement(element, "choice")
+    _choice(SubElement(choice, "attribute", name="value"), ("vector_text", "reference"))
+    group = SubElement(choice, "group")
+    for name in "xyz":
+        _choice(SubElement(group, "attribute", name=name), ("number", "reference"))
+
+
+def _named(element: Element, name: str, text: str) -> None:
+    attribute = SubElement(element, "attribute", name="name")
+    _document(attribute, text)
+    SubElement(attribute, "value", type="string").text = name
+
+
+def _optional_attributes(element: Element, names: Iterable[str]) -> None:
+    for name in names:
+        SubElement(SubElement(element, "optional"), "attribute", name=name)

@@ -1,0 +1,73 @@
+"""Scenes that are damaged at random: whatever is wrong is a finding, never an exception."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mitsuba_taxel import InputError, Scene, check_scene
+from mitsuba_taxel.optics.taxels import taxels_of
+
+
+def _trees():
+    """The tests of damaged scenes that are measured, and their ways to damage one."""
+    file = Path(__file__).parents[1] / "properties" / "test_broken_scenes.py"
+    spec = importlib.util.spec_from_file_location("damaged_scenes", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+trees = _trees()
+FEW = settings(
+    max_examples=100,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+def assert_findings_of(file) -> None:
+    for finding in check_scene(file):
+        assert finding.severity in ("error", "warning", "note")
+        assert finding.message.endswith((".", ")")) and "\n" not in finding.message and "Traceback" not in str(finding)
+        assert finding.file == file.name and 0 <= finding.line <= 1 + len(file.read_bytes().splitlines())
+
+
+def is_refused(file) -> bool:
+    """Whether a scene without pads cannot be read."""
+    try:
+        taxels_of(Scene.from_file(file).load())
+    except InputError:
+        return True
+    return False
+
+
+@FEW
+@given(data=st.data())
+def test_what_cannot_be_read_is_an_error(data, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(trees.damaged_tree(data, trees.PLATE))
+    errors = [finding for finding in check_scene(file) if finding.severity == "error"]
+    # Packages in the same place are read, but wrongly: only the check finds them.
+    assert is_refused(file) == any("lies in a face" not in finding.message for finding in errors), errors
+
+
+@FEW
+@given(data=st.data(), text=st.sampled_from([trees.PLATE, trees.PAD]))
+def test_damaged_trees(data, text, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(trees.damaged_tree(data, text))
+    assert_findings_of(file)
+
+
+@FEW
+@given(data=st.data(), text=st.sampled_from([trees.PLATE, trees.PAD]))
+def test_damaged_bytes(data, text, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(trees.damaged_bytes(data, text.encode()))
+    assert_findings_of(file)

@@ -1,0 +1,73 @@
+"""`taxel check`, run as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mitsuba_taxel.report.schema import schema
+
+SCENE = """<scene version="3.9.0">
+<shape type="photo_reflector">
+<float name="spacin" value="0.9"/>
+<emitter type="annular_led"> <float name="power" value="0"/> </emitter> <sensor type="phototransistor"/>
+</shape>
+</scene>"""
+
+
+@pytest.fixture
+def taxel(tmp_path):
+    def run(*words: str) -> subprocess.CompletedProcess:
+        command = [str(Path(sys.executable).with_name("taxel")), *words]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100)
+
+    (tmp_path / "scene.xml").write_text(SCENE)
+    return run
+
+
+def test_a_sound_scene(taxel):
+    done = taxel("check", "pad.xml", "-D", "fz=-3")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "errors: 0, warnings: 0, notes: 0\n", "")
+
+
+def test_an_error_is_exit_code_2(taxel):
+    done = taxel("check", "scene.xml")
+    first, *_, last = done.stdout.splitlines()
+    assert (done.returncode, done.stderr, last) == (2, "", "errors: 1, warnings: 1, notes: 0")
+    assert first == (
+        "scene.xml:3: error: spacin is no parameter of photo_reflector (did you mean spacing?)."
+    )  # fmt: skip
+
+
+def test_for_machines_and_warnings_alone(taxel, tmp_path):
+    (tmp_path / "scene.xml").write_text(SCENE.replace("spacin", "spacing"))
+    done = taxel("check", "scene.xml", "--json")
+    findings = json.loads(done.stdout)["findings"]
+    assert done.returncode == 0
+    assert ["warning", "scene.xml", 4] in [[f["severity"], f["file"], f["line"]] for f in findings]
+    assert {key for finding in findings for key in finding} == {"severity", "message", "file", "line"}
+
+
+def test_the_schema_is_written(taxel, tmp_path):
+    done = taxel("check", "--schema", "taxel.rng")
+    assert (done.returncode, done.stdout) == (0, "Written: taxel.rng\n")
+    assert (tmp_path / "taxel.rng").read_text() == schema()
+
+
+@pytest.mark.parametrize(
+    "words, culprit",
+    [
+        ((), "SCENE"),
+        (("nowhere.xml",), "nowhere.xml"),
+        (("pad.xml", "-D", "fzz=1"), "fzz"),
+        (("--schema", "taxel.xsd"), ".rng"),
+    ],
+)
+def test_a_request_that_cannot_be_met(taxel, words, culprit):
+    done = taxel("check", *words)
+    (line,) = done.stderr.splitlines()
+    assert (done.returncode, done.stdout) == (2, "") and line.startswith("taxel: ") and culprit in line

@@ -1,0 +1,53 @@
+"""Every tutorial, and the start page, does what it says when its reader does what it says."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+RUNNER = Path(__file__).with_name("run_tutorial.py")
+PAGES = [DOCS / "start.md", *sorted(page for page in (DOCS / "tutorials").glob("*.md") if page.stem != "index")]
+
+
+def run(page: Path, folder: Path, **settings: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(RUNNER), str(page)]
+    return subprocess.run(command, cwd=folder, env=os.environ | settings, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_tutorial(page, tmp_path):
+    done = run(page, tmp_path, MITSUBA_TAXEL_CACHE=str(tmp_path / "cache"), PYTHONWARNINGS="")
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def test_all_seven_are_there():
+    assert len(PAGES) == 8
+
+
+@pytest.mark.parametrize(
+    "text, culprit",
+    [
+        ("```sh\ntrue\nfalse\ntrue\n```\n", "returned non-zero"),
+        ("```python\nimport os\n```\n\n```python\nassert os.sep == ''\n```\n", "line 6"),
+        ("```sh\ntouch here\n```\n<!-- makes: here there -->\n", "there"),
+        ("words alone\n", "without steps"),
+    ],
+    ids=["sh", "python", "files", "nothing"],
+)
+def test_a_tutorial_that_does_not_work_is_found(text, culprit, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(text)
+    done = run(page, tmp_path)
+    assert done.returncode != 0 and culprit in done.stderr
+
+
+def test_shown_files_are_written(tmp_path):
+    page = tmp_path / "page.md"
+    shown = "```{code-block} python\n:caption: part.py\n\nX = 3\n```\n"
+    page.write_text(f"{shown}\n```python\nimport part\n\nassert part.X == 3\n```\n")
+    assert run(page, tmp_path).returncode == 0 and (tmp_path / "part.py").read_text() == "X = 3\n"
