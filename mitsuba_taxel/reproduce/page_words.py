@@ -1,0 +1,30 @@
+"""What the sections of the page share: studies, and numbers and tables in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from mitsuba_taxel.characterise.wording import with_error
+from mitsuba_taxel.reproduce.slopes import Sensitivity
+
+Found = Mapping[str, Any]
+"""Studies by the name of their part, as :func:`mitsuba_taxel.reproduce.parts.complete` gives them."""
+TANGENTIAL = ("fx", "fy", "resultant")
+NAMES = {"fz": "normal", "fx": "along x", "fy": "along y", "resultant": "along the diagonal"}
+
+
+def micro(value: float, error: float) -> str:
+    """A number and its error in millionths of its unit."""
+    return with_error(1e6 * value, 1e6 * error)
+
+
+def steepest(one: Sensitivity) -> str:
+    """Maximum slope in µW/N with its error."""
+    return micro(one.max_slope, one.max_slope_error)
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown, its first column aligned left, the others right."""
+    lines = [head, [":--", *["--:"] * (len(head) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
