@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import zipfile
 from collections.abc import Mapping
 
 import numpy as np
@@ -27,5 +28,8 @@ def unpack(content: bytes) -> dict[str, np.ndarray] | None:
     digest, archive = content[:_DIGEST], content[_DIGEST:]
     if hashlib.sha256(archive).digest() != digest:
         return None
-    with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
-        return dict(arrays)
+    try:
+        with np.load(io.BytesIO(archive), allow_pickle=False) as arrays:
+            return dict(arrays)
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile):  # whole, but not what was packed here
+        return None

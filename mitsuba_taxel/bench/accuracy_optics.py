@@ -150,7 +150,7 @@ def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
         best.setdefault(trial.method.integrator, trial)
     if len(best) < 2:
         reasons = "; ".join(f"{trial.method.name}: {trial.reason or 'no light found'}" for trial in trials)
-        raise ComputationError(f"less than two independent methods can do the scene, so that none is judged: {reasons}")
+        raise ComputationError(f"fewer than two independent methods can do the scene, and none is judged: {reasons}.")
     return list(best.values())[:2]
 
 

@@ -90,7 +90,10 @@ def _turning_points(force: np.ndarray, noise: float, file: str) -> np.ndarray:
 
     spread = np.ptp(force)
     if not spread > 10 * noise:
-        raise InputError(f"measurement {file!r}: the force changes by {spread:.2g} N, which is no more than its noise.")
+        raise InputError(
+            f"measurement {file!r}: the force changes by {spread:.2g} N, which is no more than its noise: "
+            "runs of growing or falling force are needed."
+        )
     prominence = min(max(SMALLEST_RUN * spread, 10 * noise), spread / 2)
     turns = [find_peaks(sign * force, prominence=prominence)[0] for sign in (1, -1)]
     return np.concatenate([[0], np.sort(np.concatenate(turns)), [len(force) - 1]])

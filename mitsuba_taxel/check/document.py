@@ -70,7 +70,8 @@ def read_document(path: Path, around: tuple[Path, ...] = ()) -> Element:
         reason = expat.errors.messages.get(error.code, str(error))
         raise Unreadable(Finding("error", f"it does not parse as XML: {reason}.", path.name, line)) from error
     except (OSError, LookupError, ValueError) as error:
-        raise Unreadable(Finding("error", f"it cannot be read: {error}.", path.name, 0)) from error
+        why = getattr(error, "strerror", None) or error
+        raise Unreadable(Finding("error", f"it cannot be read: {why}.", path.name, 0)) from error
     assert reader.root is not None
     around = (*around, path.resolve())
     for element in [element for element in reader.root.walk() if element.tag == "include"]:

@@ -71,8 +71,7 @@ def _pairs(parts: Parts) -> Iterator[Finding]:
     except InputError as error:
         said = {finding.message for finding in faces_of(parts)[1]}
         if str(error) not in said:
-            where = parts.roots[0].element.file.name if parts.roots else "the scene"
-            yield Finding("error", str(error), where, 0)
+            yield Finding("error", str(error), parts.file, 0)
 
 
 def _walls(shape: Part) -> Iterator[Finding]:

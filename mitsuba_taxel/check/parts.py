@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
@@ -79,8 +80,9 @@ class Part:
 
 @dataclass
 class Parts:
-    """All objects of a scene: those that stand in it directly, and all of them."""
+    """All objects of a scene, in a file of this name: those that stand in it directly, and all of them."""
 
+    file: str
     roots: list[Part]
     all: list[Part]
     findings: list[Finding]
@@ -104,7 +106,7 @@ def make_parts(state: Any, root: Element, parameters: Mapping[str, str]) -> Part
     maker = _Maker(state, root, parameters)
     scene = maker.part(0)
     everything = [part for part in maker.parts.values() if part is not scene]
-    return Parts(list(scene.children.values()), everything, maker.findings)
+    return Parts(root.file.name, list(scene.children.values()), everything, maker.findings)
 
 
 class _Maker:
@@ -112,7 +114,7 @@ class _Maker:
 
     def __init__(self, state: Any, root: Element, parameters: Mapping[str, str]) -> None:
         self.state, self.root, self.parameters = state, root, parameters
-        self.places = {(str(element.file), element.offset): element for element in root.walk()}
+        self.places = {(element.file.resolve(), element.offset): element for element in root.walk()}
         self.findings: list[Finding] = []
         self.parts: dict[int, Part] = {}
 
@@ -124,8 +126,10 @@ class _Maker:
         props = node.props
         nested = [name for name in props.keys() if props.type(name) == mi.Properties.Type.ResolvedReference]
         children = {name: self.part(props[name].index()) for name in nested}
-        file = str(self.state.files[node.file_index]) if node.file_index < len(self.state.files) else ""
-        element = self.places.get((file, node.offset - 1), self.root)
+        element = self.root
+        if node.file_index < len(self.state.files):
+            file = Path(str(self.state.files[node.file_index])).resolve()
+            element = self.places.get((file, node.offset - 1), self.root)
         part = self.parts[index] = Part(props.plugin_name(), element.tag, element, mi.Properties(props), children)
         if node.type != mi.ObjectType.Scene:
             before = len(self.findings)
@@ -253,7 +257,7 @@ def _one_sentence(error: Exception, plugin: str) -> str:
         raise KeyboardInterrupt
     if "Traceback" in lines[0]:
         lines = lines[-1:]
-    text = re.sub(r"^(\[[^\]]*\] |[\w.]*Error: )+", "", " ".join(lines)).removesuffix(".")
+    text = re.sub(r"^(\[[^\]]*\] |[\w.]*Error: )+", "", " ".join(lines)).rstrip(".!")
     return f"{text}." if isinstance(error, InputError) or plugin in text else f"{plugin}: {text}."
 
 

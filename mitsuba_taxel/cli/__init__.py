@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import traceback
+import warnings
 from importlib import import_module
 from types import SimpleNamespace
 
@@ -47,6 +48,7 @@ def main() -> None:
     Exit codes: 0 done, 1 a computation failed, 2 the request cannot be met, 130 interrupted.
     """
     _keep_stdout_for_results()
+    warnings.showwarning = _show_warning
     settings = SimpleNamespace(debug=False)
     try:
         status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
@@ -74,12 +76,30 @@ def _describe(error: Exception) -> tuple[str, int]:
     if kinds is not None and kinds.comes_from_interrupt(error):
         return "interrupted", 130
     if isinstance(error, click.ClickException):
-        return error.format_message(), 2
+        return f"{error.format_message()}{_where_to_look(error)}", 2
     if kinds is not None and isinstance(error, kinds.InputError):
         return str(error), 2
     if kinds is not None and isinstance(error, kinds.ComputationError):
         return str(error), 1
+    if type(error) is ImportError and error.name is None:  # our own word on what is installed
+        return str(error), 1
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for it: fewer or smaller pads, points or workers need less.", 1
+    if isinstance(error, OSError) and error.strerror:
+        what = "a file" if error.filename is None else str(error.filename)
+        return f"{what} cannot be read or written: {error.strerror} (run with --debug for the traceback)", 1
     return f"{type(error).__name__}: {error} (run with --debug for the traceback)", 1
+
+
+def _where_to_look(error: click.ClickException) -> str:
+    """A hint after what is missing or not known, as against a value that is refused."""
+    if not isinstance(error, click.UsageError) or type(error) is click.BadParameter or error.ctx is None:
+        return ""
+    return f" (see {error.ctx.command_path} --help)"
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    click.echo(f"taxel: {' '.join(str(message).split())}", err=True)
 
 
 def _keep_stdout_for_results() -> None:

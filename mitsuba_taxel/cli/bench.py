@@ -57,7 +57,8 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     type=click.FloatRange(min=0, min_open=True),
     default=5.0,
     show_default=True,
-    help="For each way to compute the light, and for the longest solution of the mechanics; a reference takes longer.",
+    help="Time in s for each way to compute the light, and for the longest solution of the mechanics; references "
+    "take longer.",
 )
 @debug_option
 def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds: float) -> None:

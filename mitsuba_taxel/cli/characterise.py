@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import click
@@ -29,10 +30,11 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     from mitsuba_taxel.report.characteristics import write_characteristics
     from mitsuba_taxel.studies.files import make_folder
 
-    experiments, off, maps, notes = _measured(source) if source.is_file() else simulated_experiments(open_study(source))
+    measured = os.path.isfile(source) or (source.suffix.lower() == ".csv" and not os.path.isdir(source))
+    experiments, off, maps, notes = _measured(source) if measured else simulated_experiments(open_study(source))
     if not experiments:
         raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
-    folder = folder or (source.parent if source.is_file() else source)
+    folder = folder or (source.parent if measured else source)
     make_folder(folder)
     table, pairs = characteristics(experiments, off), symmetric_pairs(maps)
     files = write_characteristics(folder, experiments, maps, table, pairs)

@@ -77,6 +77,7 @@ target_error_option = click.option(
     "--target-error",
     type=_Share(),
     help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh.",
+    show_default="0.5% of the light alone",
 )
 seed_option = click.option(
     "--seed",

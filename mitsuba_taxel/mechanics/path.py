@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
+from textwrap import shorten
 
 import numpy as np
 
@@ -36,6 +37,8 @@ COARSEST = 0.35
 """Size of the coarsest elements that `mesh_size_for` tries, relative to the pad's height."""
 SIZES = 9
 """How many sizes it tries, each 1 / sqrt(2) of the one before."""
+MOST_ELEMENTS_TRIED = 100_000
+"""A mesh of more is not tried: without symmetry it takes some 10 GB to solve."""
 
 FEW_STATES = 100
 MOST_BYTES = 4 * 2**30
@@ -158,14 +161,17 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
     with _LOCK:
         size = COARSEST * _height(pad)
         for _ in range(SIZES):
-            error = _path(pad, material, load, size).small_load_error
+            path = _path(pad, material, load, size)
+            if len(path.mesh.tets) > MOST_ELEMENTS_TRIED:
+                break
+            error = path.small_load_error
             if error <= tolerance:
                 return size
             size /= math.sqrt(2)
-    raise InputError(
-        f"mesh_tolerance = {tolerance:g} is not allowed: {error:.2g} is what the finest mesh tried, of {size:.2g} mm, "
-        "reaches."
-    )
+    reached = f"{error:.2g} is what the finest mesh tried, of {size * math.sqrt(2):.2g} mm, reaches"
+    if math.isinf(error):
+        reached = f"no mesh of at most {MOST_ELEMENTS_TRIED} elements tells its error"
+    raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: {reached}.")
 
 
 def _height(pad: Pad | PadFile) -> float:
@@ -186,10 +192,14 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
         rows = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         rows = np.empty(0)
-    if rows.ndim != 2 or rows.shape[1] != load.components or not np.all(np.isfinite(rows)):
-        shown = np.asarray(values, dtype=object).tolist()
-        wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
+    wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
+    if rows.ndim != 2 or rows.shape[1] != load.components:
+        shown = shorten(str(np.asarray(values, dtype=object).tolist()), 100, placeholder=" ...]")
         raise InputError(f"{load.quantity} values = {shown} are not allowed: rows of {wanted} needed.")
+    wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+    if len(wrong):
+        shown = f"{load.quantity} values[{wrong[0]}] = {rows[wrong[0]].tolist()}"
+        raise InputError(f"{shown} are not allowed: {wanted} needed.")
     return rows
 
 

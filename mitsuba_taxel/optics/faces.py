@@ -14,6 +14,9 @@ import numpy as np
 
 from mitsuba_taxel.errors import InputError
 
+PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
+"""The plugin of each face, for messages."""
+
 
 class FaceGrid:
     """Congruent parallel rectangles on a regular grid, numbered row by row from (-x, +y).
@@ -76,12 +79,12 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
         if there is no shape, it is neither a `photo_reflector` nor a `rectangle`, or a face does not fit on it.
     """
     if shape is None:
-        raise InputError(f"{name}: it must be nested in a rectangle or a photo_reflector.")
+        raise InputError(f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector.")
     if hasattr(shape, "face_grid"):
         return shape.face_grid(name)
     if shape.class_name() != "Rectangle":
         raise InputError(
-            f"{name}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
+            f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
         )
     # Entry by entry: to gather them into one array would run a kernel, which cannot be while another is recorded.
     rows = mi.traverse(shape)["to_world"].matrix
@@ -93,10 +96,11 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
     half = np.linalg.norm(matrix[:3, :2], axis=0)
     axes = matrix[:3, :2] / half
     if abs(axes[:, 0] @ axes[:, 1]) > 1e-5:
-        raise InputError(f"{name}: the rectangle that carries it is sheared; its sides must be perpendicular.")
+        raise InputError(f"{PLUGINS[name]}: the rectangle that carries it is sheared; its sides must be perpendicular.")
     if any(extent > 2 * h * (1 + 1e-5) for extent, h in zip(size, half, strict=True)):
         raise InputError(
-            f"{name}: {size[0]:g} x {size[1]:g} does not fit on its rectangle of {2 * half[0]:g} x {2 * half[1]:g}."
+            f"{PLUGINS[name]}: {size[0]:g} x {size[1]:g} mm do not fit on its rectangle, "
+            f"{2 * half[0]:g} x {2 * half[1]:g} mm."
         )
     normal = np.linalg.inv(matrix[:3, :3]).T[:, 2]
     normal /= np.linalg.norm(normal)

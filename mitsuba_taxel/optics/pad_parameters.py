@@ -56,7 +56,7 @@ def read_material(props: mi.Properties) -> Material:
     name = choice(props, "material", "neo_hookean", (*LAWS, *SILICONES))
     own = LAWS.get(name, ())
     others = {parameter for law in LAWS.values() for parameter in law} - set(own)
-    _refuse(props, sorted(others), f"it is not for material = {name!r}")
+    _refuse(props, sorted(others), f"material = {name!r} takes {', '.join((*own, 'poisson_ratio'))}")
     ratio = {"poisson_ratio": number(props, "poisson_ratio", 0.49, minimum=0, maximum=0.5)}
     if name == "mooney_rivlin":
         return MooneyRivlin(number(props, "c10", minimum=0), number(props, "c01", minimum=0), **ratio)
@@ -65,7 +65,7 @@ def read_material(props: mi.Properties) -> Material:
     if name in SILICONES:
         return silicone(name).changed(**(ratio if "poisson_ratio" in props else {}))
     if "shore_a" in props:
-        _refuse(props, ("youngs_modulus",), "it and shore_a exclude each other")
+        _refuse(props, ("youngs_modulus",), "it and shore_a exclude each other, give one of them")
         return from_shore_a(number(props, "shore_a"), **ratio)
     return NeoHookean(number(props, "youngs_modulus", 4.16, above=0), **ratio)
 
@@ -80,7 +80,7 @@ def read_load(props: mi.Properties) -> tuple[Load, tuple[float, ...]]:
         width, depth = number(props, "patch_width", above=0), number(props, "patch_depth", above=0)
         load: Load = PatchForce((number(props, "patch_x", 0.0), number(props, "patch_y", 0.0)), (width, depth))
     else:
-        _refuse(props, _PATCH, f"it is not for load = {name!r}")
+        _refuse(props, _PATCH, "it is only for load = 'patch_force'")
         plain: tuple[Load, ...] = (SpreadForce(), PlateForce(), PlateDisplacement(), Pressure())
         load = dict(zip(("spread_force", "plate_force", "plate_displacement", "pressure"), plain, strict=True))[name]
     if name == "pressure":
@@ -91,7 +91,7 @@ def read_load(props: mi.Properties) -> tuple[Load, tuple[float, ...]]:
 def read_mesh(props: mi.Properties) -> tuple[float | None, float | None]:
     """The mesh size and the mesh tolerance of a scene, at most one of which it gives; raises `InputError`."""
     if "mesh_tolerance" in props:
-        _refuse(props, ("mesh_size",), "it and mesh_tolerance exclude each other")
+        _refuse(props, ("mesh_size",), "it and mesh_tolerance exclude each other, give one of them")
         return None, number(props, "mesh_tolerance", above=0, maximum=1)
     return (number(props, "mesh_size", above=0) if "mesh_size" in props else None), None
 

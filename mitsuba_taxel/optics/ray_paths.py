@@ -175,7 +175,7 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
     pairs = taxels_of(scene)
     total = sum(pair.count for pair in pairs)
     if not (isinstance(taxel, Integral) and 1 <= taxel <= total):
-        allowed = f"a whole number from 1 to {total} is needed" if total else "the scene holds no taxels"
+        allowed = f"a whole number from 1 to {total} is needed" if total > 1 else "1 is needed, as there is no other"
         raise InputError(f"taxel = {taxel} is not allowed: {allowed}.")
     index = int(taxel) - 1
     for pair in pairs:

@@ -192,7 +192,9 @@ def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dic
     except ElementTree.ParseError as error:
         raise InputError(f"{path.name} does not parse as XML: {error}.") from error
     except (OSError, LookupError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {error}.") from error
+        reason = getattr(error, "strerror", None) or error
+        within = f", which {around[-1].name} includes," if around else ""
+        raise InputError(f"{path}{within} cannot be read: {reason}.") from error
     if _depth(root) > DEEPEST:
         raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
     defaults = {e.get("name", ""): e.get("value", "") for e in root.iter("default")}
@@ -253,8 +255,9 @@ def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationErro
         return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
     head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
     tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
-    text = " ".join([head, *tail]).replace("unreferenced property", "unknown parameter")
-    text = text.replace(f"{scene.source} ", "")
+    text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
+    text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
+    text = text.replace("Found unused parameters:", "<default>s that are used nowhere, take them out:")
     unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
     if unparsed:
         guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]

@@ -102,13 +102,23 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
     except ValueError as error:
-        raise InputError(f"{given} is not allowed: two columns of numbers are needed ({error}).") from error
+        row = next(number for number, line in enumerate(lines, start=1) if not _is_pair(line))
+        raise InputError(
+            f"{given}: row {row}, {lines[row - 1][:60]!r}, is not allowed: two columns of numbers are needed."
+        ) from error
     rows, columns = table.shape
     if columns != 2 or not fewest <= rows <= NODES:
         raise InputError(
             f"{given} has {rows} rows and {columns} columns: from {fewest} to {NODES} rows and 2 columns are needed."
         )
     return table
+
+
+def _is_pair(line: str) -> bool:
+    try:
+        return np.loadtxt([line], delimiter=",").shape == (2,)
+    except ValueError:
+        return False
 
 
 def _check_angles(file: str, angles: np.ndarray) -> None:

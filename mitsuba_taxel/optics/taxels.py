@@ -50,10 +50,14 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
         if not hasattr(sensor, "spread_film"):
             raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
     if not leds or not sensors:
-        raise InputError(f"the scene holds {len(leds)} LEDs and {len(sensors)} phototransistors: at least one of each.")
+        raise InputError(
+            f"the scene holds {len(leds)} LEDs and {len(sensors)} phototransistors: at least one of each is needed."
+        )
     counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
     if counts[0] != counts[1] or len(leds) != len(sensors):
-        raise InputError(f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: each needs its own.")
+        raise InputError(
+            f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: one of each for every taxel is needed."
+        )
     pairs = [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
     _refuse_shared_places(scene, pairs)
     refuse_contact(scene)

@@ -89,7 +89,7 @@ def trace(
     taxels = pair.count
     readings = taxels**2 if crosstalk else taxels
     film_size = pair.sensor.film().crop_size()
-    pixels = dr.zeros(mi.Float, film_size[0] * film_size[1]) if image else None
+    collected = np.zeros(film_size[0] * film_size[1])  # in double precision, over wavefronts in single
     sums = np.empty(readings * replicates)
     share = max(1, LARGEST_WAVEFRONT // points)
     for start in range(0, len(sums), share):
@@ -99,13 +99,16 @@ def trace(
         reading = sampler.sequence % dr.opaque(mi.UInt32, readings)
         index = reading % dr.opaque(mi.UInt32, taxels)
         led_index = reading // dr.opaque(mi.UInt32, taxels) if crosstalk else index
+        pixels = dr.zeros(mi.Float, len(collected)) if image else None
         power = integrator.sample_paths(scene, pair, index, led_index, sampler, pixels)
         sums[start : start + sequences] = sum_blocks(power, points)
+        if pixels is not None:
+            collected += pixels.numpy()
     power = (sums / points).reshape(replicates, *((taxels, taxels) if crosstalk else (taxels,)))
-    if pixels is None:
+    if not image:
         return power, None, points
-    pixel_area = pair.sensor.faces.area * taxels / (film_size[0] * film_size[1])
-    irradiance = (pixels / (pixel_area * points * replicates)).numpy()
+    pixel_area = pair.sensor.faces.area * taxels / len(collected)
+    irradiance = collected / (pixel_area * points * replicates)
     return power, irradiance.reshape(film_size[1], film_size[0]), points
 
 

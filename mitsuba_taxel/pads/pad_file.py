@@ -66,12 +66,12 @@ class PadFile:
             size = self.path.stat().st_size
             if size > MOST_BYTES:
                 raise InputError(
-                    f"filename = {self.path} is not allowed: it has {size / 2**20:.0f} MB; "
-                    f"at most {MOST_BYTES // 2**20} can be read."
+                    f"filename = {self.path} is not allowed: it has {size / 2**20:.0f} MB, "
+                    f"but at most {MOST_BYTES // 2**20} MB can be read."
                 )
             return self.path.read_bytes()
         except OSError as error:
-            raise InputError(f"filename = {self.path} is not allowed: {error.strerror or error}.") from error
+            raise InputError(f"filename = {self.path} cannot be read ({error.strerror or error}).") from error
 
     @property
     def identity(self) -> list[object]:

@@ -103,7 +103,9 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     """
     try:
         tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+    except OSError as error:
+        raise InputError(f"regions = {path} cannot be read ({error.strerror}): a TOML file is needed.") from error
+    except (ValueError, RecursionError) as error:
         raise InputError(f"regions = {path} is not allowed: {' '.join(str(error).split())}.") from error
     rules = tables.pop("rule", [])
     if tables or not isinstance(rules, list) or not all(isinstance(rule, Mapping) for rule in rules):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -42,18 +43,20 @@ def write_characteristics(
     Returns
     -------
     The files: ``characteristics.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they apply,
-    ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``.
+    ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``; pictures as SVG too.
     """
     writers: dict[str, Callable[[Path], Any]] = {
         "characteristics.csv": lambda file: table.to_csv(file, index=False),
         "characteristics.tex": lambda file: file.write_text(_latex(table, pairs), encoding="utf-8"),
-        "sensitivity.png": lambda file: plot_sensitivity(experiments, file),
     }
+    plots: dict[str, Callable[..., None]] = {"sensitivity": partial(plot_sensitivity, experiments)}
     if len(table[table.figure.isin(DEVIATIONS)]):
-        writers["nonlinearity.png"] = lambda file: plot_deviations(experiments, file)
+        plots["nonlinearity"] = partial(plot_deviations, experiments)
     if maps:
-        writers["tangential_map.png"] = lambda file: plot_tangential_maps(maps, file)
+        plots["tangential_map"] = partial(plot_tangential_maps, maps)
         writers["symmetric_pairs.csv"] = lambda file: pairs.to_csv(file, index=False)
+    for name, draw in plots.items():
+        writers.update({f"{name}.{form}": partial(draw, form=form) for form in ("png", "svg")})
     for name, write in writers.items():
         with replacing(folder / name) as temporary:
             write(temporary)

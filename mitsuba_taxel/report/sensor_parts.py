@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,8 @@ def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[Part], fl
 
     Of pads and other surfaces the part at y > cut is left. Photo-reflectors are left whole, as fasteners are in
     technical drawings. A board is added; rectangles are shown as thin sheets, and those at the height of the board not
-    at all. Other shapes without triangles are left out.
+    at all. One that carries an LED or a phototransistor looks like it all over its front. Other shapes without
+    triangles are left out.
 
     Parameters
     ----------
@@ -137,7 +138,10 @@ def _sheet(rectangle: Any) -> Part:
     to_world = np.array(mi.traverse(rectangle)["to_world"].matrix, dtype=float).reshape(4, 4)
     x, y, centre = to_world[:3, 0], to_world[:3, 1], to_world[:3, 3]
     corners = np.array([centre - x - y, centre + x - y, centre + x + y, centre - x + y])
-    return _box(corners, -SHEET * unit(np.cross(x, y)), OTHER)
+    face = "led" if rectangle.is_emitter() else "phototransistor" if rectangle.is_sensor() else ""
+    sheet = _box(corners, -SHEET * unit(np.cross(x, y)), "body" if face else OTHER)
+    front = np.isin(sheet.triangles, range(4)).all(axis=1)
+    return replace(sheet, material=np.where(front & bool(face), face, sheet.material))
 
 
 def _board(parts: list[Part]) -> Part:

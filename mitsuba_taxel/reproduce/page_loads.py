@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,7 @@ def beyond(found: Found, pictures: Path) -> str:
         ends = [float(study[path].max()) for path, study in found["beyond"][cell].items()]
         rows.append([cell, f"{paper.TANGENTIAL_LIMIT[cell]:g}", *(f"{end:g}" for end in ends)])
     said = "\n".join(
-        f"- {cell}, {NAMES[path]}: {reason}"
+        f"- {cell}, {NAMES[path]}: {_shorter(reason)}"
         for cell, paths in found["beyond"].items()
         for path, study in paths.items()
         for reason in study.attrs["failures"].splitlines()[:1]
@@ -138,3 +139,8 @@ Largest tangential force in N that is borne at -8 N, in steps of 1 N, and where 
 What stops them, at the first step that fails:
 {said}
 """
+
+
+def _shorter(text: str) -> str:
+    """A text whose numbers of many digits have four."""
+    return re.sub(r"\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", text)

@@ -104,7 +104,7 @@ def make_batch(
     axes = make_axes(vary, together, folder)
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
-            raise InputError(f"{parameter} is both varied and given a value.")
+            raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
     check_request(target_error, points, seed, time_budget)
     if points is not None and time_budget is not None:
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
@@ -143,14 +143,17 @@ def read_study(file: str | Path) -> dict[str, Any]:
     if not several:
         scenes = [{name: content.pop(name) for name in SCENE_KEYS if name in content}]
     if not (isinstance(scenes, list) and scenes and all(isinstance(scene, dict) for scene in scenes)):
-        raise InputError(f"study {Path(file).name}: scenes is not allowed so: [[scenes]] tables are needed.")
+        raise InputError(f"study {Path(file).name}: scenes is not allowed as it stands: [[scenes]] tables are needed.")
     for number, scene in enumerate(scenes, start=1):
-        _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), f"scene {number} of {Path(file).name}")
+        where = f"scene {number} of {Path(file).name}" if several else f"study {Path(file).name}"
+        _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), where)
         if several:
             scene.setdefault("name", f"scene_{number}")
         for name in TABLES:
             if not isinstance(scene.get(name, {}), dict):
-                raise InputError(f"{name} = {scene[name]!r} is not allowed: a table of values by parameter is needed.")
+                raise InputError(
+                    f"{where}: {name} = {scene[name]!r} is not allowed: a table of values by parameter is needed."
+                )
     names = [scene.get("name", "") for scene in scenes]
     if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
         raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
@@ -169,7 +172,7 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     """
     scene = study["scenes"][number]
     if "scene" not in scene:
-        raise InputError("scene is missing: the name of a scene is needed.")
+        raise InputError("scene is missing: a file, or the name of a shipped scene, is needed.")
     tables = {name: scene.get(name, {}) for name in TABLES}
     together = dict(tables["together"])
     if "steps" in scene:

@@ -20,6 +20,8 @@ def make_folder(folder: Path) -> None:
         if it cannot be made or written to.
     """
     try:
+        if folder.is_file():
+            raise InputError(f"output folder {folder} is a file: a folder is needed.")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -47,6 +49,8 @@ def check_new_file(file: Path, suffix: str) -> None:
     try:
         if file.is_dir():
             raise InputError(f"output {file} is a folder: a file is needed.")
+        if not file.parent.is_dir():
+            raise InputError(f"output {file} cannot be written: there is no folder {file.parent}.")
         with tempfile.TemporaryFile(dir=file.parent):
             pass
     except OSError as error:

@@ -8,6 +8,7 @@ from typing import Any
 import xarray as xr
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.scene import is_file
 from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.batch import read_study
 from mitsuba_taxel.studies.dataset import assemble
@@ -34,7 +35,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     if names != [None]:
         begun = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
         if not begun:
-            raise InputError(f"{folder} holds no result yet.")
+            raise InputError(f"study {folder} holds no result yet: run it first.")
         tree = xr.DataTree.from_dict({name: open_study(folder / name) for name in begun})
         lines = [f"{name}: {line}" for name in begun for line in tree[name].attrs["failures"].splitlines()]
         tree.attrs["failures"] = "\n".join(lines)
@@ -49,7 +50,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         if kept:
             results[place] = kept
     if not results:
-        raise InputError(f"{folder} holds no result yet.")
+        raise InputError(f"study {folder} holds no result yet: run it first.")
     failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
@@ -65,11 +66,15 @@ def read_results(folder: Path) -> dict[str, Any]:
     InputError
         if there is none, or one that no run has written.
     """
+    if not is_file(folder / STUDY):
+        raise InputError(
+            f"study {folder} is not allowed: the folder that a study was written to, with {STUDY}, is needed."
+        )
     study = read_study(folder / STUDY)
     if not study["scenes"][0].get("name"):
         origin, scene = study.get("provenance"), study["scenes"][0].get("scene")
         tables = [origin.get(name) for name in ("parameters", "versions")] if isinstance(origin, dict) else [None]
         words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
         if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
-            raise InputError(f"{folder / STUDY} is of no results: scene, seed or provenance is missing.")
+            raise InputError(f"study {folder} holds no results: its {STUDY} lacks scene, seed or provenance.")
     return study

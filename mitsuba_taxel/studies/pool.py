@@ -111,7 +111,7 @@ class _Processes:
                 if deaths[job.number] < MOST_DEATHS:
                     suspects.append(job)
                 else:
-                    yield job, Failure("the process that computed it died twice")
+                    yield job, Failure("the process that computed it died twice: fewer workers need less memory")
                 if not running:
                     self.stop()
 

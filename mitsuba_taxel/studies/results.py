@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
-    """Write ``readings.nc``, ``readings.csv``, ``power.png`` and, if a force is varied, ``summary.csv``.
+    """Write ``readings.nc``, ``readings.csv``, ``power.png``, ``power.svg`` and, if a force is varied, ``summary.csv``.
 
     With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
     """
@@ -30,8 +30,9 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
     if parquet:
         with replacing(folder / "readings.parquet") as file:
             table.to_parquet(file, engine="pyarrow", index=False)
-    with replacing(folder / "power.png") as file:
-        plot_curves(study, file)
+    for form in ("png", "svg"):
+        with replacing(folder / f"power.{form}") as file:
+            plot_curves(study, file, form)
     slopes = sensitivity_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:

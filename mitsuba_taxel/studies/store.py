@@ -33,6 +33,9 @@ from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, Job, Result
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
 JOBS, FAILED = "jobs", "failed"
+MOST_LETTERS = 200
+"""Of a line of a study file, that a message shows."""
+_LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
 HEADING = "# What the results beside this file are of; it can be run again, into another folder.\n"
 
 
@@ -118,7 +121,7 @@ class Store:
         except OSError:
             return None
         except (ValueError, TypeError, KeyError, RecursionError) as error:
-            raise InputError(f"{file} is damaged: remove it and the results beside it.") from error
+            raise InputError(f"{file} is damaged: remove it, and the results in {JOBS} beside it.") from error
         return settings, seconds
 
     def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
@@ -156,7 +159,7 @@ class Store:
                 file.write_bytes(archive.pack(_arrays(keepable(outcome))))
         except OSError as error:
             raise StoreError(
-                f"results cannot be kept in {self.folder} ({error.strerror}): {len(self.done())} jobs are; "
+                f"results cannot be kept in {self.folder} ({error.strerror}): {len(self.done())} jobs are kept; "
                 "the same command goes on from there."
             ) from error
 
@@ -250,9 +253,17 @@ def _failure(file: Path) -> Failure | None:
 
 
 def _difference(now: str, before: str) -> str:
-    """The first line in which two study files differ, or nothing."""
-    pairs = zip_longest(now.splitlines(), before.splitlines(), fillvalue="nothing")
-    return next((f"it says {old.strip()}, and not {new.strip()}" for new, old in pairs if new != old), "")
+    """The first parameter in which two study files differ, or nothing."""
+    pairs = zip_longest(*(_LIST.sub(_on_one_line, text).splitlines() for text in (now, before)), fillvalue="nothing")
+    return next((f"it says {_short(old)}, and not {_short(new)}" for new, old in pairs if new != old), "")
+
+
+def _on_one_line(found: re.Match[str]) -> str:
+    return f"[{', '.join(line.strip().removesuffix(',') for line in found[1].splitlines())}]"
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= MOST_LETTERS else f"{line[:MOST_LETTERS]} ..."
 
 
 def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:

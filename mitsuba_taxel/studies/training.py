@@ -76,7 +76,7 @@ def training_set(
     sigma, relative = _read_noise(noise)
     _check(split, copies, seed, sigma)
     if parquet and find_spec("pyarrow") is None:
-        raise InputError("parquet is not possible: the package pyarrow is needed.")
+        raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
     studies = _scenes(study)
     rows = _rows(studies)
     part = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
@@ -200,7 +200,7 @@ def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndar
     words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
     ranked = sorted(set(words), key=lambda force: sha256(f"{seed} {force}".encode()).digest())
     if len(ranked) < LEAST_FORCES:
-        raise InputError(f"different forces in the study: {len(ranked)}; at least {LEAST_FORCES} are needed.")
+        raise InputError(f"different forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
     cuts = np.round(np.cumsum(split)[:-1] * len(ranked))
     parts = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
     return np.array([parts[force] for force in words])

@@ -62,17 +62,17 @@ def make_axes(
     axes = [Axis(name, {name: _distinct(name, parse_values(name, values, folder))}) for name, values in vary.items()]
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
-        shown = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise InputError(f"values that go together must be equally many: there are of {shown}.")
+        shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+        raise InputError(f"values that go together must be equally many, but {shown}.")
     for name in rows:
         if name in vary:
-            raise InputError(f"{name} is varied twice: alone, and together with others.")
+            raise InputError(f"{name} is varied twice, alone and together with others: take one of them out.")
     if rows:
         axes.append(Axis(STEP, rows))
     if STEP in (*vary, *rows):
-        raise InputError(f"{STEP} is not allowed as a varied parameter: it is the name of a dimension.")
+        raise InputError(f"{STEP} cannot be varied, as a dimension of the results has that name: give it another name.")
     if not axes:
-        raise InputError("nothing is varied: at least one parameter is needed.")
+        raise InputError("nothing is varied: values of at least one parameter are needed, by vary, together or steps.")
     count = prod(axis.size for axis in axes)
     if count > MOST_JOBS:
         raise InputError(f"the study holds {count} scenes: at most {MOST_JOBS} are allowed.")
@@ -118,7 +118,7 @@ def _lines(name: str, file: Path) -> list[str]:
 
 def _distinct(name: str, words: list[str]) -> list[str]:
     if len(set(as_numbers(words) or words)) < len(words):
-        raise InputError(f"{name} = {','.join(words)!r} holds a value twice.")
+        raise InputError(f"{name} = {','.join(words)!r} holds a value twice: each once is needed.")
     return words
 
 
@@ -144,7 +144,7 @@ def _range(name: str, text: str) -> list[str]:
     except (ValueError, InvalidOperation):
         raise InputError(f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed.") from None
     if not all(map(_is_in_range, (start, stop, step))):
-        raise InputError(f"{name} = {text!r} is not allowed: a number of a range is not finite, or too close to 0.")
+        raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
     if step == 0:
         raise InputError(f"{name} = {text!r} is endless: a step other than 0 is needed.")
     steps = (stop - start) / step

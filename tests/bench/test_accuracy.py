@@ -213,7 +213,7 @@ def test_isotropic_walls_leave_paths_from_the_detector_out(clockwork, write):
     assert "without bound" in remarks["taxel_path"] and "without bound" in remarks["path (independent)"]
     assert truth.name == "path (independent)"
     clockwork(TRACER, PATH)
-    with pytest.raises(ComputationError, match="less than two independent methods.*taxel_path: an isotropic wall"):
+    with pytest.raises(ComputationError, match="fewer than two independent methods.*taxel_path: an isotropic wall"):
         accuracy_optics.optics_curves(scene, 0.1, lambda step: None)
 
 

@@ -48,6 +48,7 @@ def test_columns_in_any_order_and_three_forces(tmp_path):
 
 GOOD = "time_s,force_N,v1_V,v2_V"
 BAD = {
+    "no headings": ((ROWS[0], ROWS), "has no headings: a first line such as time_s,force_N,v1_V,v2_V is needed"),
     "unknown heading": (("time_s,force_N,v1_V,colour", ROWS), "'colour'"),
     "no unit": (("time_s,force_N,v1_V,v2", ROWS), "'v2'"),
     "wrong unit": (("time_s,force_V,v1_V,v2_V", ROWS), "'force_V'"),

@@ -271,7 +271,7 @@ GEOMETRY = {
     "LED and phototransistor overlapping": (PLATE, ('x="-0.45"', 'x="{}"'), "0.3", "-0.45", "error", 0,
                                             "lies in its plane and overlaps it"),
     "LED wider than its rectangle": (PLATE, ('value="0.2"', 'value="{}"'), "0.1", "0.13", "error", 6,
-                                     "0.25 x 0.25 does not fit on its rectangle of 0.2 x 0.2"),
+                                     "^annular_led: 0.25 x 0.25 mm do not fit on its rectangle, 0.2 x 0.2 mm"),
     "LED looking at the board": (PAD, AT_END, ON_BOARD.format(turn='<rotate x="1" angle="180"/>'),
                                  ON_BOARD.format(turn=""), "warning", 24, "looks at the board .* not at the roof"),
     "packages on each other": (PAD, AT_END, PACKAGE.format(0), "",
@@ -410,6 +410,20 @@ def test_files_that_are_included(tmp_path):
     assert [(finding.file, finding.line) for finding in found] == [("board.xml", 5)]
     found = check(tmp_path, text.replace("board.xml", "bord.xml"))
     assert [(finding.file, finding.line) for finding in found] == [("scene.xml", 19)]
+
+
+def test_a_whole_scene_is_included_by_a_relative_path(tmp_path, monkeypatch):
+    (tmp_path / "inner.xml").write_text(PAD)
+    (tmp_path / "outer.xml").write_text('<scene version="3.9.0"> <include filename="inner.xml"/> </scene>')
+    monkeypatch.chdir(tmp_path)
+    assert check_scene("outer.xml", fz=-1) == []
+    (finding,) = check_scene("outer.xml", fz=1)
+    assert finding.file == "inner.xml" and "pulls" in finding.message
+
+
+def test_a_scene_of_nothing(tmp_path):
+    (finding,) = check(tmp_path, '<scene version="3.9.0"/>')
+    assert (finding.severity, finding.file, finding.line) == ("error", "scene.xml", 0) and "0 LEDs" in finding.message
 
 
 @pytest.mark.parametrize(

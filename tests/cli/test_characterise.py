@@ -13,7 +13,8 @@ import xarray as xr
 
 import mitsuba_taxel
 
-FILES = ["characteristics.csv", "characteristics.tex", "nonlinearity.png", "sensitivity.png"]
+PLOTS = [f"{name}.{form}" for name in ("nonlinearity", "sensitivity") for form in ("png", "svg")]
+FILES = ["characteristics.csv", "characteristics.tex", *PLOTS]
 SCENE = """<scene version="3.9.0">
     <default name="fz" value="0.7"/>
     <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
@@ -80,6 +81,18 @@ def test_a_measurement_in_json(characterise, bench, tmp_path):
     assert found["mean_slope", 1]["at_N"] is None and found["mean_slope", 1]["unit"] == "V/N"
 
 
+@pytest.mark.parametrize(
+    "name, said",
+    [
+        ("none", "is not allowed: the folder that a study was written to, with study.toml, is needed."),
+        ("none.csv", "cannot be read (No such file or directory): a CSV file is needed."),
+    ],
+)
+def test_what_is_not_there(characterise, tmp_path, name, said):
+    code, out, err = characterise(tmp_path / name)
+    assert code == 2 and out == "" and err.count("\n") == 1 and err.endswith(f"{said}\n")
+
+
 def test_a_study(characterise, tmp_path):
     (tmp_path / "scene.xml").write_text(SCENE)
     mitsuba_taxel.sweep(tmp_path / "scene.xml", {"fz": "0.6:1:0.1"}, points=64, output=tmp_path / "study")
@@ -99,7 +112,10 @@ def tangential(taxels: int) -> xr.Dataset:
     return xr.Dataset({"replicate_power": (["fx", "replicate", "taxel"], power)}, coords=coords)
 
 
-@pytest.mark.parametrize("taxels, maps", [(9, ["symmetric_pairs.csv", "tangential_map.png"]), (12, [])])
+MAPS = ["symmetric_pairs.csv", "tangential_map.png", "tangential_map.svg"]
+
+
+@pytest.mark.parametrize("taxels, maps", [(9, MAPS), (12, [])])
 def test_a_tangential_load(characterise, tmp_path, monkeypatch, taxels, maps):
     """A map and its pairs; where taxels are no grid, the rest comes without them and says so."""
     monkeypatch.setattr(mitsuba_taxel, "open_study", lambda folder: tangential(taxels), raising=False)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import click
 import pytest
@@ -134,7 +136,7 @@ def test_sweep_prints_one_object(taxel, tmp_path):
     answer = json.loads(done.stdout)
     assert list(answer) == ["output", "failures", "sensitivity", "error_budget", "seconds"]
     assert answer["sensitivity"] == answer["failures"] == []
-    assert {"power.png", "readings.csv", "readings.nc"} <= set(os.listdir(tmp_path / "out"))
+    assert {"power.png", "power.svg", "readings.csv", "readings.nc"} <= set(os.listdir(tmp_path / "out"))
     (state,) = json.loads(taxel("status", "out", "--json").stdout)["scenes"]
     assert (state["done"], state["total"], state["running"]) == (2, 2, False)
 
@@ -194,10 +196,21 @@ def test_a_reader_that_stops_early_is_no_error(program, tmp_path):
     assert done.stderr == ""
 
 
-def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd):
+@pytest.mark.parametrize(
+    "error, said",
+    [
+        (KeyError("surprise"), "KeyError: 'surprise' (run with --debug for the traceback)"),
+        (MemoryError(), "there is not enough memory for it: fewer or smaller pads, points or workers need less."),
+        (
+            OSError(errno.ENOSPC, "No space left on device", "a.csv"),
+            "a.csv cannot be read or written: No space left on device (run with --debug for the traceback)",
+        ),
+    ],
+)
+def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd, error, said):
     @click.command()
     def command():
-        raise KeyError("surprise")
+        raise error
 
     monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda *_: command)
     monkeypatch.setattr(sys, "argv", ["taxel", "render"])
@@ -205,7 +218,28 @@ def test_what_nobody_foresaw_is_one_line_and_exit_code_1(monkeypatch, capfd):
     with pytest.raises(SystemExit) as end:
         taxel_cli.main()
     assert end.value.code == 1
-    assert capfd.readouterr().err == "taxel: KeyError: 'surprise' (run with --debug for the traceback)\n"
+    assert capfd.readouterr().err == f"taxel: {said}\n"
+
+
+def test_a_warning_is_one_line(monkeypatch, capfd):
+    @click.command()
+    def command():
+        warnings.warn("solutions are not kept.", stacklevel=1)
+
+    monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda *_: command)
+    monkeypatch.setattr(sys, "argv", ["taxel", "render"])
+    monkeypatch.setattr(taxel_cli, "_keep_stdout_for_results", lambda: None)
+    with warnings.catch_warnings(), pytest.raises(SystemExit) as end:
+        warnings.simplefilter("always")
+        taxel_cli.main()
+    assert not end.value.code and capfd.readouterr().err == "taxel: solutions are not kept.\n"
+
+
+@pytest.mark.parametrize("words", [["render"], ["rendr"], ["render", "--pionts", "3"], ["sweep", "plate.xml"]])
+def test_what_is_missing_or_not_known_comes_with_where_to_look(taxel, words):
+    done = taxel(*words)
+    place = "taxel" if words == ["rendr"] else f"taxel {words[0]}"
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.endswith(f"(see {place} --help)\n")
 
 
 def test_plugins_are_listed_and_described(taxel):

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
 from mitsuba_taxel.mechanics.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.path import mesh_size_for
 from mitsuba_taxel.pads import REGIONS, Pad
 
 PAD = Pad("hemispheric", rows=1, columns=1)
@@ -151,7 +152,9 @@ def test_a_force_too_large_says_where_the_path_ends(fresh):
     "forces", [[(0, 0, math.nan)], [(0, 0, -math.inf)], [(0, 0)], (0, 0, -1.0), [("a", "b", "c")], [(0, 0, None)]]
 )
 def test_forces_that_are_none_are_refused(forces):
-    with pytest.raises(InputError, match="^force values = .* are not allowed"):
+    with pytest.raises(
+        InputError, match=r"^force values(\[0\])? = .* are not allowed: .*three finite numbers are needed"
+    ):
         load_path(PAD, NeoHookean(), forces, mesh_size=SIZE)
 
 
@@ -180,3 +183,10 @@ def test_more_states_than_can_be_held_are_refused_before_any_is_solved():
     forces = np.linspace([0, 0, 0], [0, 0, -20.0], 1_000_000)
     with pytest.raises(InputError, match=r"^1000000 values of a load are not allowed: at most \d+ states"):
         load_path(PAD, NeoHookean(), forces, mesh_size=SIZE)
+
+
+@pytest.mark.parametrize(("most", "words"), [(2_000, "is what the finest mesh tried"), (10, "elements tells its error")])
+def test_a_mesh_tolerance_out_of_reach_is_refused_before_memory_ends(monkeypatch, most, words):
+    monkeypatch.setattr("mitsuba_taxel.mechanics.path.MOST_ELEMENTS_TRIED", most)
+    with pytest.raises(InputError, match=f"mesh_tolerance = 1e-09 is not allowed: .*{words}"):
+        mesh_size_for(PAD, NeoHookean(), SpreadForce(), 1e-9)

@@ -286,5 +286,7 @@ def test_a_path_by_pressure_has_the_states_of_direct_solves():
 
 @pytest.mark.parametrize("values", [[[math.nan]], [[0.1, 0.2]], [0.1], [[0, 0, -0.1]]])
 def test_pressures_that_are_none_are_refused(values):
-    with pytest.raises(InputError, match="^pressure values = .* are not allowed: rows of one finite number is needed"):
+    with pytest.raises(
+        InputError, match=r"^pressure values(\[0\])? = .* are not allowed: .*one finite number is needed"
+    ):
         load_path(PAD, LAW, values, load=Pressure(), mesh_size=SIZE)

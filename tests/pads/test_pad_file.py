@@ -180,7 +180,7 @@ def test_mesh_sizes_out_of_range_are_refused(size, box, write_stl, tmp_path):
 
 @pytest.mark.parametrize("name", ["nothing.stl", "pad.gltf", "pad", "."])
 def test_files_that_are_not_there_or_of_no_known_format_are_refused(name, tmp_path):
-    with pytest.raises(InputError, match="^filename = .* is not allowed: ") as caught:
+    with pytest.raises(InputError, match=r"^filename = .* (is not allowed: |cannot be read \()") as caught:
         PadFile(tmp_path / name)
     assert "\n" not in str(caught.value)
 

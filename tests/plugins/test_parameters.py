@@ -194,7 +194,7 @@ def test_led_must_fit_on_its_rectangle(llvm_mono):
         "a": {"type": "rectangle", "to_world": tiny, "led": {"type": "annular_led"}},
         "b": {"type": "rectangle", "sensor": {"type": "phototransistor"}},
     }
-    with pytest.raises(InputError, match=r"led: 0.25 x 0.25 does not fit on its rectangle of 0.1 x 0.1"):
+    with pytest.raises(InputError, match=r"annular_led: 0.25 x 0.25 mm do not fit on its rectangle, 0.1 x 0.1 mm"):
         measure(Scene(scene), points=16)
 
 

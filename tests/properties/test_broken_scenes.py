@@ -180,6 +180,10 @@ def nested(depth: int) -> str:
         "deep": (nested(100), "scene.xml is not allowed: more than 16 of its elements"),
         "deeper": (nested(100_000), "scene.xml is not allowed: more than 16 of its elements"),
         "in itself": (PLATE.replace("<int", '<include filename="scene.xml"/><int', 1), "it includes itself"),
+        "includes none": (
+            PLATE.replace("<int", '<include filename="none.xml"/><int', 1),
+            r"none\.xml, which scene\.xml includes, cannot be read: No such file or directory\.$",
+        ),
         "unknown encoding": ('<?xml version="1.0" encoding="foo"?>' + PLATE, "unknown encoding: foo"),
         "a long name": (PLATE.replace("<int", f'<include filename="{5000 * "a"}"/><int', 1), "File name too long"),
         "entities": (

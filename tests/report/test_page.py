@@ -13,9 +13,12 @@ import pytest
 import trimesh
 
 from mitsuba_taxel import InputError, open_study
-from mitsuba_taxel.report.page import write_report
+from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.pads.triangles import area_normals
+from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.markup import paragraph, table
+from mitsuba_taxel.report.page.solids import Packing
 from mitsuba_taxel.studies import study_error_budget
 
 
@@ -50,6 +53,18 @@ def test_the_same_material_points_are_shown_of_a_deformed_surface():
 def solids(page):
     text = re.search(r'<script type="application/json" id="solids">(.*?)</script>', page.read_text(), re.DOTALL)[1]
     return json.loads(text)["panels"]
+
+
+@pytest.mark.parametrize("most", [300, 1200])
+def test_no_triangle_is_folded_over(study_folder, most):
+    from mitsuba_taxel.report.page.solids import read_surfaces
+
+    surface = read_surfaces(sorted((study_folder / "meshes").glob("*.ply"))[:1])
+    coarse = coarsened(*surface, most_vertices=most)
+    upwards = area_normals(surface.vertices[coarse.kept], coarse.triangles)[:, 2]
+    for name, sign in {"roof": -1, "bottom": -1, "top": 1}.items():  # these lie flat
+        there = coarse.regions == REGIONS[name]
+        assert there.any() and np.all(sign * upwards[there] > -1e-9)
 
 
 def numbers(packed, kind):
@@ -162,6 +177,77 @@ def test_a_scene_that_was_changed_since_shows_no_light(study_folder, tmp_path):
     finally:
         scene.write_text(before)
     assert left_out.endswith("has been changed since.")
+
+
+def test_what_is_not_drawn_is_said(study_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(panels, "MOST_STEPS", 2)
+    monkeypatch.setattr(study_page, "MOST_PANELS", 1)
+    pads, steps = write_report(study_folder, tmp_path / "page.html")
+    assert pads.startswith("1 of 2 pads") and "of which 2 of each pad" in steps
+    (panel,) = solids(tmp_path / "page.html")
+    assert [step["words"] for step in panel["steps"]] == ["fz = 0 N", "fz = -1 N"]
+
+
+def test_long_tables_are_cut(study_folder, monkeypatch):
+    study = open_study(study_folder)
+    monkeypatch.setattr(sections, "MOST_ROWS", 3)
+    for text, rest in ((sections.power(study, ""), "12: readings.csv"), (sections.merit(study, ""), "4: taxel")):
+        tables = text.split("<caption>")[1:]
+        assert any(f"(the first 3 of {rest}" in one for one in tables)
+        assert all(one.split("</table>")[0].count("<tr>") <= 4 for one in tables)
+
+
+def test_pads_that_failed_take_no_place(study_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(study_page, "MOST_PANELS", 1)
+    study = open_study(study_folder)
+    study.mesh[{"cell": 0}] = ""
+    monkeypatch.setattr(study_page, "open_study", lambda folder: study)
+    assert write_report(study_folder, tmp_path / "page.html") == []
+    assert [panel["name"] for panel in solids(tmp_path / "page.html")] == ["cell = cylindrical"]
+
+
+def test_no_displacement_is_stated_between_different_pads(study_folder, tmp_path):
+    from mitsuba_taxel import sweep
+
+    sweep(
+        study_folder.parent / "one & two.xml",
+        {"cell": "parallelepiped,cylindrical"},
+        points=64,
+        output=tmp_path / "cells",
+    )
+    write_report(tmp_path / "cells", tmp_path / "page.html")
+    (panel,) = solids(tmp_path / "page.html")
+    assert [step["words"] for step in panel["steps"]] == ["cell = parallelepiped", "cell = cylindrical"]
+    assert [step["largest"] for step in panel["steps"]] == ["0", None] and panel["most"] == 0
+
+
+def test_a_step_without_light_paths_says_why(study_folder, tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise InputError("no light today.")
+
+    monkeypatch.setattr(light, "sample_paths", refuse)
+    assert write_report(study_folder, tmp_path / "page.html") == ["light paths: no light today."]
+
+
+def test_meshes_beside_the_pad_fit_into_16_bits(tmp_path, llvm_mono):
+    from mitsuba_taxel import PhotoReflector, Scene
+
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=2)
+    corners = ball.vertices[ball.faces].reshape(-1, 3) + [0, 0, 4]
+    assert len(corners) > 65536
+    trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False).export(tmp_path / "ball.ply")
+    parts = {"reflector": PhotoReflector().to_dict(), "ball": {"type": "ply", "filename": str(tmp_path / "ball.ply")}}
+    live = Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, **parts}).load()
+    box = np.array([[-3.0, -3, 0], [3, 3, 7]])
+    packing = Packing(8.0)
+    fixed = light.Lit(live, box).fixed(packing)
+    assert [solid["kind"] for solid in fixed] == ["other", "other", "led", "phototransistor"]
+    shown = trimesh.Trimesh(
+        numbers(fixed[1]["vertices"], "<i2") * packing.unit, numbers(fixed[1]["triangles"], "<u2"), process=False
+    )
+    assert shown.volume == pytest.approx(4 / 3 * np.pi * 8, rel=0.02) and shown.bounds[1, 2] == pytest.approx(
+        6, abs=0.05
+    )
 
 
 def test_a_study_without_a_pad_has_no_viewer(tmp_path):

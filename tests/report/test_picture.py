@@ -64,6 +64,26 @@ def test_parts_of_shipped_scenes(llvm_mono, name, shown):
     assert shown <= materials(parts)
 
 
+def test_rectangles_that_carry_faces_look_like_them(llvm_mono):
+    import mitsuba as mi
+
+    def carrier(x, **face):
+        to_world = mi.ScalarTransform4f().translate([x, 0, 0.5]).scale([0.4, 0.4, 1])
+        return {"type": "rectangle", "to_world": to_world, "bsdf": {"type": "wall", "reflectance": 0.0}, **face}
+
+    shapes = {
+        "plate": {"type": "cube", "to_world": mi.ScalarTransform4f().translate([0, 0, 1])},
+        "left": carrier(-0.45, emitter={"type": "annular_led"}),
+        "right": carrier(0.45, sensor={"type": "phototransistor"}),
+    }
+    parts, _ = shown_parts(Scene({"type": "scene", **shapes}).load())
+    for part, name, x in zip(parts[1:3], ("led", "phototransistor"), (-0.45, 0.45), strict=True):
+        face = part.material == name
+        places = part.vertices[part.triangles[face]]
+        assert np.count_nonzero(face) == 2 and set(part.material[~face]) == {"body"}
+        assert places[..., 2] == pytest.approx(0.5) and places[..., 0].mean() == pytest.approx(x, abs=0.2)
+
+
 def test_the_row_of_packages_without_a_pad(llvm_mono):
     live = Scene.from_file("plate.xml").load()
     parts, _ = shown_parts(live, "none")

@@ -42,8 +42,10 @@ def test_folders(tmp_path):
     make_folder(tmp_path / "a" / "b")
     with pytest.raises(InputError, match="not empty"):
         make_empty_folder(tmp_path / "a" / "b")
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="is a file: a folder is needed"):
         make_folder(tmp_path / "a" / "b" / "file")
+    with pytest.raises(InputError, match="cannot be written"):
+        make_folder(tmp_path / "a" / "b" / "file" / "c")
 
 
 @contextmanager

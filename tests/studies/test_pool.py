@@ -93,5 +93,5 @@ def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch):
     jobs = [replace(job, number=number, varied={"n": str(number)}) for number in range(6)]
     with open_pool(workers=2) as processes:
         outcomes = {job.number: outcome for job, outcome in processes.outcomes(jobs)}
-    assert outcomes.pop(2) == Failure("the process that computed it died twice")
+    assert outcomes.pop(2) == Failure("the process that computed it died twice: fewer workers need less memory")
     assert outcomes == {number: f"n={number}" for number in (0, 1, 3, 4, 5)}

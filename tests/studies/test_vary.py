@@ -82,7 +82,7 @@ def test_values_that_go_together_are_one_dimension():
     "vary, together, complaint",
     [
         ({}, {}, "nothing is varied"),
-        ({}, {"fx": "0,1", "fy": "0,1,2"}, "fx 2, fy 3"),
+        ({}, {"fx": "0,1", "fy": "0,1,2"}, "fx has 2, fy has 3"),
         ({"fx": "0,1"}, {"fx": "0,1"}, "fx is varied twice"),
     ],
 )

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.pads.triangles import area_normals
+
 MOST_VERTICES = 6000
 """So many are drawn in a few hundredths of a second by any browser, and a page of 41 load steps takes some 3 MB."""
 _FINEST, _STEP = 1 / 150, 1.15
@@ -48,7 +50,11 @@ def coarsened(
     group = group.ravel()
     merged = group[triangles]
     proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    return Coarse(_nearest_to_centres(vertices, group), merged[proper], regions[proper])
+    kept, merged = _nearest_to_centres(vertices, group), merged[proper]
+    # A thin triangle may have been folded over, and would show its wrong side.
+    before, now = area_normals(vertices, triangles[proper]), area_normals(vertices[kept], merged)
+    folded = np.einsum("ij,ij->i", before, now) < 0
+    return Coarse(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
 
 
 def _nearest_to_centres(vertices: np.ndarray, group: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.optics import sample_paths
 from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.solids import Packing
 from mitsuba_taxel.report.rays import face_corners, shape_mesh
 
@@ -50,8 +51,12 @@ class Lit:
         for shape in self._live.shapes():
             mesh = None if hasattr(shape, "state") else shape_mesh(shape)
             kind = "board" if shape.class_name() == "Rectangle" else "other"
-            for part in [] if mesh is None else mesh.split(only_watertight=False, repair=False):
-                yield kind, part.vertices, part.faces
+            if mesh is None:
+                continue
+            mesh.merge_vertices()  # many files repeat those of every triangle
+            for part in mesh.split(only_watertight=False, repair=False):
+                coarse = coarsened(part.vertices, part.faces, np.zeros(len(part.faces), dtype=np.int64))
+                yield kind, part.vertices[coarse.kept], coarse.triangles
         for pair in self._pairs:
             for kind, faces in (("led", pair.led.faces), ("phototransistor", pair.sensor.faces)):
                 for index in range(faces.count):

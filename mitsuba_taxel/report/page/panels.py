@@ -16,33 +16,44 @@ from mitsuba_taxel.report.page.solids import Packing, Surface, Topologies, read_
 from mitsuba_taxel.studies.batch import Batch
 
 MOST_PANELS = 6
+"""Of a page: more would take minutes to make, and be slow to open."""
 MOST_STEPS = 21
 
 
 def viewer_panels(
-    study: xr.Dataset, folder: Path, batch: Batch | None, progress: Callable[[int, int], None]
+    study: xr.Dataset,
+    folder: Path,
+    batch: Batch | None,
+    most: int,
+    left_out: list[str],
+    progress: Callable[[int, int], None],
 ) -> list[dict[str, Any]]:
-    """Panels of a study whose pads lie as meshes in its folder; none of a study without pads.
+    """Panels of a study whose pads lie as meshes in its folder.
 
     Parameters
     ----------
     batch : what the study is of, for light paths and packages; None leaves them out
+    most : how many panels at most, the first ones that have a mesh
+    left_out : what is not shown, and why, is added to it
     progress : called with the number of load steps done and the number of all
     """
-    if "mesh" not in study:
-        return []
     curve = study.attrs["curve"]
     others = [str(dim) for dim in study.mesh.dims if dim != curve]
     stacked = study.mesh.stack(panel=others) if others else study.mesh.expand_dims("panel")
-    chosen = [stacked.isel(panel=number) for number in range(min(stacked.sizes["panel"], MOST_PANELS))]
-    rows = [_steps(one, curve) for one in chosen]
-    total = sum(len(steps) for steps in rows)
+    filled = stacked.transpose("panel", curve).values != ""
+    full = np.flatnonzero(filled.any(axis=1))
+    if len(full) > most:
+        left_out.append(f"{len(full) - most} of {len(full)} pads in three dimensions; their meshes are in the folder.")
+    if np.any(filled[full[:most]].sum(axis=1) > MOST_STEPS):
+        left_out.append(f"load steps in three dimensions, of which {MOST_STEPS} of each pad are drawn.")
+    chosen = [(stacked.isel(panel=number), _selection(np.flatnonzero(filled[number]))) for number in full[:most]]
+    total = sum(len(places) for _, places in chosen)
     panels: list[dict[str, Any]] = []
-    for one, steps in zip(chosen, rows, strict=True):
-        if steps:
-            where = {name: _word(one[name].item()) for name in others}
-            done = sum(len(panel["steps"]) for panel in panels)
-            panels.append(_panel(where, steps, study, folder, batch, partial(_report, progress, done, total)))
+    for one, places in chosen:
+        where = {name: _word(one[name].item()) for name in others}
+        steps = [one.isel({curve: place}) for place in places]
+        done = sum(len(panel["steps"]) for panel in panels)
+        panels.append(_panel(where, steps, study, folder, batch, left_out, partial(_report, progress, done, total)))
     return panels
 
 
@@ -50,12 +61,11 @@ def _report(progress: Callable[[int, int], None], before: int, total: int, done:
     progress(before + done, total)
 
 
-def _steps(row: xr.DataArray, curve: str) -> list[xr.DataArray]:
-    """The load steps that have a mesh; of many, a selection with both ends."""
-    there = [row.isel({curve: place}) for place in range(row.sizes[curve]) if row.isel({curve: place}).item()]
-    if len(there) <= MOST_STEPS:
-        return there
-    return [there[place] for place in np.linspace(0, len(there) - 1, MOST_STEPS).round().astype(int)]
+def _selection(places: np.ndarray) -> np.ndarray:
+    """Of many load steps some, with both ends."""
+    if len(places) <= MOST_STEPS:
+        return places
+    return places[np.linspace(0, len(places) - 1, MOST_STEPS).round().astype(int)]
 
 
 def _panel(
@@ -64,6 +74,7 @@ def _panel(
     study: xr.Dataset,
     folder: Path,
     batch: Batch | None,
+    left_out: list[str],
     progress: Callable[[int], None],
 ) -> dict[str, Any]:
     along = [str(name) for name, values in study.coords.items() if values.dims == (study.attrs["curve"],)]
@@ -88,24 +99,33 @@ def _panel(
     moved = [_largest(surface, surfaces[rest]) for surface in surfaces]
     for number, (step, surface, place) in enumerate(zip(steps, surfaces, places, strict=True)):
         drawn = surface.vertices[topologies.coarse[place].kept]
-        about = {"words": _words(step, along), "largest": f"{moved[number]:.3g}"}
+        largest = moved[number]
+        about = {"words": _words(step, along), "largest": None if largest is None else f"{largest:.3g}"}
         panel["steps"].append({**about, "topology": place, "vertices": packing.lengths(drawn)})
         if batch is not None:
             values = {**where, **{name: _word(step[name].item()) for name in along if name != "step"}}
-            _light(panel, number, batch, values, box, packing)
+            _light(panel, number, batch, values, box, packing, left_out)
         progress(number + 1)
-    panel["most"] = float(f"{max(moved):.3g}")
+    panel["most"] = float(f"{max(largest for largest in moved if largest is not None):.3g}")
     return panel
 
 
 def _light(
-    panel: dict[str, Any], number: int, batch: Batch, values: dict[str, str], box: np.ndarray, packing: Packing
+    panel: dict[str, Any],
+    number: int,
+    batch: Batch,
+    values: dict[str, str],
+    box: np.ndarray,
+    packing: Packing,
+    left_out: list[str],
 ) -> None:
-    """Add to a panel what a step's scene shows; nothing if it cannot be loaded here."""
+    """Add to a panel what a step's scene shows, or to ``left_out`` why it shows nothing."""
     try:
         lit = Lit(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
-    except (InputError, ComputationError):
+    except (InputError, ComputationError) as error:
+        line = f"light paths: {error}"
+        left_out += [line] if line not in left_out else []
         return
     if not panel["fixed"]:
         panel["fixed"] = lit.fixed(packing)
@@ -131,8 +151,8 @@ def _size(step: xr.DataArray, along: list[str]) -> float:
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 
-def _largest(surface: Surface, rest: Surface) -> float:
-    """mm, largest displacement between two states of a pad; not a number between different ones."""
+def _largest(surface: Surface, rest: Surface) -> float | None:
+    """mm, largest displacement between two states of a pad; None between different pads."""
     if not np.array_equal(surface.triangles, rest.triangles):
-        return 0.0
+        return None
     return float(np.linalg.norm(surface.vertices - rest.vertices, axis=1).max())

@@ -18,7 +18,7 @@ from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, s
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000
-"""Of the table of readings: longer ones are in readings.csv."""
+"""Of a table."""
 
 
 def about(study: xr.Dataset, title: str, key: str) -> str:
@@ -80,9 +80,13 @@ def _readings(study: xr.Dataset) -> str:
         [*(_word(record[name]) for name in keys), with_error(record["power"], record["total_error"])]
         for record in frame.head(MOST_ROWS).to_dict("records")
     ]
-    left = f" (the first {MOST_ROWS} of {len(frame)}: readings.csv holds all)" if len(frame) > MOST_ROWS else ""
     headings = [name + unit for name, unit in zip(keys, units, strict=True)]
+    left = _left_out(len(frame), "readings.csv holds")
     return table(f"Power with its total error{left}", [*headings, "power [W]"], rows)
+
+
+def _left_out(rows: int, elsewhere: str) -> str:
+    return f" (the first {MOST_ROWS} of {rows}: {elsewhere} all)" if rows > MOST_ROWS else ""
 
 
 def _word(value: object) -> str:
@@ -101,7 +105,8 @@ def merit(study: xr.Dataset, key: str) -> str:
         "Largest deviations, in percent of the largest change": table_rows(figures, DEVIATIONS),
     }.items():
         if rows:
-            parts.append(table(title, headings, rows))
+            left = _left_out(len(rows), "taxel characterise lists")
+            parts.append(table(f"{title}{left}", headings, rows[:MOST_ROWS]))
     words = "Change of each taxel's reading against force, and its slope below; the tables hold the numbers."
     parts.append(
         plot(partial(plot_sensitivity, found.experiments, form="svg"), words, "Change of the reading, and its slope.")

@@ -17,7 +17,7 @@ import xarray as xr
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.report.page import sections
 from mitsuba_taxel.report.page.markup import paragraph
-from mitsuba_taxel.report.page.panels import viewer_panels
+from mitsuba_taxel.report.page.panels import MOST_PANELS, viewer_panels
 from mitsuba_taxel.studies import open_study
 from mitsuba_taxel.studies.batch import WRITTEN_KEYS, Batch, batch_from
 from mitsuba_taxel.studies.files import replacing
@@ -71,14 +71,20 @@ def _panels(
     scenes: dict[str, xr.Dataset], folder: Path, left_out: list[str], progress: Callable[[int, int], None]
 ) -> list[dict[str, Any]]:
     """Panels of the viewer; what it cannot show is added to ``left_out``."""
-    panels = []
+    panels: list[dict[str, Any]] = []
+    with_pads = sum("mesh" in study for study in scenes.values())
+    share = max(MOST_PANELS // max(with_pads, 1), 1)
     for name, study in scenes.items():
         if "mesh" not in study:
             left_out.append(
                 f"{name or study.attrs['scene']}: the pad in three dimensions, since the study has no meshes."
             )
             continue
-        found = viewer_panels(study, folder / name, _batch(folder / name, study, left_out), progress)
+        reasons: list[str] = []
+        most = min(share, MOST_PANELS - len(panels))
+        batch = _batch(folder / name, study, reasons) if most else None
+        found = viewer_panels(study, folder / name, batch, most, reasons, progress)
+        left_out += [": ".join(word for word in (name, reason) if word) for reason in reasons]
         for panel in found:
             panel["name"] = ": ".join(word for word in (name, panel["name"]) if word)
         panels += found

@@ -26,14 +26,15 @@
     return memory.get(packed);
   };
 
-  const view = { yaw: -0.5, pitch: 0.5, zoom: 1, quick: false };
+  const PITCH = 0.5;
+  const view = { yaw: -0.5, pitch: PITCH, zoom: 1, quick: false };
   const panel = () => data.panels[panelChoice ? panelChoice.value : 0];
   const step = () => panel().steps[stepSlider.value];
   const home = () => panel().steps[panel().rest];
 
   function displacements() {
+    if (!panel().most || step().topology !== home().topology) return null;
     const now = unpacked(step().vertices, lengths), before = unpacked(home().vertices, lengths);
-    if (step().topology !== home().topology) return null;
     const size = new Float32Array(now.length / 3);
     for (let i = 0; i < size.length; i++)
       size[i] = Math.hypot(now[3 * i] - before[3 * i], now[3 * i + 1] - before[3 * i + 1], now[3 * i + 2] - before[3 * i + 2]);
@@ -56,8 +57,9 @@
       this.inside = new Uint8Array(width * height); // whether the silicone's inside is seen
       const [lower, upper] = panel().box;
       this.centre = lower.map((low, i) => 0.5 * (low + upper[i]));
-      const reach = Math.hypot(...upper.map((high, i) => high - lower[i]));
-      this.scale = 0.95 * view.zoom * Math.min(width / reach, 1.45 * height / reach);
+      const [long, deep, high] = upper.map((end, i) => end - lower[i]), across = Math.hypot(long, deep);
+      const tall = across * Math.sin(PITCH) + high * Math.cos(PITCH); // as it stands before it is turned
+      this.scale = 0.95 * view.zoom * Math.min(width / across, height / tall);
       const [cy, sy, cp, sp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
       this.axes = [[cy, sy, 0], [-sy * sp, cy * sp, cp], [sy * cp, -cy * cp, sp]]; // right, up, towards the eye
     }
@@ -156,7 +158,7 @@
     const triangles = unpacked(topology.triangles, indices);
     const moved = colouring.value === "displacement" ? displacements() : null;
     const colour = moved
-      ? (t) => heat((moved[triangles[3 * t]] + moved[triangles[3 * t + 1]] + moved[triangles[3 * t + 2]]) / 3 / (panel().most || 1))
+      ? (t) => heat((moved[triangles[3 * t]] + moved[triangles[3 * t + 1]] + moved[triangles[3 * t + 2]]) / 3 / panel().most)
       : (t) => REGION_COLOURS[regions[t] - 1];
     picture.fill(unpacked(now.vertices, lengths), triangles, colour, CUT, cut);
     picture.close(cut);
@@ -174,7 +176,8 @@
     const part = cutSlider.value > 0 ? `cut open ${cutSlider.value} % of its depth from the front` : "whole";
     const light = now.rays && rays && rays.checked
       ? ` ${now.rays.reached.length} light paths that reach phototransistor ${panel().taxel} are drawn, and ${now.rays.others.length} others.` : "";
-    const text = `${now.words}; largest displacement ${now.largest} mm since ${home().words}. The pad is shown ${part}.${light}`;
+    const moves = panel().most && now.largest !== null ? `; largest displacement ${now.largest} mm since ${home().words}` : "";
+    const text = `${now.words}${moves}. The pad is shown ${part}.${light}`;
     if (words.textContent !== text) words.textContent = text;
     canvas.setAttribute("aria-label", `Deformed pad: ${text}`);
     stepSlider.setAttribute("aria-valuetext", now.words);
@@ -184,9 +187,12 @@
   }
 
   function choosePanel() {
+    memory.clear(); // the same text stands for other lengths in another panel's unit
     stepSlider.max = panel().steps.length - 1;
     stepSlider.value = stepSlider.max;
     cutSlider.value = panel().cut;
+    colouring.disabled = !panel().most;
+    if (colouring.disabled) colouring.value = "region";
     later();
   }
 
