@@ -160,6 +160,7 @@ def _end(failures: list[str], folder: Path) -> None:
     if len(failures) > MOST_FAILURES_SHOWN:
         click.echo(f"failed: {len(failures) - MOST_FAILURES_SHOWN} more (their reasons are in {folder})", err=True)
     if failures:
+        click.echo("The same command with --retry-failed does again what failed.", err=True)
         raise click.exceptions.Exit(1)
 
 

@@ -185,7 +185,10 @@ def test_more_states_than_can_be_held_are_refused_before_any_is_solved():
         load_path(PAD, NeoHookean(), forces, mesh_size=SIZE)
 
 
-@pytest.mark.parametrize(("most", "words"), [(2_000, "is what the finest mesh tried"), (10, "elements tells its error")])
+REACHED = [(2_000, "is what the finest mesh tried"), (10, "elements tells its error")]
+
+
+@pytest.mark.parametrize(("most", "words"), REACHED)
 def test_a_mesh_tolerance_out_of_reach_is_refused_before_memory_ends(monkeypatch, most, words):
     monkeypatch.setattr("mitsuba_taxel.mechanics.path.MOST_ELEMENTS_TRIED", most)
     with pytest.raises(InputError, match=f"mesh_tolerance = 1e-09 is not allowed: .*{words}"):
