@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +17,7 @@ from mitsuba_taxel.check.parameters import check_names, used_names
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
-from mitsuba_taxel.optics.scene import Scene, find_scene
+from mitsuba_taxel.optics.scene import Scene, find_scene, parser_config
 
 
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
@@ -47,7 +45,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     scene = Scene(path, parameters)
     activate_variant()
     findings = list(check_names(root, scene.parameters))
-    with _files_beside(path):
+    with scene.files_beside_it():
         state = _parse(scene, path, root, findings)
         if state is not None:
             parts = make_parts(state, root, scene.parameters)
@@ -62,9 +60,7 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
     used = used_names(root)
     # Mitsuba stops at a parameter that is not used, of which `check_names` has spoken already.
     given = {name: value for name, value in scene.parameters.items() if name in used}
-    config = mi.parser.ParserConfig(mi.variant())
-    config.merge_meshes = False
-    config.merge_equivalent = False
+    config = parser_config(mi.variant())
     try:
         state = mi.parser.parse_file(config, str(path), **given)
         mi.parser.transform_all(config, state)
@@ -84,16 +80,3 @@ def _of_parser(said: str, path: Path) -> Finding:
     if place is None:
         return Finding("error", f"{text.removesuffix('.')}.", path.name, 0)
     return Finding("error", f"{place[3].removesuffix('.')}.", Path(place[1]).name, int(place[2]))
-
-
-@contextmanager
-def _files_beside(path: Path) -> Iterator[None]:
-    """Let a scene name files relative to its own folder."""
-    before = mi.file_resolver()
-    resolver = mi.FileResolver(before)
-    resolver.prepend(str(path.resolve().parent))
-    mi.set_file_resolver(resolver)
-    try:
-        yield
-    finally:
-        mi.set_file_resolver(before)

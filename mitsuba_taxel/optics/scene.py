@@ -88,8 +88,8 @@ class Scene:
         """
         import mitsuba as mi
 
-        with stages.stage("load"), self._files_beside_it():
-            config = _parser_config(activate_variant())
+        with stages.stage("load"), self.files_beside_it():
+            config = parser_config(activate_variant())
             try:
                 state = self._parse(config)
                 _refuse_far_transforms(state)
@@ -104,7 +104,7 @@ class Scene:
         """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
         import mitsuba as mi
 
-        config = _parser_config(activate_variant())
+        config = parser_config(activate_variant())
         try:
             text = mi.parser.write_string(self._parse(config))
         except RuntimeError as error:
@@ -115,7 +115,7 @@ class Scene:
             raise InputError(f"{path} cannot be written: {error.strerror}.") from error
 
     @contextmanager
-    def _files_beside_it(self) -> Iterator[None]:
+    def files_beside_it(self) -> Iterator[None]:
         """Let a scene name files (meshes, say) relative to its own folder."""
         import mitsuba as mi
 
@@ -227,7 +227,8 @@ def _refuse_far_transforms(state: Any) -> None:
                 raise InputError(f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed.")
 
 
-def _parser_config(variant: str) -> Any:
+def parser_config(variant: str) -> Any:
+    """How Mitsuba's parser is to read scenes."""
     import mitsuba as mi
 
     config = mi.parser.ParserConfig(variant)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.pads.triangles import half_edges, volume
+from mitsuba_taxel.pads.triangles import half_edges
 
 NUDGE = 1e-4
 """Of a surface's extent, how far the plane may be moved: planes of symmetry run along edges of many meshes, and nearer
@@ -77,11 +77,6 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     kept, sources = (np.concatenate(part) for part in zip(*pieces, strict=True))
     used, kept = np.unique(kept, return_inverse=True)
     return Half(np.concatenate([vertices, points])[used], kept.reshape(-1, 3), sources)
-
-
-def cut_volume(half: Half) -> float:
-    """Volume inside what a cut leaves of a closed surface, by the divergence theorem."""
-    return volume(half.vertices, half.triangles) if len(half.triangles) else 0.0
 
 
 def triangulate(points: np.ndarray, loops: list[np.ndarray]) -> np.ndarray:

@@ -10,7 +10,7 @@ import trimesh
 
 from mitsuba_taxel import NeoHookean, Pad, load_path, tessellate
 from mitsuba_taxel.pads.triangles import area_normals, half_edges, volume
-from mitsuba_taxel.report.cutaway import NUDGE, cut_open, cut_volume, is_closed, triangulate
+from mitsuba_taxel.report.cutaway import NUDGE, cut_open, is_closed, triangulate
 
 ALONG_Y = np.array([0.0, 1.0, 0.0])
 SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
@@ -24,6 +24,11 @@ def surface_of(pad: Pad, force: float = 0.0):
     state = load_path(pad, NeoHookean(), [[0, 0, force]])[0]
     surface = tessellate(state)
     return state, surface.vertices, surface.triangles.astype(np.int64)
+
+
+def cut_volume(half) -> float:
+    """Volume inside what a cut leaves of a closed surface, by the divergence theorem."""
+    return volume(half.vertices, half.triangles) if len(half.triangles) else 0.0
 
 
 def cell_section(pad: Pad, y: float) -> float:
