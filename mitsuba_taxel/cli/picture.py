@@ -65,12 +65,13 @@ def command(
     near infrared.
     """
     from mitsuba_taxel.optics import Scene
-    from mitsuba_taxel.report.picture import check_picture, render_parts, write_picture
+    from mitsuba_taxel.report.picture import PICTURES, render_parts, write_picture
     from mitsuba_taxel.report.sensor_parts import shown_parts
+    from mitsuba_taxel.studies.files import check_new_file
 
     from .tables import progress_bar
 
-    check_picture(output)
+    check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)
     with progress_bar("pads"):
         parts, offset = shown_parts(description.load(), cut)

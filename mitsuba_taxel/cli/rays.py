@@ -37,12 +37,12 @@ def command(
 ) -> None:
     """Draw light paths from the LED of one taxel of SCENE, such as reach its phototransistor and others."""
     from mitsuba_taxel.optics import Scene, sample_paths
-    from mitsuba_taxel.report.rays import check_picture, plot_paths, write_vtk
+    from mitsuba_taxel.report.rays import PICTURES, plot_paths, write_vtk
     from mitsuba_taxel.studies.files import check_new_file
 
     from .tables import progress_bar
 
-    check_picture(output)
+    check_new_file(output, *PICTURES)
     if vtk is not None:
         check_new_file(vtk, ".vtk")
     description = Scene.from_file(scene, **defines)

@@ -17,7 +17,7 @@ import numpy as np
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.pads.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.report.sensor_parts import Part
-from mitsuba_taxel.studies.files import check_new_file, replacing
+from mitsuba_taxel.studies.files import replacing
 
 VARIANT = "llvm_ad_rgb"
 PICTURES = (".png", ".exr")
@@ -69,20 +69,6 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "plate": _glossy(0.45, 0.46, 0.48, roughness=0.15),
 }
 """What the materials of `Part` look like."""
-
-
-def check_picture(file: Path) -> None:
-    """Check that a picture can be written to ``file`` later, as PNG or OpenEXR by its name.
-
-    Raises
-    ------
-    InputError
-        if not.
-    """
-    suffix = file.suffix.lower()
-    if suffix not in PICTURES:
-        raise InputError(f"output {file} must end in {' or '.join(PICTURES)}.")
-    check_new_file(file, suffix)
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:

@@ -7,27 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.ray_paths import RayPaths, find_taxel
-from mitsuba_taxel.studies.files import check_new_file, replacing
+from mitsuba_taxel.studies.files import replacing
 
 PICTURES = (".png", ".svg", ".pdf")
 REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"
 """After M. Okabe and K. Ito: told apart with any colour vision; line widths differ too."""
-
-
-def check_picture(file: Path) -> None:
-    """Check that a picture can be written to ``file`` later, as PNG, SVG or PDF by its name.
-
-    Raises
-    ------
-    InputError
-        if not.
-    """
-    suffix = file.suffix.lower()
-    if suffix not in PICTURES:
-        raise InputError(f"output {file} must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}.")
-    check_new_file(file, suffix)
 
 
 def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:

@@ -36,16 +36,16 @@ def make_empty_folder(folder: Path) -> None:
         raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
 
 
-def check_new_file(file: Path, suffix: str) -> None:
+def check_new_file(file: Path, *suffixes: str) -> None:
     """Check that ``file`` can be written later.
 
     Raises
     ------
     InputError
-        if its name does not end in ``suffix``, it is a folder, or its folder cannot be written to.
+        if its name ends in none of ``suffixes``, it is a folder, or its folder cannot be written to.
     """
-    if file.suffix.lower() != suffix:
-        raise InputError(f"output {file} must end in {suffix}.")
+    if file.suffix.lower() not in suffixes:
+        raise InputError(f"output {file} must end in {' or '.join(suffixes)}.")
     try:
         if file.is_dir():
             raise InputError(f"output {file} is a folder: a file is needed.")

@@ -144,7 +144,7 @@ def test_the_page_is_whole_and_needs_no_network(page):
 def test_the_page_says_what_the_study_says(page, study_folder):
     text, study = page.read_text(), open_study(study_folder)
     assert "one &amp; two.xml" in text and "one & two.xml" not in text
-    assert "cell: parallelepiped, cylindrical" in text and "fz: 0 to -1 N in 3 steps" in text
+    assert "cell: parallelepiped, cylindrical" in text and "fz: 3 values from 0 to -1 N" in text
     budget = study_error_budget(study)
     assert all(f"<td>{source}</td><td>{share:.2%}</td>" in text for source, share in budget.items())
     assert all(word in text for word in ("mechanics", "total", "optics", "max slope [W/N]", "nonlinearity [%]"))

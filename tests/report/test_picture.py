@@ -14,8 +14,9 @@ from PIL import Image
 
 from mitsuba_taxel import InputError, Pad, PadSensor, Scene
 from mitsuba_taxel.pads.triangles import area_normals
-from mitsuba_taxel.report.picture import GLOW, check_picture, render_parts, write_picture
+from mitsuba_taxel.report.picture import GLOW, PICTURES, render_parts, write_picture
 from mitsuba_taxel.report.sensor_parts import middle_row, shown_parts
+from mitsuba_taxel.studies.files import check_new_file
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +146,7 @@ def test_files(llvm_mono, tmp_path):
     """OpenEXR holds the numbers themselves, PNG those of the curve of sRGB."""
     pixels = np.random.default_rng(0).uniform(0, 1.5, (10, 16, 3))
     for suffix in (".exr", ".png"):
-        check_picture(tmp_path / f"a{suffix}")
+        check_new_file(tmp_path / f"a{suffix}", *PICTURES)
         write_picture(pixels, tmp_path / f"a{suffix}")
     with OpenEXR.File(str(tmp_path / "a.exr")) as image:
         (kept,) = (channel.pixels for channel in image.channels().values())
@@ -158,7 +159,7 @@ def test_files(llvm_mono, tmp_path):
 
 def test_other_formats_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"a\.jpg must end in \.png or \.exr"):
-        check_picture(tmp_path / "a.jpg")
+        check_new_file(tmp_path / "a.jpg", *PICTURES)
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess:

@@ -7,21 +7,22 @@ import pytest
 
 from mitsuba_taxel import InputError, Scene
 from mitsuba_taxel.optics import RayPaths, sample_paths
-from mitsuba_taxel.report.rays import check_picture, plot_paths, write_vtk
+from mitsuba_taxel.report.rays import PICTURES, plot_paths, write_vtk
+from mitsuba_taxel.studies.files import check_new_file
 
 
 @pytest.mark.parametrize("suffix, start", [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_picture_by_suffix(llvm_mono, tmp_path, suffix, start):
     live = Scene.from_file("plate.xml").load()
     file = tmp_path / f"rays{suffix}"
-    check_picture(file)
+    check_new_file(file, *PICTURES)
     plot_paths(live, sample_paths(live, 1, count=20), "plate.xml", file)
     assert file.read_bytes().startswith(start)
 
 
 def test_picture_of_other_kinds_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"rays\.bmp must end in"):
-        check_picture(tmp_path / "rays.bmp")
+        check_new_file(tmp_path / "rays.bmp", *PICTURES)
 
 
 def test_vtk_polylines(tmp_path):

@@ -23,7 +23,7 @@ MOST_ROWS = 2000
 
 def about(study: xr.Dataset, title: str, key: str) -> str:
     """What was simulated."""
-    power = study.power
+    readings = int(study.power.notnull().sum())
     varied = [
         f"{name}: {_span(study[name].values, study[name].attrs.get('units', ''))}"
         for name in study.coords
@@ -31,7 +31,7 @@ def about(study: xr.Dataset, title: str, key: str) -> str:
     ]
     points, replicates = study.attrs["points"], study.sizes["replicate"]
     lines = [
-        f"Scene {study.attrs['scene']}; {study.sizes['taxel']} taxels; {int(power.notnull().sum())} readings.",
+        f"Scene {study.attrs['scene']}; {_count(study.sizes['taxel'], 'taxel')}; {_count(readings, 'reading')}.",
         f"Varied: {'; '.join(varied)}.",
         f"Each reading: {replicates} randomisations of {points} points, seed {study.attrs['seed']}.",
         *study.attrs["notes"].splitlines(),
@@ -41,12 +41,16 @@ def about(study: xr.Dataset, title: str, key: str) -> str:
     return section(f"about{key}", title, bullets(lines), failed, *_provenance(study))
 
 
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def _span(values: np.ndarray, unit: str) -> str:
     if values.dtype.kind not in "fi":
         return ", ".join(map(str, dict.fromkeys(values)))
     if len(values) == 1:
         return f"{values[0]:.6g} {unit}".strip()
-    return " ".join(f"{values[0]:.6g} to {values[-1]:.6g} {unit} in {len(values)} steps".split())
+    return " ".join(f"{len(values)} values from {values[0]:.6g} to {values[-1]:.6g} {unit}".split())
 
 
 def _provenance(study: xr.Dataset) -> list[str]:
