@@ -100,7 +100,7 @@ def make_batch(
     """
     if not isinstance(source, (str, Path)):
         kind = type(source).__name__
-        raise InputError(f"a scene of type {kind} is not allowed in a study: the path or name of an XML file is needed.")
+        raise InputError(f"a scene of type {kind} is not allowed in a study: path or name of an XML file is needed.")
     beside = folder / source
     file = find_scene(beside if is_file(beside) else source).resolve()
     fixed = {name: str(value) for name, value in (defines or {}).items()}

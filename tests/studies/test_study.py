@@ -104,7 +104,7 @@ def test_refused(vary, options, culprit):
 
 
 def test_a_study_wants_a_file(llvm_mono):
-    with pytest.raises(InputError, match="type Scene is not allowed in a study: the path or name of an XML file"):
+    with pytest.raises(InputError, match="type Scene is not allowed in a study: path or name of an XML file"):
         sweep(Scene.from_file("plate.xml"), {"z": "1,2"})
 
 
