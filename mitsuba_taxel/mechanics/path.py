@@ -17,6 +17,7 @@ from textwrap import shorten
 
 import numpy as np
 
+from mitsuba_taxel.convergence import COARSENING
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.contact import ContactTest
@@ -24,7 +25,6 @@ from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, n
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, keeps
 from mitsuba_taxel.mechanics.materials import Material
-from mitsuba_taxel.mechanics.order import COARSENING
 from mitsuba_taxel.mechanics.roof_error import NO_ERROR, RoofComparison, RoofError
 from mitsuba_taxel.mechanics.solvers import available_solvers
 from mitsuba_taxel.mechanics.symmetry import node_images

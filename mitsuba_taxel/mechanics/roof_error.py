@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsuba_taxel.convergence import COARSENING, ORDER
 from mitsuba_taxel.mechanics.locate import PointLocator
-from mitsuba_taxel.mechanics.order import COARSENING, ORDER
 from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.order import COARSENING, ORDER
+from mitsuba_taxel.convergence import COARSENING, ORDER
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError

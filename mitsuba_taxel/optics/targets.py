@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel import stages
+from mitsuba_taxel.convergence import ORDER
 from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.order import ORDER
 from mitsuba_taxel.optics.mechanics_error import loaded_pads, mechanics_deviation
 from mitsuba_taxel.optics.results import Readings, mechanics_share
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
