@@ -38,9 +38,9 @@ def read(cell, finish, fz=0.0, subdivision=12, points=1 << 13):
 )
 def test_the_reading_converges_as_the_surface_is_refined(llvm_mono, finish):
     """The error falls with the square of the triangles' size: from 1.7 % by four each time the size is halved."""
-    finest = read("hemispheric", finish, fz=-2, subdivision=48, points=1 << 15)
+    finest = read("hemispheric", finish, fz=-2, subdivision=48, points=1 << 14)
     for subdivision, bound in ((2, 0.02), (4, 0.006), (12, 0.002)):
-        coarse = read("hemispheric", finish, fz=-2, subdivision=subdivision, points=1 << 15)
+        coarse = read("hemispheric", finish, fz=-2, subdivision=subdivision, points=1 << 14)
         change = (coarse.replicates - finest.replicates).ravel() / finest.power[0]
         error = change.std(ddof=1) / np.sqrt(len(change))
         assert error < 1.2e-3
