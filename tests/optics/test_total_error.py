@@ -12,7 +12,7 @@ from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.optics.targets import DEVIATION_POINTS, mechanics_of
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
-FINE = 0.5
+FINE = 0.4
 """mm: on it one cell is right to a few hundredths of a percent."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.pads.triangles import area_normals
 
 MOST_VERTICES = 6000
-"""So many are drawn in a few hundredths of a second by any browser, and a page of 41 load steps takes some 3 MB."""
+"""So many are drawn in a few hundredths of a second by any browser, and a page of 21 load steps takes some 3 MB."""
 _FINEST, _STEP = 1 / 150, 1.15
 
 

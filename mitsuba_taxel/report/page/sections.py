@@ -145,5 +145,5 @@ def cost(study: xr.Dataset, key: str) -> str:
         f"cost{key}",
         "Error and time",
         table("Error of the worst reading, relative", ("source", "error"), errors),
-        table("Processor time by stage", ("stage", "seconds", "share"), times),
+        table("Time by stage, summed over processes", ("stage", "seconds", "share"), times),
     )
