@@ -54,10 +54,13 @@ class Numbering:
 
     def summed(self, forces: np.ndarray) -> np.ndarray:
         """(unknowns,) what nodal forces (N, 3) do on each unknown."""
-        unknown, sign = self.unknown[: 3 * self.nodes], self.sign[: 3 * self.nodes]
-        free = unknown >= 0
+        return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
+
+    def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
+        """(unknowns,) what forces and volumes (3 N + corners,) do on each unknown."""
+        free = self.unknown >= 0
         total = self.displacements + self.pressures
-        return np.bincount(unknown[free], weights=(sign * forces.ravel())[free], minlength=total)
+        return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
 
     @property
     def plate_unknowns(self) -> np.ndarray:

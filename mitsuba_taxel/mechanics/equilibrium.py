@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
 from mitsuba_taxel.mechanics.materials import Material
@@ -19,7 +19,9 @@ from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
-MOST_ITERATIONS = 12
+MOST_ITERATIONS = 20
+SLOW = 0.1
+"""A factored tangent serves further iterations as long as each leaves less than this share of the error."""
 NATURAL_STRAIN = 0.02
 """Mean strain, about, that one step of a load path adds."""
 
@@ -80,7 +82,7 @@ class LoadedPad:
         self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1))
         self.numbering = self.model.numbering
         self._solver = make_solver(solver)
-        self._volume = float(self.model.assembly.weight.sum())
+        self._volume = float(self.model.assembly.elements.weight.sum())
         self._height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
 
@@ -98,7 +100,7 @@ class LoadedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """Newton's method from the unknowns ``start``.
+        """The state of balance that Newton's method finds from the unknowns ``start``, if it is a stable one.
 
         Parameters
         ----------
@@ -111,22 +113,48 @@ class LoadedPad:
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
-        unknowns, first = start.copy(), 0.0
+        unknowns, state, error, iterations = self._balanced(start, value)
+        least = min(state.min_jacobian, self._least_nodal_jacobian(unknowns))
+        entries = self._evaluate(unknowns, value).entries if state.entries is None else state.entries
+        assert entries is not None  # no element is turned inside out
+        linearised = self._linearised(entries)
+        checked = self._is_stable(linearised, entries, unknowns, value)
+        return Solution(unknowns, least, error, iterations, checked), linearised
+
+    def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """The unknowns of :meth:`solve`; whether they are stable is not asked."""
+        return self._balanced(start, value)[0]
+
+    def _balanced(self, start: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, Configuration, float, int]:
+        """Unknowns in balance, the pad there, what is left of the error, and the iterations that it took.
+
+        Iterations share a factored tangent as long as they get on with it.
+        """
+        unknowns, first, last = start.copy(), 0.0, math.inf
+        linearised: Linearised | None = None
         for iteration in range(MOST_ITERATIONS):
-            state = self._evaluate(unknowns, value)
-            if state.tangent is None:
-                raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
-            error = self._error(state, unknowns, value)
-            first = first or error
-            if not error < 1e6 * max(first, 1.0):
-                raise Rejected("Newton's method diverges")
-            linearised = self._linearised(state.tangent)
+            state = self._evaluate(unknowns, value, with_tangent=linearised is None)
+            error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
-                least = min(state.min_jacobian, self._least_nodal_jacobian(unknowns))
-                checked = self._is_stable(linearised, unknowns, value)
-                return Solution(unknowns, least, error, iteration, checked), linearised
+                return unknowns, state, error, iteration
+            if error > SLOW * last and state.entries is None:
+                state = self._evaluate(unknowns, value)
+            if state.entries is not None:
+                linearised = None  # frees its memory for the next one
+                linearised = self._linearised(state.entries)
+            assert linearised is not None  # from an earlier iteration
+            first, last = first or error, error
             unknowns = unknowns - linearised.correction(state.residual, self._gap(unknowns, value))
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
+        """How far a state is from balance; raises Rejected where an iteration should not go on from it."""
+        if not state.min_jacobian > 0:
+            raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
+        error = self._error(state, unknowns, value)
+        if not error < 1e6 * max(first or error, 1.0):
+            raise Rejected("Newton's method diverges")
+        return error
 
     def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
         least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0])
@@ -187,9 +215,10 @@ class LoadedPad:
     def _targets(self, value: np.ndarray) -> np.ndarray:
         return self.numbering.plate_values(value) if self._driven else np.zeros(0)
 
-    def _linearised(self, tangent: sparse.csc_matrix) -> Linearised:
+    def _linearised(self, entries: np.ndarray) -> Linearised:
         try:
-            return Linearised(self._solver.factor(tangent), self._moved, self.unknowns)
+            factor = self._solver.factor(self.model.assembly.matrix(entries))
+            return Linearised(factor, self._moved, self.unknowns)
         except RuntimeError as failure:
             raise Rejected(f"the tangent is singular ({failure})") from failure
 
@@ -198,13 +227,16 @@ class LoadedPad:
         force = self.model.load_vector(self.numbering.split(unknowns)[0], direction)
         return linearised.correction(force, self._targets(direction))
 
-    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def _is_stable(self, linearised: Linearised, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """Whether stability was checked; raises Rejected if the whole pad, not only its part, is unstable."""
         if linearised.negative is None:
             return False
         surplus = linearised.negative - self.numbering.pressures
         for block in self._blocks:
-            surplus = surplus or block.surplus(*self.split(unknowns), value)
+            if surplus:
+                break
+            same = block.model.part is self.part
+            surplus = block.surplus(entries if same else block.entries(*self.split(unknowns), value))
         if surplus:
             raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
         return True
@@ -213,10 +245,10 @@ class LoadedPad:
     def _blocks(self) -> list[_Block]:
         blocks = []
         for mirrors, signs in unsymmetric_blocks(self._mirrors):
-            part = self.part if len(mirrors) == len(self._mirrors) else part_between(self.whole, self._images, mirrors)
-            blocks.append(
-                _Block(Model(part, self.material, self.load, signs, self._driven), make_solver(self._solver_name))
-            )
+            same = len(mirrors) == len(self._mirrors)
+            part = self.part if same else part_between(self.whole, self._images, mirrors)
+            model = Model(part, self.material, self.load, signs, self._driven, self.model if same else None)
+            blocks.append(_Block(model, make_solver(self._solver_name)))
         return blocks
 
 
@@ -254,10 +286,14 @@ class _Block:
     model: Model
     solver: Solver
 
-    def surplus(self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
-        """Negative eigenvalues beyond those of the pressures, at a state of the whole pad."""
-        state = self.model.evaluate(*self.model.part.restrict(displacement, pressure), value)
-        assert state.tangent is not None  # or the state would not be one of balance
-        negative = self.solver.factor(state.tangent).negative_pivots
+    def entries(self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """Of the tangent, at a state of the whole pad."""
+        entries = self.model.evaluate(*self.model.part.restrict(displacement, pressure), value).entries
+        assert entries is not None  # or the state would not be one of balance
+        return entries
+
+    def surplus(self, entries: np.ndarray) -> int:
+        """Negative eigenvalues of the tangent beyond those of the pressures."""
+        negative = self.solver.factor(self.model.assembly.matrix(entries)).negative_pivots
         assert negative is not None  # or this would not be asked for
         return negative - self.model.numbering.pressures

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.moduli import Moduli
+
 
 class IsochoricInvariants:
     """I1 J^(-2/3) and I2 J^(-4/3) of deformation gradients, each computed when first asked for.
@@ -49,34 +51,30 @@ class IsochoricInvariants:
         deviator = self._h - _tensor(2 / 3 * self._i2) * self.inverse_transpose
         return _tensor(2 * self._unstretched**2) * deviator
 
-    def curvature(self, w1: Any, w2: Any) -> np.ndarray:
-        """w1 d2(I1 J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2, (..., 3, 3, 3, 3); weights (...), ``None`` for zero.
+    def curvature(self, w1: Any, w2: Any, pull: Any) -> Moduli:
+        """w1 d2(I1 J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2 + p d2J/dF2; weights (...), ``None`` for zero.
 
-        The two are summed where they are still small: the dyads with G, for one, as G V + V G with one tensor V.
+        All dyads with G are summed as G V + V G with one tensor V.
+
+        Parameters
+        ----------
+        pull : p J (...)
         """
         f, g = self.gradient, self.inverse_transpose
-        with_g = np.zeros_like(f)
-        crossed = np.zeros_like(self._i1)
+        with_g = _tensor(0.5 * pull) * g
+        crossed, s1, s2 = -pull, np.zeros_like(self._i1), None
         if w1 is not None:
             s1 = 2 * w1 * self._unstretched
             with_g -= _tensor(2 / 3 * s1) * (f - _tensor(self._i1 / 6) * g)
-            crossed += s1 * self._i1 / 3
+            crossed = crossed + s1 * self._i1 / 3
         if w2 is not None:
             s2 = 2 * w2 * self._unstretched**2
             with_g -= _tensor(4 / 3 * s2) * (self._h - _tensor(self._i2 / 3) * g)
-            crossed += 2 / 3 * s2 * self._i2
-        curvature = dyad(g, with_g)
-        curvature += dyad(with_g, g)
-        curvature += _crossed(_tensor(crossed) * g, g)
-        # The derivatives of F and of H
-        if w1 is not None:
-            _over_ij(curvature)[...] += _tensor(s1)
-        if w2 is not None:
-            curvature += dyad(_tensor(2 * s2) * f, f)
-            curvature -= _crossed(_tensor(s2) * f, f)
-            _over_i(curvature)[...] += (_tensor(s2) * (_tensor(self._i1) * np.eye(3) - self._c))[..., None, :, :]
-            _over_j(curvature)[...] -= (_tensor(s2) * self._b)[..., :, None, :]
-        return curvature
+            crossed = crossed + 2 / 3 * s2 * self._i2
+        if s2 is None:
+            return Moduli([(g, with_g)], [(crossed, g)], s1)
+        inner = _tensor(s1 + s2 * self._i1) * np.eye(3) - _tensor(s2) * self._c
+        return Moduli([(g, with_g), (f, _tensor(s2) * f)], [(crossed, g), (-s2, f)], inner, -_tensor(s2) * self._b)
 
     @cached_property
     def _i1(self) -> np.ndarray:
@@ -99,30 +97,5 @@ class IsochoricInvariants:
         return _tensor(self._i1) * self.gradient - self.gradient @ self._c
 
 
-def dyad(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """L_ij R_kl, (..., 3, 3, 3, 3)."""
-    return left[..., :, :, None, None] * right[..., None, None, :, :]
-
-
-def _crossed(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """L_il R_kj, (..., 3, 3, 3, 3)."""
-    return left[..., :, None, None, :] * np.swapaxes(right, -1, -2)[..., None, :, :, None]
-
-
 def _tensor(scalar: np.ndarray) -> np.ndarray:
     return np.asarray(scalar)[..., None, None]
-
-
-# Writable views of the entries in which indices agree: delta_ik delta_jl, delta_ik and delta_jl.
-
-
-def _over_ij(moduli: np.ndarray) -> np.ndarray:
-    return np.einsum("...ijij->...ij", moduli)
-
-
-def _over_i(moduli: np.ndarray) -> np.ndarray:
-    return np.einsum("...ijil->...ijl", moduli)
-
-
-def _over_j(moduli: np.ndarray) -> np.ndarray:
-    return np.einsum("...ijkj->...ijk", moduli)

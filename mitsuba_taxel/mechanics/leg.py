@@ -7,6 +7,7 @@ state follows from cubic Hermite interpolation with the tangents du/dF, which on
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -68,42 +69,65 @@ class Leg:
         """Whether a state at distance ``s`` needs no further solve."""
         return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
 
-    def extend(self, pad: LoadedPad, s: float, start: np.ndarray, contact: ContactTest) -> None:
-        """Solve nodes up to the first at or beyond distance ``s``; ``start`` are the unknowns at the leg's origin.
+    def extend(self, pad: LoadedPad, s: float, start: Callable[[], np.ndarray], contact: ContactTest) -> None:
+        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the leg's origin.
 
-        Each node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
-        aligned to its own length; an interval is halved where Newton's method finds no acceptable state, or the
-        interpolation would not be accurate. Where a leg goes on thus depends on the last node alone. It ends at its
-        `limit`: where no stable state is found beyond, or the pad touches itself or the board.
+        The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
+        aligned to its own length; an interval is halved where Newton's method finds no acceptable state. More nodes are
+        put between the two, each amid others, where the interpolation would not be accurate. Where a leg goes on thus
+        depends on its nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches
+        itself or the board.
         """
         if not self.nodes and math.isinf(self.limit):
             self._begin(pad, start)
         while not self.reaches(s) and math.isinf(self.limit):
-            self._append(pad)
-            self._look_for_contact(pad, contact)
+            for node in self._next(pad):
+                self.nodes.append(node)
+                self._look_for_contact(pad, contact)
+                if math.isfinite(self.limit):
+                    break
 
-    def _begin(self, pad: LoadedPad, start: np.ndarray) -> None:
+    def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
         try:
-            self.nodes.append(self._node(pad, 0.0, start)[0])
+            self.nodes.append(self._node(pad, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 
-    def _append(self, pad: LoadedPad) -> None:
+    def _next(self, pad: LoadedPad) -> list[Node]:
+        """The nodes of the next interval; none, and a `limit`, where the leg ends."""
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
         length = min(position & -position, TICKS) or TICKS
         while True:
             target = (position + length) * tick
             try:
-                node, linearised = self._node(pad, target, last.unknowns + (target - last.s) * last.tangent)
-                if length == 1 or self._interpolates(pad, last, node, linearised):
-                    self.nodes.append(node)
-                    return
+                node, linearised = self._node(pad, target, self._guess(target))
+                fits = length == 1 or self._interpolates(pad, last, node, linearised)
+                del linearised  # which takes much memory
+                return self._between(pad, last, node, fits)
             except Rejected as rejection:
                 if length == 1:
                     self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
-                    return
+                    return []
             length //= 2
+
+    def _between(self, pad: LoadedPad, start: Node, end: Node, fits: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to ``end``, between which the interpolation ``fits`` or does not."""
+        if fits:
+            return [end]
+        middle, linearised = self._node(pad, 0.5 * (start.s + end.s), hermite(start, end, 0.5 * (start.s + end.s)))
+        halves = (start, middle), (middle, end)
+        finest = end.s - start.s < 2.5 * self.step / TICKS
+        fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
+        del linearised
+        return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
+
+    def _guess(self, s: float) -> np.ndarray:
+        """Unknowns beyond the last node: by the last interval's cubic no further than its length, else straight on."""
+        last = self.nodes[-1]
+        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s:
+            return hermite(self.nodes[-2], last, s)
+        return last.unknowns + (s - last.s) * last.tangent
 
     def _node(self, pad: LoadedPad, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
         solution, linearised = pad.solve(guess, self.value(s))

@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.mechanics.invariants import IsochoricInvariants, dyad
+from mitsuba_taxel.mechanics.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.jets import Jet
+from mitsuba_taxel.mechanics.moduli import Moduli
 
 
 class Material(ABC):
@@ -115,13 +116,20 @@ class Material(ABC):
 
     def tangent(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray:
         """Derivative dP_ij/dF_kl [MPa], (..., 3, 3, 3, 3), of :meth:`stress`, from the same arguments."""
+        return self.moduli(gradient, determinant, inverse_transpose, np.zeros_like(determinant)).dense()
+
+    def moduli(
+        self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray, pressure: np.ndarray
+    ) -> Moduli:
+        """Derivative of :meth:`stress` and of ``pressure`` (...) [MPa] times d(det F)/dF, as a sum of few tensors."""
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)
-        moduli = invariants.curvature(w.d1, w.d2)
+        moduli = invariants.curvature(w.d1, w.d2, pressure * determinant)
         if w.d11 is not None or w.d12 is not None:
-            moduli += dyad(invariants.first_derivative, _combination(w.d11, w.d12, invariants))
-        if w.d12 is not None or w.d22 is not None:
-            moduli += dyad(invariants.second_derivative, _combination(w.d12, w.d22, invariants))
+            half = None if w.d11 is None else 0.5 * w.d11
+            moduli.pairs.append((invariants.first_derivative, _combination(half, w.d12, invariants)))
+        if w.d22 is not None:
+            moduli.pairs.append((invariants.second_derivative, _combination(None, 0.5 * w.d22, invariants)))
         return moduli
 
     def _at_rest(self) -> Jet:

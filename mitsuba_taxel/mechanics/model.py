@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.assembly import Assembly, Pattern
+from mitsuba_taxel.mechanics.assembly import Assembly
 from mitsuba_taxel.mechanics.constraints import number_unknowns
 from mitsuba_taxel.mechanics.loads import Load, PatchForce, PlateDisplacement, Pressure, SpreadForce
 from mitsuba_taxel.mechanics.materials import Material
@@ -28,13 +27,13 @@ class Configuration:
     ----------
     residual : out-of-balance forces [N] and volumes [mm³] over the unknowns
     load : the part of it that the load makes
-    tangent : lower triangle of the derivative of the residual; None if not asked for, or an element is inverted
+    entries : of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted
     min_jacobian : least volume ratio J at any quadrature point
     """
 
     residual: np.ndarray
     load: np.ndarray
-    tangent: sparse.csc_matrix | None
+    entries: np.ndarray | None
     min_jacobian: float
 
 
@@ -45,10 +44,17 @@ class Model:
     ----------
     signs : at the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite
     held_plate : whether a bonded plate stays where it is, instead of being one more unknown
+    like : another model of the same part, material and load, with which it shares its elements
     """
 
     def __init__(
-        self, part: Part, material: Material, load: Load, signs: Mapping[Mirror, int], held_plate: bool = False
+        self,
+        part: Part,
+        material: Material,
+        load: Load,
+        signs: Mapping[Mirror, int],
+        held_plate: bool = False,
+        like: Model | None = None,
     ) -> None:
         self.part, self.mesh, self.load = part, part.mesh, load
         held = np.zeros(len(self.mesh.points), dtype=bool)
@@ -59,19 +65,19 @@ class Model:
             held[top] |= held_plate
             plate = None if held_plate else top
         self.numbering = number_unknowns(self.mesh, held, signs, plate)
-        self.assembly = Assembly(self.mesh, material, self.numbering)
+        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, like.assembly if like else None)
 
     def evaluate(
         self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray, with_tangent: bool = True
     ) -> Configuration:
         """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``."""
         inside = self.assembly.evaluate(displacement, pressure, with_tangent)
-        tangent = inside.tangent
-        if tangent is not None and isinstance(self.load, Pressure):
+        if inside.entries is not None and isinstance(self.load, Pressure):
             places = (self.mesh.points + displacement)[self._wet_faces]
-            tangent.data[self._pressure_slots] -= value[0] * self._pressure_pattern.summed(pressure_stiffness(places))
+            stiffness = -value[0] * pressure_stiffness(places)
+            self.assembly.couplings.add_blocks(inside.entries, self._wet_faces, stiffness)
         load = self.load_vector(displacement, value)
-        return Configuration(inside.residual - load, load, tangent, inside.min_jacobian)
+        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 
     def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
         """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
@@ -103,13 +109,3 @@ class Model:
     @cached_property
     def _wet_faces(self) -> np.ndarray:
         return np.concatenate([self._faces("top"), self._faces("outer")])
-
-    @cached_property
-    def _pressure_pattern(self) -> Pattern:
-        dofs = (3 * self._wet_faces[:, :, None] + np.arange(3)).reshape(-1, 18)
-        return Pattern(self.numbering.unknown[dofs], self.numbering.sign[dofs], self.assembly.unknowns)
-
-    @cached_property
-    def _pressure_slots(self) -> np.ndarray:
-        """Where the entries of the pressure's tangent lie among those of the whole tangent, which has them all."""
-        return np.searchsorted(self.assembly.pattern.keys, self._pressure_pattern.keys)

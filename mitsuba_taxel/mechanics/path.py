@@ -12,7 +12,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from textwrap import shorten
 
 import numpy as np
@@ -258,9 +258,10 @@ class _Path:
 
         ``mirrors`` are those that took it there.
         """
-        leg, s, start = None, 0.0, (np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count))
+        found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
-            return *start, Interpolated(np.zeros(0), 1.0, 0.0, 0, True)
+            return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True)
+        start = partial(_at_rest, found)
         for leg, s in self._legs_to(value):
             pad = self._pad_for(leg.origin, leg.direction)
             if not leg.reaches(s):
@@ -268,8 +269,9 @@ class _Path:
             if not leg.reaches(s):
                 raise ComputationError(_end_of(leg, self.load, mirrors))
             at = leg.at(s)
-            start = pad.split(at.unknowns)
-        return *start, at
+            found = pad.split(at.unknowns)
+            start = partial(_in_balance, pad, at.unknowns, leg.value(s))
+        return *found, at
 
     def _error(self, value: np.ndarray, displacement: np.ndarray) -> tuple[RoofError, np.ndarray] | tuple[None, None]:
         """Error and deviation of a canonical displacement, by the same path on another mesh."""
@@ -343,13 +345,13 @@ class _Path:
         mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
         return _loaded_pad(self, mirrors)
 
-    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: tuple[np.ndarray, np.ndarray]) -> None:
-        """Solve a leg as far as ``s``, unless another process has meanwhile."""
+    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
+        """Solve a leg as far as ``s``, unless another process has meanwhile; ``start`` is the state at its origin."""
         with cache.alone(self._leg_name(leg)):
             self._take_stored(leg)
             before = len(leg.nodes), leg.limit
             try:
-                leg.extend(pad, s, pad.gather(*start), self._contact)
+                leg.extend(pad, s, lambda: pad.gather(*start()), self._contact)
             finally:
                 if (len(leg.nodes), leg.limit) != before:
                     cache.store(self._leg_name(leg), leg.arrays())
@@ -364,6 +366,15 @@ class _Path:
         load = [_name_of(self.load), asdict(self.load)]
         numerics = [leg.step, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
         return cache.key("leg", self._identity, material, load, numerics, leg.origin.tolist(), leg.direction.tolist())
+
+
+def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return state
+
+
+def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and pressure in balance near the unknowns of an interpolated state."""
+    return pad.split(pad.balance(near, value))
 
 
 def _end_of(leg: Leg, load: Load, mirrors: list[Mirror]) -> str:

@@ -8,7 +8,6 @@ adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineer
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -169,8 +168,7 @@ class LinearisedState:
 
     def _inside(self, material: Material) -> np.ndarray:
         """(unknowns,) forces and volumes that the pad puts up in its present shape, were it of ``material``."""
-        assembly = copy.copy(self._pad.model.assembly)
-        assembly.material = material
+        assembly = self._pad.model.assembly.of(material)
         return assembly.evaluate(self.displacement, self.pressure, with_tangent=False).residual
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.assembly import Assembly, Pattern
+from mitsuba_taxel.mechanics.assembly import Assembly
 from mitsuba_taxel.mechanics.constraints import Numbering, number_unknowns
 from mitsuba_taxel.mechanics.pressure import pressure_forces, pressure_stiffness
 from mitsuba_taxel.mechanics.solvers import make_solver
@@ -130,17 +130,14 @@ class Body:
     def step(self, displacement, pressure, load=0.0, pressing=0.0):
         """One step of Newton's method: the new state, and the largest out-of-balance force or volume before."""
         state = self.assembly.evaluate(displacement, pressure)
-        residual, tangent, solver = state.residual - self._summed(load), state.tangent, self._solver
+        residual, entries = state.residual - self._summed(load), state.entries
         if pressing:
-            solver = make_solver()  # the sum may have fewer entries
             places = (self.mesh.points + displacement)[self.pressed]
-            dofs = (3 * self.pressed[:, :, None] + np.arange(3)).reshape(-1, 18)
-            pattern = Pattern(self.numbering.unknown[dofs], self.numbering.sign[dofs], self.assembly.unknowns)
-            tangent = tangent - pressing * pattern.matrix(pattern.summed(pressure_stiffness(places)))
+            self.assembly.couplings.add_blocks(entries, self.pressed, -pressing * pressure_stiffness(places))
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self.pressed, pressure_forces(places))
             residual = residual - pressing * self.numbering.summed(nodal)
-        du, dp = self.numbering.split(solver.factor(tangent).solve(residual))
+        du, dp = self.numbering.split(self._solver.factor(self.assembly.matrix(entries)).solve(residual))
         return displacement - du, pressure - dp, np.abs(residual).max()
 
     def solve(self, displacement, pressure=None, load=0.0, pressing=0.0):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mitsuba_taxel.mechanics.assembly import QUADRATURE_POINTS
+from mitsuba_taxel.mechanics.elements import QUADRATURE_POINTS
 from mitsuba_taxel.mechanics.materials import MooneyRivlin, NeoHookean, Yeoh
 from mitsuba_taxel.mechanics.pressure import pressure_forces
 from mitsuba_taxel.pads.volume_mesh import TET_EDGES
@@ -23,7 +23,7 @@ def mean_error(body, displacement, exact):
     shapes = np.concatenate([corners * (2 * corners - 1), np.stack(edges, axis=1)], axis=1)
     points, found = (np.einsum("qa,mai->mqi", shapes, v[body.mesh.tets]) for v in (body.mesh.points, displacement))
     wanted = exact(points)
-    squares = [np.sum(body.assembly.weight * np.square(v).sum(axis=2)) for v in (found - wanted, wanted)]
+    squares = [np.sum(body.assembly.elements.weight * np.square(v).sum(axis=2)) for v in (found - wanted, wanted)]
     return np.sqrt(squares[0] / squares[1])
 
 

@@ -22,6 +22,7 @@ from mitsuba_taxel.mechanics import (
 )
 from mitsuba_taxel.mechanics.assembly import Assembly
 from mitsuba_taxel.mechanics.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements import QUADRATURE_POINTS
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.pressure import pressure_forces
 from mitsuba_taxel.pads import REGIONS, Pad
@@ -37,11 +38,14 @@ class Deformed:
         mesh = state.mesh
         self.state, self.places = state, mesh.points + state.displacement
         self.free = Assembly(mesh, state.material, number_unknowns(mesh, np.zeros(len(mesh.points), dtype=bool)))
-        self.gradient = np.eye(3) + np.einsum("mai,mqaj->mqij", state.displacement[mesh.tets], self.free.gradients)
-        self.pressure = state.pressure[mesh.tets[:, :4]] @ self.free.pressure_shapes.T
+        self.weight, elements = self.free.elements.weight, self.free.elements
+        nodal = state.displacement[elements.nodes]
+        self.gradient = np.eye(3) + np.einsum("mai,mqaj->mqij", nodal, elements.gradients)
+        corners = np.concatenate([1 - QUADRATURE_POINTS.sum(axis=1, keepdims=True), QUADRATURE_POINTS], axis=1)
+        self.pressure = state.pressure[mesh.tets[:, :4]] @ corners.T
 
     def integral(self, values):
-        return np.sum(self.free.weight * values)
+        return np.sum(self.weight * values)
 
     @property
     def energy(self):

@@ -15,6 +15,7 @@ from mitsuba_taxel.mechanics.assembly import Assembly
 from mitsuba_taxel.mechanics.constraints import number_unknowns
 from mitsuba_taxel.mechanics.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.materials import Material, MooneyRivlin, Yeoh
+from mitsuba_taxel.mechanics.moduli import PAIRS
 
 POISSON = [0.0, 0.3, 0.49, 0.4999, 0.5]
 
@@ -96,6 +97,23 @@ def test_tangent_is_the_derivative_of_the_stress_and_symmetric(law, gradients):
     expected = differences(lambda f: stress(law, f), gradients)
     np.testing.assert_allclose(moduli, expected, atol=3e-9 * np.abs(expected).max())
     np.testing.assert_allclose(moduli, moduli.transpose(0, 3, 4, 1, 2), atol=1e-14 * np.abs(moduli).max())
+
+
+def test_the_stiffness_of_elements_is_that_of_all_components(law, gradients):
+    """With a pressure that does work on the volume, whose moduli are those of p J."""
+    rng = np.random.default_rng(6)
+    gradients = gradients[:12].reshape(3, 4, 3, 3)
+    determinant, turned = np.linalg.det(gradients), np.swapaxes(np.linalg.inv(gradients), -1, -2)
+    pressure, weight = rng.normal(size=(3, 4)), rng.uniform(0.5, 1, (3, 4))
+    shapes = rng.normal(size=(3, 4, 10, 3))
+    dense = tangent(law, gradients) + differences(
+        lambda f: pressure[..., None, None] * np.linalg.det(f)[..., None, None] * np.linalg.inv(f).swapaxes(-1, -2),
+        gradients,
+    )
+    whole = np.einsum("mq,mqaj,mqijkl,mqbl->mabik", weight, shapes, dense, shapes)
+    expected = whole[:, PAIRS[0], PAIRS[1]].reshape(3, -1, 9)
+    blocks = law.moduli(gradients, determinant, turned, pressure).stiffness(weight, shapes)
+    np.testing.assert_allclose(blocks, expected, atol=1e-8 * np.abs(expected).max())
 
 
 def test_energy_does_not_know_rotations_and_stress_turns_with_them(law, gradients):

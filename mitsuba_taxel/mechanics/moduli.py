@@ -1,0 +1,106 @@
+"""Moduli as sums of few tensors, from which elements' stiffness follows without all 81 components of each point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+NODES = 10
+_A, _B = np.tril_indices(NODES)
+_I, _K = np.divmod(np.arange(9), 3)
+PAIRS = (_A, _B)
+"""Pairs of an element's nodes, the second not after the first: of its symmetric stiffness one block for each."""
+
+
+def _places(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """(pairs * 9,) where the blocks of all pairs lie in a flattened matrix (nodes * 3, nodes * 3)."""
+    return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
+
+
+_BLOCK, _TRANSPOSED, _CROSSED = _places(_A, _I, _B, _K), _places(_B, _K, _A, _I), _places(_A, _K, _B, _I)
+
+
+@dataclass
+class Moduli:
+    """The derivative A_ijkl = dP_ij/dF_kl of a stress at points (...), in MPa::
+
+        A_ijkl = sum of L_ij R_kl + R_ij L_kl  +  sum of c T_il T_kj  +  delta_ik M_jl  +  N_ik delta_jl
+
+    Attributes
+    ----------
+    pairs : L and R, (..., 3, 3) each
+    crossed : c (...) and T (..., 3, 3)
+    inner : M (..., 3, 3), symmetric; a scalar (...) stands for a multiple of the identity
+    outer : N (..., 3, 3), symmetric; None for zero
+    """
+
+    pairs: list[tuple[np.ndarray, np.ndarray]]
+    crossed: list[tuple[np.ndarray, np.ndarray]]
+    inner: np.ndarray
+    outer: np.ndarray | None = field(default=None)
+
+    def dense(self) -> np.ndarray:
+        """All components, (..., 3, 3, 3, 3)."""
+        one = np.eye(3)
+        total = np.einsum("ik,...jl->...ijkl", one, self._full_inner())
+        if self.outer is not None:
+            total = total + np.einsum("...ik,jl->...ijkl", self.outer, one)
+        for left, right in self.pairs:
+            dyad = left[..., :, :, None, None] * right[..., None, None, :, :]
+            total = total + dyad + np.moveaxis(dyad, (-4, -3), (-2, -1))
+        for weight, tensor in self.crossed:
+            total = total + np.einsum("...,...il,...kj->...ijkl", weight, tensor, tensor)
+        return total
+
+    def stiffness(self, weight: np.ndarray, gradients: np.ndarray) -> np.ndarray:
+        """Blocks (m, pairs, 9) of the stiffness of m elements, sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS`.
+
+        Parameters
+        ----------
+        weight : (m, q) volume that each quadrature point stands for
+        gradients : B (m, q, 10, 3) of the shape functions
+        """
+        count, points = weight.shape
+
+        def seen(tensor: np.ndarray) -> np.ndarray:
+            """T_ij B_aj, (m, q, 30)."""
+            return (gradients @ np.swapaxes(tensor, -1, -2)).reshape(count, points, 3 * NODES)
+
+        weighted = [(left, weight[..., None, None] * right) for left, right in self.pairs]
+        pairs = _product([(seen(left), seen(right)) for left, right in weighted])
+        factors = [((weight * factor)[..., None], seen(tensor)) for factor, tensor in self.crossed]
+        crossed = _product([(tensor, factor * tensor) for factor, tensor in factors])
+        blocks = pairs[:, _BLOCK]
+        blocks += pairs[:, _TRANSPOSED]
+        blocks += crossed[:, _CROSSED]
+        blocks = blocks.reshape(count, -1, 9)
+        self._add_diagonal(blocks, weight, gradients)
+        if self.outer is not None:
+            products = gradients @ np.swapaxes(gradients, -1, -2)
+            spread = np.swapaxes(products[:, :, _A, _B], 1, 2)
+            blocks += spread @ (weight[..., None, None] * self.outer).reshape(count, points, 9)
+        return blocks
+
+    def _add_diagonal(self, blocks: np.ndarray, weight: np.ndarray, gradients: np.ndarray) -> None:
+        """Add sum over q, j, l of w B_aj M_jl B_bl to the diagonals of blocks."""
+        if self.inner.ndim == weight.ndim:
+            right = (weight * self.inner)[..., None, None] * gradients
+        else:
+            right = gradients @ (weight[..., None, None] * self.inner)
+        rows, columns = (
+            by_point.transpose(0, 2, 1, 3).reshape(len(weight), NODES, -1) for by_point in (gradients, right)
+        )
+        blocks[:, :, ::4] += (rows @ np.swapaxes(columns, 1, 2))[:, _A, _B][..., None]
+
+    def _full_inner(self) -> np.ndarray:
+        tensors = self.pairs[0][0]
+        return self.inner if self.inner.ndim == tensors.ndim else self.inner[..., None, None] * np.eye(3)
+
+
+def _product(factors: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """(m, 30 * 30) sum over factors and q of the dyads of l and r, each (m, q, 30)."""
+    left, right = (
+        parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) for parts in zip(*factors, strict=True)
+    )
+    return (np.swapaxes(left, 1, 2) @ right).reshape(len(left), -1)
