@@ -22,6 +22,8 @@ RESIDUAL_TOLERANCE = 1e-9
 MOST_ITERATIONS = 20
 SLOW = 0.1
 """A factored tangent serves further iterations as long as each leaves less than this share of the error."""
+NEAR = 1e-3
+"""Distance of displacements, relative to the largest, over which a tangent serves for that of a state amid others."""
 NATURAL_STRAIN = 0.02
 """Mean strain, about, that one step of a load path adds."""
 
@@ -113,39 +115,61 @@ class LoadedPad:
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
-        unknowns, state, error, iterations = self._balanced(start, value)
-        least = min(state.min_jacobian, self._least_nodal_jacobian(unknowns))
-        entries = self._evaluate(unknowns, value).entries if state.entries is None else state.entries
-        assert entries is not None  # no element is turned inside out
+        found = self._balanced(start, value)
+        entries = self._entries(found, value)
         linearised = self._linearised(entries)
-        checked = self._is_stable(linearised, entries, unknowns, value)
-        return Solution(unknowns, least, error, iterations, checked), linearised
+        checked = self._is_stable(linearised) and self._is_stable_beyond(entries, found.unknowns, value)
+        return self._accepted(found, checked), linearised
+
+    def solve_amid(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, between states of a path that :meth:`solve` has found stable.
+
+        Displacements that lack the symmetry of the load are not looked at once more, and the linearised pad is that of
+        a state within `NEAR`.
+        """
+        found = self._balanced(start, value)
+        linearised = found.linearised
+        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
+        if linearised is None or found.distance > NEAR * largest:
+            linearised = self._linearised(self._entries(found, value))
+        return self._accepted(found, self._is_stable(linearised)), linearised
 
     def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`; whether they are stable is not asked."""
-        return self._balanced(start, value)[0]
+        return self._balanced(start, value).unknowns
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, Configuration, float, int]:
-        """Unknowns in balance, the pad there, what is left of the error, and the iterations that it took.
-
-        Iterations share a factored tangent as long as they get on with it.
-        """
-        unknowns, first, last = start.copy(), 0.0, math.inf
+    def _balanced(self, start: np.ndarray, value: np.ndarray) -> _Balance:
+        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
+        unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
         linearised: Linearised | None = None
         for iteration in range(MOST_ITERATIONS):
             state = self._evaluate(unknowns, value, with_tangent=linearised is None)
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
-                return unknowns, state, error, iteration
+                return _Balance(unknowns, state, error, iteration, linearised, distance)
             if error > SLOW * last and state.entries is None:
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
-                linearised = self._linearised(state.entries)
+                linearised, distance = self._linearised(state.entries), 0.0
             assert linearised is not None  # from an earlier iteration
             first, last = first or error, error
-            unknowns = unknowns - linearised.correction(state.residual, self._gap(unknowns, value))
+            correction = linearised.correction(state.residual, self._gap(unknowns, value))
+            distance += float(np.abs(correction[: self.numbering.displacements]).max())
+            unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _accepted(self, found: _Balance, checked: bool) -> Solution:
+        least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
+        return Solution(found.unknowns, least, found.error, found.iterations, checked)
+
+    def _entries(self, found: _Balance, value: np.ndarray) -> np.ndarray:
+        """Of the tangent where a balance was found."""
+        entries = found.state.entries
+        if entries is None:
+            entries = self._evaluate(found.unknowns, value).entries
+        assert entries is not None  # no element is turned inside out
+        return entries
 
     def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
         """How far a state is from balance; raises Rejected where an iteration should not go on from it."""
@@ -227,18 +251,18 @@ class LoadedPad:
         force = self.model.load_vector(self.numbering.split(unknowns)[0], direction)
         return linearised.correction(force, self._targets(direction))
 
-    def _is_stable(self, linearised: Linearised, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray) -> bool:
-        """Whether stability was checked; raises Rejected if the whole pad, not only its part, is unstable."""
+    def _is_stable(self, linearised: Linearised) -> bool:
+        """Whether stability was checked against what the part can do; raises Rejected if it is unstable."""
         if linearised.negative is None:
             return False
-        surplus = linearised.negative - self.numbering.pressures
+        _refuse_surplus(linearised.negative - self.numbering.pressures)
+        return True
+
+    def _is_stable_beyond(self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        """The same against displacements of the whole pad that lack its symmetry."""
         for block in self._blocks:
-            if surplus:
-                break
             same = block.model.part is self.part
-            surplus = block.surplus(entries if same else block.entries(*self.split(unknowns), value))
-        if surplus:
-            raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
+            _refuse_surplus(block.surplus(entries if same else block.entries(*self.split(unknowns), value)))
         return True
 
     @cached_property
@@ -250,6 +274,26 @@ class LoadedPad:
             model = Model(part, self.material, self.load, signs, self._driven, self.model if same else None)
             blocks.append(_Block(model, make_solver(self._solver_name)))
         return blocks
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """Where Newton's method has ended: unknowns, the pad there, what is left of the error, iterations.
+
+    ``linearised`` is the last tangent that was factored, at a state at a ``distance`` of some mm, if there was one.
+    """
+
+    unknowns: np.ndarray
+    state: Configuration
+    error: float
+    iterations: int
+    linearised: Linearised | None
+    distance: float
+
+
+def _refuse_surplus(surplus: int) -> None:
+    if surplus:
+        raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
 
 
 class Linearised:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact import ContactTest
-from mitsuba_taxel.mechanics.equilibrium import Linearised, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.equilibrium import Linearised, LoadedPad, Rejected, Solution
 
 INTERPOLATION_TOLERANCE = 1e-4
 """Largest error of an interpolated displacement, relative to the largest displacement there."""
@@ -21,6 +21,8 @@ TICKS = 64
 """A whole step is halved at most to this part."""
 CONTACT_RESOLUTION = 1e-3
 """How well the first contact is placed, relative to a whole step."""
+
+Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,9 @@ class Leg:
                     break
 
     def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
+        solve = pad.solve_amid if self.origin.any() else pad.solve  # it branches off another leg, or begins at rest
         try:
-            self.nodes.append(self._node(pad, 0.0, start())[0])
+            self.nodes.append(self._node(pad, solve, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 
@@ -101,7 +104,7 @@ class Leg:
         while True:
             target = (position + length) * tick
             try:
-                node, linearised = self._node(pad, target, self._guess(target))
+                node, linearised = self._node(pad, pad.solve, target, self._guess(target))
                 fits = length == 1 or self._interpolates(pad, last, node, linearised)
                 del linearised  # which takes much memory
                 return self._between(pad, last, node, fits)
@@ -115,7 +118,8 @@ class Leg:
         """The nodes beyond ``start`` up to ``end``, between which the interpolation ``fits`` or does not."""
         if fits:
             return [end]
-        middle, linearised = self._node(pad, 0.5 * (start.s + end.s), hermite(start, end, 0.5 * (start.s + end.s)))
+        s = 0.5 * (start.s + end.s)
+        middle, linearised = self._node(pad, pad.solve_amid, s, hermite(start, end, s))
         halves = (start, middle), (middle, end)
         finest = end.s - start.s < 2.5 * self.step / TICKS
         fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
@@ -129,8 +133,8 @@ class Leg:
             return hermite(self.nodes[-2], last, s)
         return last.unknowns + (s - last.s) * last.tangent
 
-    def _node(self, pad: LoadedPad, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
-        solution, linearised = pad.solve(guess, self.value(s))
+    def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
+        solution, linearised = solve(guess, self.value(s))
         tangent = pad.rate(linearised, solution.unknowns, self.direction)
         figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
         return Node(s, solution.unknowns, tangent, *figures), linearised
