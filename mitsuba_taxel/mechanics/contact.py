@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,6 @@ class ContactTest:
         self._points, self._faces = mesh.points, mesh.faces
         self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
         self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
-        self._neighbours = _Neighbours(mesh.points, mesh.faces)
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
         self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
@@ -87,22 +87,39 @@ class ContactTest:
         place = _first_below(control[:, self._over_board.T], self._least_height, self._tolerance)
         if place:
             return Contact("the board", place)
-        patches = control[:, self._faces.T]
-        boxes = self._tree.levels(*_boxes(patches, self._tolerance))
-        if self._obstacles:
-            place = self._on_obstacle(self._obstacles, patches, boxes)
-            if place:
-                return Contact("a package", place)
-        place = self._on_itself(control, boxes)
+        found = self.find_package(displacement)
+        if found:
+            return found
+        place = self._on_itself(control)
         return Contact("itself", place) if place else None
+
+    def find_package(self, displacement: np.ndarray) -> Contact | None:
+        """As :meth:`find`, but looks at ``obstacles`` alone."""
+        if not self._obstacles:
+            return None
+        patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
+        place = self._on_obstacle(self._obstacles, patches, self._levels(patches))
+        return Contact("a package", place) if place else None
+
+    @cached_property
+    def at_rest(self) -> Contact | None:
+        """A contact of the undeformed pad."""
+        return self.find(np.zeros_like(self._points))
+
+    @cached_property
+    def _neighbours(self) -> _Neighbours:
+        return _Neighbours(self._points, self._faces)
+
+    def _levels(self, patches: np.ndarray) -> list[Level]:
+        return self._tree.levels(*_boxes(patches, self._tolerance))
 
     def _on_obstacle(self, obstacles: _Obstacles, patches: np.ndarray, boxes: list[Level]) -> Place | None:
         one, other = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
         place = first_touch(patches[:, :, one], obstacles.patches[:, :, other], "nothing", self._tolerance)
         return place or obstacles.place_within(patches, self._tree)
 
-    def _on_itself(self, control: np.ndarray, boxes: list[Level]) -> Place | None:
-        one, other = self._neighbours.without(*self._tree.overlapping(boxes))
+    def _on_itself(self, control: np.ndarray) -> Place | None:
+        one, other = self._neighbours.without(*self._tree.overlapping(self._levels(control[:, self._faces.T])))
         pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
         for shared, (nodes, other_nodes) in pairs.items():
             place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
@@ -197,6 +214,10 @@ class _Obstacles:
         sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
         joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)
         self._body = connected_components(joined, directed=False)[1][number[:, 0]]
+        count = np.bincount(self._body)
+        middles = np.stack([np.bincount(self._body, column) / count for column in self._centres[:2]])
+        outwards = np.lexsort((np.linalg.norm(self._centres[:2] - middles[:, self._body], axis=0), self._body))
+        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # one place on each body, at its middle
 
     def place_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
         """A place in one of the bodies that is within the pad, or in the pad if that is within a body.
@@ -204,14 +225,24 @@ class _Obstacles:
         Their surfaces are known not to meet, so that all triangles of a body are on the same side. They vote, as a
         place nearer to a curved face than the flat pieces that the face is cut into may be on the wrong side of them.
         """
-        votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
-        if votes.max() > 0.5:
-            x, y, z = self._centres[:, np.argmax(self._body == votes.argmax())]
-            return float(x), float(y), float(z)
-        if _within(patches[:, :1, 0], self.patches, self.tree).any():
+        if not _free_below(self._inner, patches).all():
+            votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
+            if votes.max() > 0.5:
+                x, y, z = self._centres[:, np.argmax(self._body == votes.argmax())]
+                return float(x), float(y), float(z)
+        corner = patches[:, :1, 0]
+        if not _free_below(corner, self.patches).all() and _within(corner, self.patches, self.tree).any():
             x, y, z = patches[:, 0, 0]
             return float(x), float(y), float(z)
         return None
+
+
+def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
+    """Whether a line from each of ``points`` (3, K) down along z certainly meets no patch: it is outside of them."""
+    low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
+    x, y, z = points[:, :, None]
+    beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])
+    return (beside | (z < low[2])).all(axis=1)
 
 
 def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:

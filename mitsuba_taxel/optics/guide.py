@@ -10,19 +10,41 @@ distance, as theirs does. Any density gives an unbiased estimate; only the scatt
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.optics.cell_surface import CellSurface
 from mitsuba_taxel.optics.regions import ALL_REGIONS
 from mitsuba_taxel.optics.tracing import clearance_of, leave
-from mitsuba_taxel.optics.trees import descend, shares_of_members
+from mitsuba_taxel.optics.trees import MemberTrees, descend
 
 _SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a wall of the guide; the rest bounds the weights
 _LEAST_RETURN = 0.1  # of what the walls of the guide scatter to each other; below it a guide costs more than it gains
 _WORTHWHILE = 0.9  # of the mean square weight without a guide
+
+
+@dataclass(frozen=True)
+class Members:
+    """The triangles of a guide, in the order in which they are drawn: all of it that does not change under a load.
+
+    So that the same random numbers draw nearly the same points at neighbouring load steps, and a pad that has been
+    moved is read as one that has been loaded so.
+
+    Attributes
+    ----------
+    owner : (N,) taxel of each triangle, -1 for none
+    numbers : (M,) the triangles that have an owner
+    trees : over them, one for each taxel
+    """
+
+    owner: np.ndarray
+    numbers: np.ndarray
+    trees: MemberTrees
 
 
 class Guide:
@@ -34,33 +56,28 @@ class Guide:
     Parameters
     ----------
     mesh : the ``mi.Mesh``
-    corners : (N, 3, 3) corners of all of its triangles
-    owner : (N,) taxel of each triangle, -1 for none; one that belongs to a taxel has an area
-    taxels : number of taxels
+    members : which of its triangles, and their order
     near : whether near points are to be drawn more often than far ones
-    like : the guide of the same triangles before they moved, whose order is kept: what the same random numbers draw
-        then moves as little as they did
     """
 
-    def __init__(
-        self, mesh: Any, corners: np.ndarray, owner: np.ndarray, taxels: int, near: bool, like: Guide | None = None
-    ) -> None:
+    def __init__(self, mesh: Any, members: Members, near: bool) -> None:
         self.mesh = mi.ShapePtr(mesh)
         self.share = dr.opaque(mi.Float, _NEAR_SHARE if near else _SHARE)
-        areas = _areas(corners)
-        member = np.flatnonzero(owner >= 0)
-        self.order: np.ndarray = like.order if like else _unrolled(corners[member].mean(axis=1), owner[member])
-        shares, leaves, boxes = shares_of_members(self.order, areas[member], owner[member], taxels)
-        self.depth = int(leaves.shape[1]).bit_length() - 1
-        self.shares = mi.Float(shares.ravel())
-        self.leaves = mi.UInt32(member[leaves].astype(np.uint32).ravel())
-        self.owner = mi.Int32(owner.astype(np.int32))
-        self.area = mi.Float(np.bincount(owner[member], areas[member], taxels))
-        self.corners = mi.Float(corners.astype(np.float32).ravel())
+        self.corners = _corners(mesh)
         self.near = near
-        all_boxes = np.zeros((len(corners), 4), np.float32)
-        all_boxes[member] = boxes
-        self.boxes = mi.Float(all_boxes.ravel())
+        owner, numbers, trees = members.owner, members.numbers, members.trees
+        a, b, c = self._corners(mi.UInt32(numbers))
+        areas = np.array(0.5 * dr.norm(dr.cross(b - a, c - a)), dtype=float)
+        shares = trees.shares(areas)
+        self.depth = trees.depth
+        self.shares = mi.Float(shares.ravel())
+        self.leaves = mi.UInt32(numbers[trees.leaves].ravel())
+        self.owner = mi.Int32(owner)
+        self.area = mi.Float(np.bincount(owner[numbers], areas, len(shares)))
+        if near:
+            boxes = np.zeros((len(owner), 4), np.float32)
+            boxes[numbers] = trees.boxes(shares)
+            self.boxes = mi.Float(boxes.ravel())
 
     def sample(
         self, index: mi.UInt32, place: mi.Point2f, sample: mi.Point2f, nearness: mi.Float
@@ -128,34 +145,64 @@ class Guide:
 
 
 def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
-    """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays."""
+    """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays.
+
+    Whether it pays is found out once, where the mesh is when it is first looked at, so that readings before and after
+    a small move share their random numbers.
+    """
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
-            parameters = mi.traverse(mesh)
-            positions = np.array(parameters["vertex_positions"])  # its variable stays the same where a pad moves
+            positions = np.array(mi.traverse(mesh)["vertex_positions"])  # its variable stays the same where a pad moves
             known, before = getattr(pair.sensor, "guide", (None, None))
-            if known is None or not np.array_equal(known, positions):
-                pair.sensor.guide = (positions, _guide_on(scene, mesh, parameters, pair, before))
+            if known is None:
+                guide = _guide_on(mesh, pair)
+                pays = guide is not None and _gain(guide, scene, pair) < _WORTHWHILE
+                pair.sensor.guide = (positions, guide if pays else None)
+            elif not np.array_equal(known, positions):
+                pair.sensor.guide = (positions, before and _guide_on(mesh, pair))
             return pair.sensor.guide[1]
     return None
 
 
-def _guide_on(scene: Any, mesh: Any, parameters: Any, pair: Any, before: Guide | None) -> Guide | None:
-    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
-    triangles = np.array(parameters["faces"]).reshape(-1, 3)
-    region = np.rint(np.array(parameters["face_region"])).astype(int)
-    cell = np.rint(np.array(parameters["face_cell"])).astype(int)
+def _guide_on(mesh: Any, pair: Any) -> Guide | None:
+    surface = getattr(mesh, "undeformed", None) or _surface_of(mesh)
     walls = _regions_by_wall(mesh.bsdf())
-    corners = vertices[triangles]
-    member = np.isin(region, walls["lambertian"] or walls["isotropic"]) & (cell > 0) & (_areas(corners) > 0)
-    if not member.any() or _is_flat(corners[member], cell[member]):
+    leds = np.array(pair.led.faces.centres).T
+    taxels = np.argmin(np.linalg.norm(surface.middles[:, None] - leds[None], axis=2), axis=1)  # nearest to each cell
+    members = _members(surface, tuple(walls["lambertian"] or walls["isotropic"]), tuple(taxels.tolist()), pair.count)
+    return None if members is None else Guide(mesh, members, near=not walls["lambertian"])
+
+
+@lru_cache(maxsize=4)  # the scenes of a study share their undeformed pads
+def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, ...], count: int) -> Members | None:
+    """The triangles in some regions of the cells that ``taxels`` look into; None if they have no area or are flat."""
+    corners, cell = surface.vertices[surface.triangles], surface.cell
+    numbers = np.flatnonzero(np.isin(surface.region, regions) & (cell > 0) & (_areas(corners) > 0))
+    if not len(numbers) or _is_flat(corners[numbers], cell[numbers]):
         return None
-    taxel = _taxel_of_cells(corners.mean(axis=1)[member], cell[member], pair.led.faces)
-    owner = np.full(len(triangles), -1)
-    owner[member] = taxel[cell[member]]
-    like = before if before is not None and len(before.order) == member.sum() else None
-    guide = Guide(mesh, corners, owner, pair.count, near=not walls["lambertian"], like=like)
-    return guide if like is not None or _gain(guide, scene, pair) < _WORTHWHILE else None
+    taxel = np.array(taxels)[cell[numbers]]
+    owner = np.full(len(cell), -1, dtype=np.int32)
+    owner[numbers] = taxel
+    trees = MemberTrees(_unrolled(corners[numbers].mean(axis=1), taxel), taxel, count)
+    return Members(owner, numbers.astype(np.uint32), trees)
+
+
+def _surface_of(mesh: Any) -> CellSurface:
+    """The surface of a mesh that is no `deformable_pad`, and therefore deforms only where a user moves it."""
+    parameters = mi.traverse(mesh)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    region, cell = (np.rint(np.array(parameters[f"face_{name}"])).astype(int) for name in ("region", "cell"))
+    return CellSurface(vertices, np.array(parameters["faces"]).reshape(-1, 3), region, cell)
+
+
+def _corners(mesh: Any) -> mi.Float:
+    """(9 N,) coordinates of the corners of all triangles, one triangle after the other."""
+    parameters = mi.traverse(mesh)
+    faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
+    number = dr.arange(mi.UInt32, 3 * len(faces))
+    corners = dr.gather(mi.Float, positions, 3 * dr.gather(mi.UInt32, faces, number // 3) + number % 3)
+    dr.eval(corners)
+    return corners
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
@@ -180,14 +227,6 @@ def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
         kind: [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == kind]
         for kind in ("lambertian", "isotropic")
     }
-
-
-def _taxel_of_cells(centres: np.ndarray, cell: np.ndarray, faces: Any) -> np.ndarray:
-    """(largest cell + 1,) the taxel whose LED is nearest to the middle of each cell."""
-    count = np.maximum(np.bincount(cell), 1)
-    middle = np.stack([np.bincount(cell, column) / count for column in centres.T], axis=1)
-    leds = np.array(faces.centres).T
-    return np.argmin(np.linalg.norm(middle[:, None] - leds[None], axis=2), axis=1)
 
 
 def _gain(guide: Guide, scene: mi.Scene, pair: Any) -> float:

@@ -31,4 +31,4 @@ def move_vertices(mesh: mi.Mesh, vertices: np.ndarray) -> None:
 
 def add_face_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
     """Attach a number to each triangle, readable as ``si.shape.eval_attribute_1('face_' + name, si)``."""
-    mesh.add_attribute(f"face_{name}", 1, np.ascontiguousarray(values, dtype=np.float32).ravel())
+    mesh.add_attribute(f"face_{name}", 1, np.ravel(values).tolist())  # Mitsuba takes arrays apart number by number

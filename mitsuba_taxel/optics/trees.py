@@ -63,38 +63,54 @@ def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
     return place
 
 
-def shares_of_members(position: np.ndarray, weight: np.ndarray, tree: np.ndarray, trees: int):
+class MemberTrees:
     """Trees over scattered members, halved by number along the two axes in turns.
 
     Parameters
     ----------
-    position, weight, tree : (M, 2) places, (M,) positive weights and (M,) numbers of trees of the members
+    position : (M, 2) places of the members
+    tree : (M,) number of the tree of each
+    trees : how many there are
 
-    Returns
-    -------
-    shares : (trees, 2**depth); leaves : (trees, 2**depth) number of the member in each leaf
-    boxes : (M, 4) the part of the unit square that leads to each member: lower corner and size
+    Attributes
+    ----------
+    depth : of all trees
+    leaves : (trees, 2**depth) number of the member in each leaf; 0 where there is none
     """
-    depth = max(1, int(np.bincount(tree).max() - 1).bit_length())
-    shares, leaves = np.ones((trees, 1 << depth), np.float32), np.zeros((trees, 1 << depth), np.uint32)
-    ranks = np.argsort(np.argsort(position, axis=0), axis=0)
-    node = np.ones(len(weight), dtype=np.int64)
-    boxes = np.tile([0.0, 0.0, 1.0, 1.0], (len(weight), 1))
-    for level in range(depth):
-        place = (tree << level) + node - (1 << level)  # one number for each node of this level
-        order = np.argsort(place * len(weight) + ranks[:, level % 2])
-        count = np.bincount(place, minlength=trees << level)
-        first = np.cumsum(count) - count
-        rank = np.empty_like(node)
-        rank[order] = np.arange(len(weight)) - first[place[order]]
-        right = rank >= count[place] // 2
-        whole = np.bincount(place, weight, trees << level)
-        left = np.bincount(place[~right], weight[~right], trees << level)
-        share = np.divide(left, whole, out=np.ones_like(left), where=whole > 0)
-        shares[:, 1 << level : 2 << level] = share.reshape(trees, -1)
-        axis, own = level % 2, share[place]
-        boxes[:, axis] += np.where(right, own * boxes[:, 2 + axis], 0)
-        boxes[:, 2 + axis] *= np.where(right, 1 - own, own)
-        node = 2 * node + right
-    leaves[tree, node - (1 << depth)] = np.arange(len(weight))
-    return shares, leaves, boxes
+
+    def __init__(self, position: np.ndarray, tree: np.ndarray, trees: int) -> None:
+        count = len(tree)
+        self.depth = max(1, int(np.bincount(tree).max() - 1).bit_length())
+        ranks = np.argsort(np.argsort(position, axis=0), axis=0)
+        node = np.ones(count, dtype=np.int64)
+        for level in range(self.depth):
+            place = (tree << level) + node - (1 << level)  # one number for each node of this level
+            order = np.argsort(place * count + ranks[:, level % 2])
+            size = np.bincount(place, minlength=trees << level)
+            rank = np.empty_like(node)
+            rank[order] = np.arange(count) - (np.cumsum(size) - size)[place[order]]
+            node = 2 * node + (rank >= size[place] // 2)
+        self._leaf = (tree << self.depth) + node - (1 << self.depth)
+        self.leaves = np.zeros((trees, 1 << self.depth), np.uint32)
+        self.leaves.ravel()[self._leaf] = np.arange(count)
+
+    def shares(self, weight: np.ndarray) -> np.ndarray:
+        """(trees, 2**depth) shares for members of ``weight`` (M,), not negative."""
+        shares, below = np.ones(self.leaves.shape, np.float32), np.zeros(self.leaves.shape)
+        below.ravel()[self._leaf] = weight
+        for level in reversed(range(self.depth)):
+            left = below[:, 0::2]
+            below = left + below[:, 1::2]
+            shares[:, 1 << level : 2 << level] = np.divide(left, below, out=np.ones_like(left), where=below > 0)
+        return shares
+
+    def boxes(self, shares: np.ndarray) -> np.ndarray:
+        """(M, 4) the part of the unit square that ``shares`` lead to each member: lower corner and size."""
+        low, size = np.zeros((2, len(shares), 1)), np.ones((2, len(shares), 1))
+        for level in range(self.depth):
+            axis, share = level % 2, shares[:, 1 << level : 2 << level].astype(float)
+            low, size = np.repeat(low, 2, axis=2), np.repeat(size, 2, axis=2)
+            low[axis, :, 1::2] += share * size[axis, :, 1::2]
+            size[axis, :, 0::2] *= share
+            size[axis, :, 1::2] *= 1 - share
+        return np.concatenate([low, size]).reshape(4, -1).T[self._leaf]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -10,6 +13,7 @@ import numpy as np
 from mitsuba_taxel import stages
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import pad_parameters
+from mitsuba_taxel.optics.cell_surface import CellSurface
 from mitsuba_taxel.optics.faces import similarity_scale
 from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import whole_number
@@ -221,7 +225,7 @@ class DeformablePad(mi.Mesh):
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
 
         surface = self._solve()
-        initialize_mesh(self, props, self._placed(surface), surface.triangles)
+        initialize_mesh(self, props, _placed(surface, self.to_world), surface.triangles)
         add_face_attribute(self, "region", surface.region)
         add_face_attribute(self, "cell", surface.cell)
 
@@ -248,8 +252,12 @@ class DeformablePad(mi.Mesh):
                 f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
             )
 
-    def _placed(self, surface):
-        return surface.vertices @ self.to_world[:3, :3].T + self.to_world[:3, 3]
+    @property
+    def undeformed(self) -> CellSurface:
+        """The same triangles without a load: one object for all pads of which it is the same."""
+        cells = None if self.read_cells is None else tuple(self.read_cells)
+        place = tuple(map(tuple, self.to_world.tolist()))
+        return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, place)
 
     def deviating_vertices(self):
         """(V, 3) where the vertices would be if the pad were off by its `State.deviation`; None if that is unknown."""
@@ -258,7 +266,7 @@ class DeformablePad(mi.Mesh):
         if self.state.deviation is None:
             return None
         state = replace(self.state, displacement=self.state.displacement + self.state.deviation)
-        return self._placed(tessellate(state, self.subdivision, self.finish, self.read_cells))
+        return _placed(tessellate(state, self.subdivision, self.finish, self.read_cells), self.to_world)
 
     def states(self, values):
         """The deformed states of this pad under other values of its load; see `load_path`."""
@@ -269,3 +277,18 @@ class DeformablePad(mi.Mesh):
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
+
+
+def _placed(surface, to_world):
+    # Not as a product of matrices: threads of its own, woken for so little, take several times as long on busy cores.
+    return np.einsum("vi,ji->vj", surface.vertices, to_world[:3, :3]) + to_world[:3, 3]
+
+
+@lru_cache(maxsize=4)  # the pads of a study share their mesh
+def _undeformed(mesh, subdivision, finish, cells, to_world):
+    from mitsuba_taxel.mechanics import tessellate
+
+    rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))  # all of a state that is looked at
+    surface = tessellate(rest, subdivision, finish, cells)
+    vertices = _placed(surface, np.array(to_world))
+    return CellSurface(vertices, surface.triangles, surface.region, surface.cell)

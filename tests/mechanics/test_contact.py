@@ -358,6 +358,20 @@ def test_a_body_within_the_silicone_and_the_pad_within_a_body(cell):
     assert ContactTest(mesh, box((-50, -50, -50), (50, 50, 50))).find(rest).what == "a package"
 
 
+def test_packages_may_be_looked_at_alone(single):
+    """A roof that comes down on the board, and on a package if there is one."""
+    pad, mesh = single
+    sink = roof_down(pad, mesh, 0.13, 0.21)
+    deep = (pad.top_of_cell + 0.1) * sink
+    low, high = (0.3, 0.3, 0.0), (0.6, 0.6, 0.5)
+    test = ContactTest(mesh, box(low, high))
+    assert test.find(deep).what == "the board" and test.find_package(deep).what == "a package"
+    assert test.at_rest is None and test.find_package(0.2 * sink) is None
+    assert ContactTest(mesh).find_package(deep) is None
+    aside = ContactTest(mesh, box((9, 9, 0), (10, 10, 1)))
+    assert aside.find(deep).what == "the board" and aside.find_package(deep) is None
+
+
 # ---- no false alarm --------------------------------------------------------------------------------------------------
 
 

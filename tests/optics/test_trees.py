@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 
 def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
@@ -26,18 +27,22 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     assert stats.chisquare(counts.ravel(), expected.ravel(), ddof=2).pvalue > 1e-5
 
 
-def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono):
-    """Each part of the unit square is as large as its member's share, and leads there."""
-    from mitsuba_taxel.optics.trees import descend, shares_of_members
+@pytest.mark.parametrize("sizes", [(100, 37), (1, 64)])
+def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono, sizes):
+    """Each part of the unit square is as large as its member's share, and leads there; without weight none does."""
+    from mitsuba_taxel.optics.trees import MemberTrees, descend
 
     mi, rng = llvm_mono, np.random.default_rng(2)
-    tree = np.repeat([0, 1], [100, 37])
+    tree = np.repeat([0, 1], sizes)
     weight = 0.1 + rng.random(len(tree))
-    shares, leaves, boxes = shares_of_members(rng.random((len(tree), 2)), weight, tree, 2)
+    weight[-5:-1] = 0
+    trees = MemberTrees(rng.random((len(tree), 2)), tree, 2)
+    shares = trees.shares(weight)
+    boxes = trees.boxes(shares)
     total = np.bincount(tree, weight)[tree]
     assert np.allclose(boxes[:, 2] * boxes[:, 3], weight / total, rtol=1e-4)
-    depth = leaves.shape[1].bit_length() - 1
     middle = mi.Point2f(*(mi.Float(c.astype(np.float32)) for c in (boxes[:, :2] + 0.5 * boxes[:, 2:]).T))
-    leaf, rest = descend(mi.Float(shares.ravel()), depth, mi.UInt32(tree), middle)
-    assert np.array_equal(leaves[tree, np.array(leaf)], np.arange(len(tree)))
-    assert np.allclose(np.array(rest), 0.5, atol=1e-3)
+    leaf, rest = descend(mi.Float(shares.ravel()), trees.depth, mi.UInt32(tree), middle)
+    drawn = weight > 0
+    assert np.array_equal(trees.leaves[tree, np.array(leaf)][drawn], np.flatnonzero(drawn))
+    assert np.allclose(np.array(rest)[:, drawn], 0.5, atol=1e-3)
