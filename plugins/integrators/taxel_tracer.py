@@ -161,6 +161,9 @@ class TaxelTracer(mi.CppADIntegrator):
                 specular &= ~by_guide
                 reach = dr.select(by_guide, target_distance, reach)
             ray = leave(vertex.p, vertex.n, direction, clearance)
+            if dr.hint(techniques.guide is not None, mode="scalar"):
+                # From where it starts to the very point: passing beside it, a grazing ray would meet the next triangle.
+                ray = mi.Ray3f(ray.o, dr.select(by_guide, dr.normalize(point - ray.o), ray.d))
             depth += 1
             active &= carried > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / power, 1), 1)
