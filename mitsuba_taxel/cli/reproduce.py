@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,12 +15,15 @@ from .options import debug_option, folder_option
 @folder_option
 @click.option(
     "--only", metavar="PARTS",
-    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, variations, analog; a list with commas.",
+    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations; a list with commas.",
 )  # fmt: skip
 @click.option(
     "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Where paper.md goes.  [default: that of results]"
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes to use, in place of this one.")
+@click.option(
+    "--workers", type=click.IntRange(min=1), metavar="N",
+    help="Processes to use, in place of this one; each takes a shape where a part is of all shapes.",
+)  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
     """Compute what is missing of the paper's rerun in DIR, and write the page paper.md with its figures.
@@ -29,16 +33,21 @@ def command(folder: Path, only: str | None, docs: Path | None, workers: int | No
     from mitsuba_taxel.reproduce.page import write_page
     from mitsuba_taxel.reproduce.parts import chosen, complete, compute
 
-    start = time.perf_counter()
+    from .tables import stage_line
 
-    def announce(name: str) -> None:
-        click.echo(f"{time.perf_counter() - start:7.0f} s  {name}", err=True)
-
-    names = chosen(only)
-    compute(folder, names, workers, announce)
-    click.echo(f"{time.perf_counter() - start:7.0f} s  page", err=True)
+    start = time.monotonic()
+    announce = partial(_announce, start)
+    seconds = compute(folder, chosen(only), workers, announce)
+    took = time.monotonic() - start
+    announce("page")
     page = write_page(complete(folder), docs or folder, _command(docs))
+    if seconds:
+        click.echo(f"{stage_line(seconds)}, summed over processes; {took:.2f} by the clock")
     click.echo(f"Page: {page}")
+
+
+def _announce(start: float, name: str) -> None:
+    click.echo(f"{time.monotonic() - start:7.0f} s  {name}", err=True)
 
 
 def _command(docs: Path | None) -> str:

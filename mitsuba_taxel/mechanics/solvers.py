@@ -10,6 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.mechanics.threads import thread_count
+
+MOST_THREADS = 4
+"""More do not pay for matrices of pads."""
+
 
 class Factorisation(Protocol):
     """A factored matrix."""
@@ -48,7 +53,9 @@ class Rslab:
         if self._symbolic is None:
             # Nested dissection: as few operations as the best of several orderings, but in larger blocks.
             self._symbolic = rslab.analyze(lower, path="ldlt", ordering="metis")
-        return _RslabFactorisation(self._symbolic.factor(lower.data))
+        return _RslabFactorisation(
+            self._symbolic.factor(lower.data, threads=("auto", min(thread_count(), MOST_THREADS)))
+        )
 
 
 class _SuperLuFactorisation:

@@ -24,7 +24,7 @@ PATHS = ("fz", "fx", "fy", "resultant")
 """The dimensions that forces run along: normal, tangential along x, y and the secondary diagonal."""
 
 
-def nominal(store: Store, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
+def nominal(store: Store, cell: str) -> dict[str, xr.Dataset]:
     """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`.
 
     Mesh and number of light paths are those which the normal load needs for the target error, of both together.
@@ -33,14 +33,12 @@ def nominal(store: Store, cell: str, workers: int | None) -> dict[str, xr.Datase
     normal = store.study(
         f"nominal/{cell}_fz",
         {"vary": vary, "target_error": TARGET_ERROR},
-        lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR, workers=workers),
+        lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR),
     )
     settings, limit = settings_of(normal), paper.TANGENTIAL_LIMIT[cell]
     along = {"fx": paper.FORCE_STEP, "fy": paper.FORCE_STEP, "resultant": DIAGONAL_STEP}
     return {"fz": normal} | {
-        path: _tangential(
-            store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), settings, workers
-        )
+        path: _tangential(store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), settings)
         for path, step in along.items()
     }
 
@@ -51,21 +49,23 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
     return {"points": int(study.attrs["points"]), "mesh_size": None if mesh_size is None else float(mesh_size)}
 
 
-def beyond(store: Store, cell: str, settings: dict[str, Any], workers: int | None) -> dict[str, xr.Dataset]:
+def beyond(store: Store, cell: str) -> dict[str, xr.Dataset]:
     """The tangential paths on from the paper's limits, in steps of 1 N, to where the model ends.
 
+    With the mesh and the number of light paths of the nominal readings, which are computed if they are missing.
     The attribute ``failures`` of each says why it ends there; its first line is the nearest.
     """
+    settings = settings_of(nominal(store, cell)["fz"])
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
     studies = {}
     for path in PATHS[1:]:
-        study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, settings, workers)
+        study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, settings)
         studies[path] = study.isel({path: np.isfinite(study.power.values).all(axis=study.power.get_axis_num("taxel"))})
     return studies
 
 
 def _tangential(
-    store: Store, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any], workers: int | None
+    store: Store, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any]
 ) -> xr.Dataset:
     """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
     defines = {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
@@ -73,10 +73,10 @@ def _tangential(
 
     def compute() -> xr.Dataset:
         if path != "resultant":
-            return sweep(SCENE, {path: forces.tolist()}, defines, workers=workers, **settings)
+            return sweep(SCENE, {path: forces.tolist()}, defines, **settings)
         components = (forces / math.sqrt(2)).tolist()
         rows = {"fx": components, "fy": components}
-        study = sweep(SCENE, {}, defines, together=rows, workers=workers, **settings)
+        study = sweep(SCENE, {}, defines, together=rows, **settings)
         return study.assign_coords(resultant=("step", forces, {"units": "N"})).swap_dims(step="resultant")
 
     return store.study(name, request, compute)

@@ -14,6 +14,7 @@ from mitsuba_taxel.reproduce.analysis import PUBLISHED, expected_of_counting, sk
 from mitsuba_taxel.reproduce.comparison import order, pairs_in_order
 from mitsuba_taxel.reproduce.page_words import NAMES, TANGENTIAL, Found, markdown_table, micro, steepest
 from mitsuba_taxel.reproduce.slopes import Sensitivity
+from mitsuba_taxel.reproduce.store import add_seconds
 from mitsuba_taxel.studies import stage_totals
 
 
@@ -82,8 +83,7 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     studies = [study for paths in nominal.values() for study in paths.values()]
     seconds: dict[str, float] = {}
     for study in studies:
-        for stage, value in stage_totals(study).items():
-            seconds[stage] = seconds.get(stage, 0.0) + value
+        add_seconds(seconds, stage_totals(study))
     wall = sum(float(study.attrs["wall_seconds"]) for study in studies)
     light, total = (
         max(float((study[name] / study.power).max()) for study in studies) for name in ("standard_error", "total_error")
@@ -94,9 +94,9 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     count = sum(study.power.size for study in studies)
     shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     return (
-        f"{count} readings took {wall:.0f} s ({shares}, summed over processes). The largest total error of a "
-        f"reading is {total:.2%}, of which the light has at most {light:.2%}; the estimated error of the roofs' "
-        f"displacement is at most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
+        f"{count} readings took {wall:.0f} s, summed over their studies ({shares}, summed over processes). The largest "
+        f"total error of a reading is {total:.2%}, of which the light has at most {light:.2%}; the estimated error of "
+        f"the roofs' displacement is at most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
     )
 
 

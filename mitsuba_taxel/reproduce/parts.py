@@ -9,27 +9,22 @@ from typing import Any
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.reproduce import analog, loading, paper, plate, variations
-from mitsuba_taxel.reproduce.store import MissingStudy, Store
+from mitsuba_taxel.reproduce.shapes import ShapePart, compute_shapes
+from mitsuba_taxel.reproduce.store import MissingStudy, Store, add_seconds
 
 Part = Callable[..., Any]
 
-
-def _nominal(store: Store, *, workers: int | None) -> dict[str, Any]:
-    return {cell: loading.nominal(store, cell, workers) for cell in paper.CELLS}
-
-
-def _beyond(store: Store, *, workers: int | None) -> dict[str, Any]:
-    """Needs the nominal readings, whose number of light paths it takes."""
-    settings = {cell: loading.settings_of(paths["fz"]) for cell, paths in _nominal(store, workers=workers).items()}
-    return {cell: loading.beyond(store, cell, settings[cell], workers) for cell in paper.CELLS}
+OF_SHAPES: dict[str, ShapePart] = {
+    "nominal": loading.nominal,
+    "roofs": loading.roof_heights,
+    "beyond": loading.beyond,
+    "analog": analog.counted,
+}
+"""What is computed of each shape alone, so that shapes can be computed at once."""
 
 
-def _roofs(store: Store, *, workers: int | None) -> dict[str, Any]:
-    return {cell: loading.roof_heights(store, cell) for cell in paper.CELLS}
-
-
-def _analog(store: Store, *, workers: int | None) -> dict[str, Any]:
-    return {cell: analog.counted(store, cell) for cell in paper.CELLS}
+def _of_all_shapes(part: ShapePart, store: Store, *, workers: int | None) -> dict[str, Any]:
+    return {cell: part(store, cell) for cell in paper.CELLS}
 
 
 PARTS: dict[str, Part] = {
@@ -37,11 +32,8 @@ PARTS: dict[str, Part] = {
     "fig5": partial(plate.edges, axis="x"),
     "fig6": partial(plate.edges, axis="y"),
     "peak": plate.peak_heights,
-    "nominal": _nominal,
-    "roofs": _roofs,
-    "beyond": _beyond,
+    **{name: partial(_of_all_shapes, part) for name, part in OF_SHAPES.items()},
     "variations": variations.vary,
-    "analog": _analog,
 }
 """By name; each returns its studies, from disk where they are there."""
 
@@ -67,16 +59,27 @@ def chosen(only: str | None) -> list[str]:
     return [name for name in PARTS if name in wanted]
 
 
-def compute(folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]) -> None:
+def compute(
+    folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]
+) -> dict[str, float]:
     """Compute what is missing of the parts called ``names`` and store it in ``folder``.
 
     Parameters
     ----------
-    announce : called with the name of each study that is about to be computed
+    workers : number of processes to use, in place of this one; each takes a shape where a part is of all shapes
+    announce : called with the name of each study that is about to be computed, by the process that computes it
+
+    Returns
+    -------
+    Seconds that the studies took by stage, summed over processes.
     """
     store = Store(folder, announce)
+    of_shapes = [part for name, part in OF_SHAPES.items() if name in names]
+    if workers and of_shapes:
+        add_seconds(store.seconds, compute_shapes(folder, of_shapes, workers, announce))
     for name in names:
         PARTS[name](store, workers=workers)
+    return store.seconds
 
 
 def complete(folder: Path) -> dict[str, Any]:

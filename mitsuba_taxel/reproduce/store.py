@@ -11,6 +11,7 @@ from typing import Any
 import xarray as xr
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.studies.dataset import stage_totals
 from mitsuba_taxel.studies.files import make_folder, replacing
 
 
@@ -25,11 +26,16 @@ class Store:
     ----------
     folder : made where it is missing
     announce : called with the name of a study that is about to be computed; without it, none is
+
+    Attributes
+    ----------
+    seconds : that the studies computed so far took, by stage, summed over processes
     """
 
     def __init__(self, folder: Path, announce: Callable[[str], None] | None = None) -> None:
         make_folder(folder)
         self.folder, self.announce = folder, announce
+        self.seconds: dict[str, float] = {}
 
     def study(self, name: str, request: Mapping[str, Any], compute: Callable[[], xr.Dataset]) -> xr.Dataset:
         """The study called ``name``: from its file, or computed and stored whole.
@@ -58,7 +64,15 @@ class Store:
         start = time.perf_counter()
         study = compute()
         study.attrs.update(request=asked, wall_seconds=time.perf_counter() - start)
+        if "stage" in study.dims:
+            add_seconds(self.seconds, stage_totals(study))
         make_folder(file.parent)
         with replacing(file) as temporary:
             study.to_netcdf(temporary, engine="scipy")
         return study
+
+
+def add_seconds(totals: dict[str, float], more: Mapping[str, float]) -> None:
+    """Add seconds by stage to others."""
+    for stage, seconds in more.items():
+        totals[stage] = totals.get(stage, 0.0) + seconds

@@ -5,26 +5,24 @@ A result depends on its job alone, and not on who does it, how many there are, o
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from itertools import islice
-from multiprocessing.process import BaseProcess
+from itertools import chain
 from typing import Protocol
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.mechanics.threads import set_thread_count
+from mitsuba_taxel.studies import processes
 from mitsuba_taxel.studies.job import Failure, Job, Result, failure_of, run
 
-MOST_DEATHS = 2
-"""A job is given up after so many workers have died on it."""
-MOST_WORKERS = 256
+MOST_WORKERS = 120
+"""Each takes eight of the 1024 open files that a process is commonly allowed."""
 
+Curve = Sequence[Job]
+"""Jobs that may share a load path."""
 Outcomes = Iterator[tuple[Job, "Result | Failure"]]
 
 
@@ -40,7 +38,7 @@ class Pool(Protocol):
     name: str
     machines: int
 
-    def outcomes(self, jobs: Iterable[Job]) -> Outcomes: ...
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes: ...
 
 
 @contextmanager
@@ -60,11 +58,11 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
         with _cluster(scheduler) as cluster:
             yield cluster
     elif workers is not None:
-        processes = _Processes(workers)
+        pool = _Processes(workers)
         try:
-            yield processes
+            yield pool
         finally:
-            processes.stop()
+            pool.stop()
     else:
         yield _Here()
 
@@ -73,81 +71,85 @@ class _Here:
     name = "this process"
     machines = 1
 
-    def outcomes(self, jobs: Iterable[Job]) -> Outcomes:
-        for job in jobs:
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
+        for job in chain.from_iterable(curves):
             yield job, run(job)
 
 
 class _Processes:
-    """Local processes; one that dies costs the jobs in flight a second try, and is replaced."""
+    """Local processes, each at a curve of its own while there are enough: of those at one, one solves, others wait.
+
+    One that dies is replaced. Its job is tried again when nothing else is left, alone, as it may have been for want of
+    memory.
+    """
 
     machines = 1
 
     def __init__(self, count: int) -> None:
         self.name = f"{count} {'process' if count == 1 else 'processes'}"
         self._count = count
-        self._executor: ProcessPoolExecutor | None = None
+        self._executors: dict[int, ProcessPoolExecutor] = {}  # of one process each, which alone can be chosen
 
-    def outcomes(self, jobs: Iterable[Job]) -> Outcomes:
-        waiting = iter(jobs)
-        deaths: Counter[int] = Counter()
-        running: dict[Future[Result | Failure], Job] = {}
-        suspects: list[Job] = []
-        while True:
-            if suspects:  # one job at a time tells which of those in flight was deadly
-                chosen = [] if running else [suspects.pop()]
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
+        deadly = []
+        for job, outcome in self._spread([curve for curve in curves if curve], self._count):
+            if outcome is None:
+                deadly.append(job)
             else:
-                chosen = list(islice(waiting, 2 * self._count - len(running)))
-            running.update({self._start().submit(run, job): job for job in chosen})
+                yield job, outcome
+        if deadly:
+            self.stop()  # idle processes hold memory as well
+        for job, outcome in self._spread([deadly], 1):
+            yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
+
+    def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, Result | Failure | None]]:
+        """What became of each job, as it comes, by so many processes; None if its process died.
+
+        Each process goes along a curve, then along the next that nobody was at, then helps where most is left.
+        """
+        threads = processes.share_of_cores(min(count, max(len(curves), 1)))
+        untouched = deque(map(deque, curves))
+        ahead: list[deque[Job]] = [deque()] * count
+        running: dict[Future[Result | Failure], tuple[int, Job]] = {}
+        came: list[tuple[Job, Result | Failure | None]] = []
+        idle = list(range(count))
+        while True:
+            for process in idle:
+                ahead[process] = ahead[process] or (untouched.popleft() if untouched else max(ahead, key=len))
+                if ahead[process]:
+                    job = ahead[process].popleft()
+                    running[self._submit(process, job, threads)] = process, job
+            yield from came
             if not running:
                 return
+            idle, came = [], []
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                job = running.pop(future)
-                error = future.exception()
-                if not isinstance(error, BrokenProcessPool):
-                    yield job, future.result()
-                    continue
-                deaths[job.number] += 1
-                if deaths[job.number] < MOST_DEATHS:
-                    suspects.append(job)
-                else:
-                    yield job, Failure("the process that computed it died twice: fewer workers need less memory")
-                if not running:
-                    self.stop()
+                process, job = running.pop(future)
+                idle.append(process)
+                died = isinstance(future.exception(), BrokenProcessPool)
+                if died:
+                    processes.end(self._executors.pop(process))
+                came.append((job, None if died else future.result()))
 
-    def _start(self) -> ProcessPoolExecutor:
-        if self._executor is None:
-            context = multiprocessing.get_context("spawn")
-            self._executor = ProcessPoolExecutor(self._count, context, _begin, (self._count,))
-        return self._executor
+    def _submit(self, process: int, job: Job, threads: int) -> Future[Result | Failure]:
+        if process not in self._executors:
+            self._executors[process] = processes.start(1, sharing=self._count)
+        try:
+            return self._executors[process].submit(do, job, threads)
+        except BrokenProcessPool:  # it died when there was nothing to do
+            processes.end(self._executors.pop(process))
+            return self._submit(process, job, threads)
 
     def stop(self) -> None:
         """End all processes, whatever they are at."""
-        if self._executor is not None:
-            for process in list((self._executor._processes or {}).values()):
-                process.terminate()
-            self._executor.shutdown(cancel_futures=True)
-            self._executor = None
+        processes.end(*self._executors.values())
+        self._executors.clear()
 
 
-def _begin(workers: int) -> None:
-    """Make a process a worker: it leaves interrupts to the process that it works for, and does not outlive that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
-    _share_cores(workers)
-
-
-def _follow(parent: BaseProcess) -> None:
-    parent.join()
-    os._exit(1)
-
-
-def _share_cores(workers: int) -> None:
-    """Give each of several processes its share of the cores for the light."""
-    import drjit as dr
-
-    # The mechanics keeps all of them: others wait meanwhile for the path that one solves.
-    dr.set_thread_count(max(1, (os.cpu_count() or 1) // workers))
+def do(job: Job, threads: int) -> Result | Failure:
+    """What a process does with a job; with so many threads for the mechanics."""
+    set_thread_count(threads)
+    return run(job)
 
 
 @contextmanager
@@ -157,7 +159,8 @@ def _cluster(address: str) -> Iterator[Pool]:
     except ImportError as error:
         raise InputError("a scheduler needs Dask: install mitsuba_taxel[cluster].") from error
     try:
-        client = Client(address, timeout="10s")
+        # As the default of this process xarray would use it too, even one that does not answer.
+        client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"scheduler = {address!r} is not allowed: no Dask scheduler answers there.") from error
     try:
@@ -174,12 +177,13 @@ class _Cluster:
         self.machines = max(1, len(client.scheduler_info()["workers"]))
         self._client = client
 
-    def outcomes(self, jobs: Iterable[Job]) -> Outcomes:
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
         from distributed import as_completed
 
         submit: Callable = self._client.submit
+        jobs = chain.from_iterable(curves)
         given = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
-        for future in as_completed(list(given)):
+        for future in as_completed(list(given), loop=self._client.loop):
             job = given.pop(future)
             error = future.exception()
             yield job, future.result() if error is None else failure_of(error)

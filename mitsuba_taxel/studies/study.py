@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import xarray as xr
 
 from mitsuba_taxel import stages
@@ -161,13 +160,14 @@ class _Computed(NamedTuple):
 def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None) -> _Computed:
     settings, pilot_seconds = _settings(batch, store, pool.machines)
     place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
-    jobs = list(_jobs(batch, settings, store is not None))
+    curves = _curves(batch, settings, store is not None)
+    jobs = [job for curve in curves for job in curve]
     failures = {number: failure for number, failure in store.failures().items() if number in place} if store else {}
     stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
     results = {number: kept for number, kept in stored if kept is not None}
     errors = [kept.readings.relative_total_error for kept in results.values()]
-    left = [job for job in jobs if job.number not in results and job.number not in failures]
-    for job, outcome in pool.outcomes(left):
+    known = {*results, *failures}
+    for job, outcome in pool.outcomes([job for job in curve if job.number not in known] for curve in curves):
         if store:
             store.keep(job, outcome)
         if isinstance(outcome, Failure):
@@ -186,13 +186,13 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     )
 
 
-def _jobs(batch: Batch, settings: Settings, stored: bool) -> Iterator[Job]:
-    """The jobs curve by curve, so that those which share a load path come one after the other."""
+def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
+    """The jobs, those of one curve together: they may share a load path."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     checked = checked_places(batch.axes[curve])
-    numbered = enumerate(combinations(batch.axes))
-    for number, (place, values) in sorted(numbered, key=lambda item: (*np.delete(item[1][0], curve), item[0])):
-        yield Job(
+    curves: dict[tuple[int, ...], list[Job]] = {}
+    for number, (place, values) in enumerate(combinations(batch.axes)):
+        job = Job(
             number=number,
             file=batch.file,
             parameters=batch.scene(values).parameters,
@@ -204,6 +204,8 @@ def _jobs(batch: Batch, settings: Settings, stored: bool) -> Iterator[Job]:
             meshes=stored,
             maps=stored and batch.maps,
         )
+        curves.setdefault((*place[:curve], *place[curve + 1 :]), []).append(job)
+    return list(curves.values())
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:

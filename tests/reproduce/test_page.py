@@ -132,7 +132,7 @@ def test_the_whole_page(found, tmp_path):
         assert holds(cells_of(page, f"`{law}`")[0][-1], spacing)
     assert "here parallelepiped > cylindrical > spherical > hemispheric (probability 1.000" in page
     assert "2 of 6 pairs of shapes come in the same order" in page
-    assert "took 48 s" in page  # 16 studies of 3 s
+    assert "took 48 s, summed over their studies" in page  # 16 studies of 3 s
     assert "parallelepiped, along x: fx=9: gone" in page
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, measure, sweep, write_xml
-from mitsuba_taxel.studies import pool
+from mitsuba_taxel.studies import pool, processes
 from mitsuba_taxel.studies.job import Failure, Job
 from mitsuba_taxel.studies.pool import open_pool
 
@@ -58,12 +60,13 @@ def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     sensor = PadSensor(pad=Pad("cylindrical", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
     write_xml(sensor.scene(), tmp_path / "pad.xml")
     job = job_of(tmp_path / "pad.xml", points=64, seed=1)
-    monkeypatch.setattr(pool, "_begin", _take_threads)
+    monkeypatch.setattr(processes, "_begin", _take_threads)
     readings = []
     for threads in (1, 2):
         monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / str(threads)))
-        with open_pool(workers=threads) as processes:
-            ((_, result),) = processes.outcomes([job])
+        monkeypatch.setattr(processes, "share_of_cores", lambda _, share=threads: share)
+        with open_pool(workers=threads) as workers:
+            ((_, result),) = workers.outcomes([[job]])
         readings.append(result.readings.replicates)
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "here"))
     readings.append(measure(Scene(job.file), points=64, seed=1).replicates)
@@ -79,19 +82,103 @@ def _take_threads(count: int) -> None:
     dr.set_thread_count(count)
 
 
-def die(job: Job):
-    """Stand-in for the work: one job kills its process, the others do not."""
-    if job.number == 2:
+def curves_of(*sizes: int) -> list[list[Job]]:
+    """Jobs numbered in a row, so many on each curve."""
+    numbers = iter(range(sum(sizes)))
+    job = job_of(Path(), points=1, seed=0)
+    return [[replace(job, number=next(numbers)) for _ in range(size)] for size in sizes]
+
+
+class TestDealing:
+    """Which job goes to whom, with threads in place of processes, and stand-ins for the work."""
+
+    @pytest.fixture(autouse=True)
+    def _threads(self, monkeypatch):
+        monkeypatch.setattr(processes, "start", lambda count, sharing: ThreadPoolExecutor(count))
+        monkeypatch.setattr(processes, "end", lambda *executors: None)
+        monkeypatch.setattr(os, "cpu_count", lambda: 8)
+
+    @pytest.mark.parametrize(("workers", "sizes"), [(2, (4, 4)), (3, (3, 3, 3)), (2, (3, 3, 3, 3)), (1, (2, 3, 2))])
+    def test_each_has_a_curve_of_its_own(self, workers, sizes, monkeypatch):
+        together = threading.Barrier(workers)
+
+        def work(job: Job, threads: int) -> int:
+            together.wait(timeout=10)
+            return threading.get_ident()
+
+        monkeypatch.setattr(pool, "do", work)
+        curves = curves_of(*sizes)
+        with open_pool(workers=workers) as doers:
+            done = {job.number: outcome for job, outcome in doers.outcomes(curves)}
+        assert [len({done[job.number] for job in curve}) for curve in curves] == [1] * len(sizes)
+        assert len(set(done.values())) == workers
+        for curve in curves:
+            numbers = [job.number for job in curve]
+            assert [number for number in done if number in numbers] == numbers
+
+    def test_one_without_a_curve_takes_the_next_and_then_helps(self, monkeypatch):
+        """Who is at the first job goes on only when all others are done, all but one of them by the other."""
+        others_done = threading.Event()
+
+        def work(job: Job, threads: int) -> int:
+            if job.number == 0:
+                assert others_done.wait(timeout=10)
+            return threading.get_ident()
+
+        monkeypatch.setattr(pool, "do", work)
+        done = {}
+        with open_pool(workers=2) as doers:
+            for job, outcome in doers.outcomes(curves_of(4, 1, 2)):
+                done[job.number] = outcome
+                if len(done) == 6:
+                    others_done.set()
+        assert list(done) == [4, 5, 6, 1, 2, 3, 0]
+        assert len({done[number] for number in (1, 2, 3, 4, 5, 6)}) == 1
+        assert done[0] != done[1]
+
+    @pytest.mark.parametrize(
+        ("workers", "sizes", "threads"), [(4, (2,), 8), (4, (1, 1), 4), (4, (1,) * 9, 2), (9, (1,) * 9, 1)]
+    )
+    def test_curves_share_the_cores(self, workers, sizes, threads, monkeypatch):
+        monkeypatch.setattr(pool, "do", lambda job, threads: threads)
+        with open_pool(workers=workers) as doers:
+            assert [used for _, used in doers.outcomes(curves_of(*sizes))] == [threads] * sum(sizes)
+
+    @pytest.mark.parametrize("workers", [None, 1, 2])
+    def test_curves_without_jobs_are_passed_over(self, workers, monkeypatch):
+        """As where an earlier run did them."""
+        monkeypatch.setattr(pool, "do", lambda job, threads: threads)
+        monkeypatch.setattr(pool, "run", lambda job: 8)
+        with open_pool(workers=workers) as doers:
+            assert [threads for _, threads in doers.outcomes([[], *curves_of(2), []])] == [8, 8]
+            assert list(doers.outcomes([[], []])) == []
+
+
+def mortal(job: Job, threads: int) -> int:
+    """Stand-in for the work: job 2 kills its process, and job 4 the first that is at it; a job's folder knows."""
+    before = job.file / str(job.number)
+    if job.number == 2 or (job.number == 4 and not before.exists()):
+        before.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return job.label
+    return os.getpid()
 
 
 @pytest.mark.usefixtures("stand_ins")
-def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch):
-    monkeypatch.setattr(pool, "run", die)
-    job = job_of(Path(), points=1, seed=0)
-    jobs = [replace(job, number=number, varied={"n": str(number)}) for number in range(6)]
-    with open_pool(workers=2) as processes:
-        outcomes = {job.number: outcome for job, outcome in processes.outcomes(jobs)}
-    assert outcomes.pop(2) == Failure("the process that computed it died twice: fewer workers need less memory")
-    assert outcomes == {number: f"n={number}" for number in (0, 1, 3, 4, 5)}
+def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch, tmp_path):
+    monkeypatch.setattr(pool, "do", mortal)
+    curves = [[replace(job, file=tmp_path) for job in curve] for curve in curves_of(3, 3)]
+    with open_pool(workers=2) as workers:
+        done = {job.number: outcome for job, outcome in workers.outcomes(curves)}
+    assert done.pop(2) == Failure("the process that computed it died twice: fewer workers need less memory")
+    assert sorted(done) == [0, 1, 3, 4, 5]
+    assert not any(isinstance(outcome, Failure) for outcome in done.values())
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_process_that_dies_when_it_has_nothing_to_do_is_replaced(monkeypatch, tmp_path):
+    monkeypatch.setattr(pool, "do", mortal)
+    with open_pool(workers=1) as workers:
+        ((_, first),) = workers.outcomes(curves_of(1))
+        os.kill(first, signal.SIGKILL)
+        ((_, second),) = workers.outcomes(curves_of(1))
+    assert second != first

@@ -1,0 +1,45 @@
+"""Processes that work for this one: they share its cores, leave interrupts to it, and do not outlive it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing.process import BaseProcess
+
+from mitsuba_taxel.mechanics.threads import set_thread_count
+
+
+def start(count: int, sharing: int) -> ProcessPoolExecutor:
+    """``count`` processes, of ``sharing`` that share the cores; each starts when there is work for it."""
+    return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (sharing,))
+
+
+def end(*executors: ProcessPoolExecutor) -> None:
+    """End all processes, whatever they are at."""
+    for executor in executors:
+        for process in list((executor._processes or {}).values()):
+            process.terminate()
+    for executor in executors:
+        executor.shutdown(cancel_futures=True)
+
+
+def share_of_cores(sharing: int) -> int:
+    """Cores for each of so many."""
+    return max(1, (os.cpu_count() or 1) // sharing)
+
+
+def _begin(sharing: int) -> None:
+    import drjit as dr
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
+    dr.set_thread_count(share_of_cores(sharing))
+    set_thread_count(share_of_cores(sharing))
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)
