@@ -122,7 +122,7 @@ class LoadedPad:
         return self._accepted(found, checked), linearised
 
     def solve_amid(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, between states of a path that :meth:`solve` has found stable.
+        """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
 
         Displacements that lack the symmetry of the load are not looked at once more, and the linearised pad is that of
         a state within `NEAR`.

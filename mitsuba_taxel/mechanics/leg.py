@@ -90,9 +90,8 @@ class Leg:
                     break
 
     def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
-        solve = pad.solve_amid if self.origin.any() else pad.solve  # it branches off another leg, or begins at rest
-        try:
-            self.nodes.append(self._node(pad, solve, 0.0, start())[0])
+        try:  # at rest, or amid another leg's states
+            self.nodes.append(self._node(pad, pad.solve_amid, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 

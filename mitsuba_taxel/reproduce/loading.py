@@ -85,14 +85,15 @@ def _tangential(
 def roof_heights(store: Store, cell: str) -> xr.Dataset:
     """Displacement along z of the top of each cell in mm, at -8 N and with 8 N along the secondary diagonal.
 
-    ``normal`` and ``diagonal``, over ``taxel``.
+    ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the nominal readings.
     """
+    mesh_size = settings_of(nominal(store, cell)["fz"])["mesh_size"]
 
     def compute() -> xr.Dataset:
         pad, silicone = Pad(cell), NeoHookean(YOUNGS_MODULUS, POISSON_RATIO)
         component = paper.SHOWN_TANGENTIAL_FORCE / math.sqrt(2)
         normal = -paper.CONSTANT_NORMAL_FORCE
-        states = load_path(pad, silicone, [(0, 0, normal), (component, component, normal)])
+        states = load_path(pad, silicone, [(0, 0, normal), (component, component, normal)], mesh_size=mesh_size)
         tops = np.column_stack([pad.cell_centres, np.full(len(pad.cell_centres), pad.top_of_cell)])
         moved = [displacement_at(state.mesh, state.displacement, tops)[:, 2] for state in states]
         return xr.Dataset(
@@ -100,4 +101,4 @@ def roof_heights(store: Store, cell: str) -> xr.Dataset:
             coords={"taxel": np.arange(1, len(tops) + 1)},
         )
 
-    return store.study(f"roofs/{cell}", {}, compute)
+    return store.study(f"roofs/{cell}", {"mesh_size": mesh_size}, compute)

@@ -21,6 +21,8 @@ from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.pads import Pad
 
 MOST_TRIANGLES = 20_000_000
+FOR_DIFFUSE, FOR_MIRRORS = 8, 24
+"""Subdivisions: readings from domes change by a few 1e-4 if there are many more; mirrors show every facet."""
 LEAST_FACES = 15
 """Of the finite elements on the surface of a cell, however large they may be."""
 
@@ -141,7 +143,7 @@ class DeformablePad(mi.Mesh):
      * - subdivision
        - |int|
        - Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep
-         theirs no longer. (Default: 12)
+         theirs no longer. (Default: 8; 24 with walls that reflect in one direction, as a mirror does)
 
      * - finish
        - |string|
@@ -217,12 +219,14 @@ class DeformablePad(mi.Mesh):
         self.load, self.value = pad_parameters.read_load(props)
         self.mesh_size, self.mesh_tolerance = pad_parameters.read_mesh(props)
         self.read_cells = pad_parameters.read_cells(props)
-        self.subdivision = whole_number(props, "subdivision", 12, minimum=1, maximum=64)
         self.finish = pad_parameters.read_finish(props)
         self.to_world = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
         similarity_scale(self.to_world)
-        if not any(isinstance(value, mi.BSDF) for _, value in props.objects()):
+        walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
+        if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
+        default = FOR_MIRRORS if any(map(_is_directed, walls)) else FOR_DIFFUSE
+        self.subdivision = whole_number(props, "subdivision", default, minimum=1, maximum=64)
 
         surface = self._solve()
         initialize_mesh(self, props, _placed(surface, self.to_world), surface.triangles)
@@ -277,6 +281,11 @@ class DeformablePad(mi.Mesh):
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
+
+
+def _is_directed(bsdf: mi.BSDF) -> bool:
+    """Whether some of what a wall reflects goes, more or less, where a mirror would send it."""
+    return bool(bsdf.flags() & (mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy))
 
 
 def _placed(surface, to_world):

@@ -84,7 +84,7 @@ def test_flat_roofs_need_no_guide(llvm_mono, cell, guided):
 
 
 def test_no_light_is_lost_between_fine_triangles(llvm_mono, monkeypatch):
-    """Rays that the guide draws to points close by, at grazing angles, arrive: without it all are drawn by the walls."""
+    """Rays that the guide draws to points close by, at grazing angles, arrive; without it the walls draw all rays."""
     scene = domed(-3.0).with_mesh_size(0.8)
     scene.source["pad"]["subdivision"] = 64
     guided = measure(scene, points=8192, mechanics_error=False)
