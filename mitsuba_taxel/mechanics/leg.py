@@ -50,7 +50,12 @@ class Interpolated:
 
 
 class Leg:
-    """The nodes of a leg solved so far; ``step`` is the distance between nodes where nothing asks for less.
+    """The nodes of a leg solved so far.
+
+    Parameters
+    ----------
+    step : distance between nodes where nothing asks for less
+    judged : whether states must be stable against all displacements, not only those with the symmetry of the load
 
     Attributes
     ----------
@@ -58,8 +63,8 @@ class Leg:
     place : (3,) mm, where the pad touches something at the limit; not numbers if it does not
     """
 
-    def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float) -> None:
-        self.origin, self.direction, self.step = origin, direction, step
+    def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float, judged: bool) -> None:
+        self.origin, self.direction, self.step, self.judged = origin, direction, step, judged
         self.nodes: list[Node] = []
         self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
 
@@ -100,10 +105,11 @@ class Leg:
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
         length = min(position & -position, TICKS) or TICKS
+        solve = pad.solve if self.judged else pad.solve_amid
         while True:
             target = (position + length) * tick
             try:
-                node, linearised = self._node(pad, pad.solve, target, self._guess(target))
+                node, linearised = self._node(pad, solve, target, self._guess(target))
                 fits = length == 1 or self._interpolates(pad, last, node, linearised)
                 del linearised  # which takes much memory
                 return self._between(pad, last, node, fits)

@@ -204,10 +204,13 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
 
 
 class _Path:
-    """Mesh and legs of one pad of one material under one kind of load, kept on disk and in memory."""
+    """Mesh and legs of one pad of one material under one kind of load, kept on disk and in memory.
 
-    def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float) -> None:
-        self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
+    One that another is compared with is not ``judged``: it may be unstable where it does not show in that.
+    """
+
+    def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
+        self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
         self._identity = [pad.identity, mesh_size]
         self._legs: dict[tuple[float, ...], Leg] = {}
 
@@ -288,10 +291,10 @@ class _Path:
     @cached_property
     def _other(self) -> _Path | None:
         """The path on elements of twice the size; where these are hardly fewer, of half; None if neither differs."""
-        coarser = _path(self.pad, self.material, self.load, COARSENING * self.mesh_size)
+        coarser = _path(self.pad, self.material, self.load, COARSENING * self.mesh_size, judged=False)
         if len(coarser.mesh.tets) <= SIMILAR * len(self.mesh.tets):
             return coarser
-        finer = _path(self.pad, self.material, self.load, self.mesh_size / COARSENING)
+        finer = _path(self.pad, self.material, self.load, self.mesh_size / COARSENING, judged=False)
         return finer if len(self.mesh.tets) <= SIMILAR * len(finer.mesh.tets) else None
 
     @cached_property
@@ -335,7 +338,7 @@ class _Path:
     def _leg(self, origin: np.ndarray, direction: np.ndarray) -> Leg:
         index = (*origin, *direction)
         if index not in self._legs:
-            leg = self._legs[index] = Leg(origin, direction, self._step)
+            leg = self._legs[index] = Leg(origin, direction, self._step, self.judged)
             self._take_stored(leg)
         return self._legs[index]
 
@@ -364,7 +367,7 @@ class _Path:
     def _leg_name(self, leg: Leg) -> str:
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
         load = [_name_of(self.load), asdict(self.load)]
-        numerics = [leg.step, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
+        numerics = [leg.step, leg.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
         return cache.key("leg", self._identity, material, load, numerics, leg.origin.tolist(), leg.direction.tolist())
 
 
@@ -396,8 +399,8 @@ def _listed(numbers: np.ndarray) -> str:
 
 
 @lru_cache(maxsize=16)
-def _path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float) -> _Path:
-    return _Path(pad, material, load, mesh_size)
+def _path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool = True) -> _Path:
+    return _Path(pad, material, load, mesh_size, judged)
 
 
 @lru_cache(maxsize=4)  # a normal and a tangential leg, and those of the coarser mesh: their matrices take much memory

@@ -29,8 +29,8 @@ DEVIATION_POINTS = 256
 """For each taxel and replicate, of the two traces that tell what the mechanics' error does."""
 COST_ORDER = 4.0
 """With which the time of the mechanics grows as elements get smaller."""
-LARGEST_STEP = 2.0
-"""By which elements are made smaller at once."""
+RUNG, MOST_RUNGS = 0.8, 3
+"""Sizes of elements are tried down a ladder, so that studies share what was solved; so many rungs at once."""
 MOST_MESHES = 4
 MOST_ELEMENTS = 250_000
 """Of a pad; a quarter of the paper's with so many takes about four gigabytes."""
@@ -124,7 +124,8 @@ def _finer(scene: Scene, ready: Prepared, error: float, target_error: float) -> 
         return None
     pads = loaded_pads(ready.scene)
     size = min(float(pad.mesh_size or DEFAULT_MESH_SIZE) for pad in pads)
-    wanted = size * max(0.95 * (MECHANICS_SHARE * target_error / error) ** (1 / ORDER), 1 / LARGEST_STEP)
+    rungs = math.log(MECHANICS_SHARE * target_error / error) / (ORDER * math.log(RUNG))
+    wanted = size * RUNG ** min(max(round(rungs), 1), MOST_RUNGS)
     elements = max(len(pad.state.mesh.tets) for pad in pads) * (size / wanted) ** 3
     return None if elements > MOST_ELEMENTS else (size, wanted)
 
