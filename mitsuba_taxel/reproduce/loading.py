@@ -25,22 +25,33 @@ PATHS = ("fz", "fx", "fy", "resultant")
 
 
 def nominal(store: Store, cell: str) -> dict[str, xr.Dataset]:
-    """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`.
+    """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`."""
+    return {"fz": normal(store, cell), **along_sides(store, cell), **along_diagonal(store, cell)}
 
-    Mesh and number of light paths are those which the normal load needs for the target error, of both together.
-    """
+
+def normal(store: Store, cell: str) -> xr.Dataset:
+    """Readings under normal forces; mesh and number of light paths are those which they need for the target error."""
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}:{-paper.FORCE_STEP}"}
-    normal = store.study(
+    return store.study(
         f"nominal/{cell}_fz",
         {"vary": vary, "target_error": TARGET_ERROR},
         lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR),
     )
-    settings, limit = settings_of(normal), paper.TANGENTIAL_LIMIT[cell]
-    along = {"fx": paper.FORCE_STEP, "fy": paper.FORCE_STEP, "resultant": DIAGONAL_STEP}
-    return {"fz": normal} | {
-        path: _tangential(store, f"nominal/{cell}_{path}", cell, path, np.arange(0, limit + step / 2, step), settings)
-        for path, step in along.items()
-    }
+
+
+def along_sides(store: Store, cell: str) -> dict[str, xr.Dataset]:
+    """Readings under tangential forces along x and y, with the mesh and the light paths of :func:`normal`."""
+    return {path: _nominal_tangential(store, cell, path, paper.FORCE_STEP) for path in ("fx", "fy")}
+
+
+def along_diagonal(store: Store, cell: str) -> dict[str, xr.Dataset]:
+    """The same along the secondary diagonal, by the resultant."""
+    return {"resultant": _nominal_tangential(store, cell, "resultant", DIAGONAL_STEP)}
+
+
+def _nominal_tangential(store: Store, cell: str, path: str, step: float) -> xr.Dataset:
+    forces = np.arange(0, paper.TANGENTIAL_LIMIT[cell] + step / 2, step)
+    return _tangential(store, f"nominal/{cell}_{path}", cell, path, forces, settings_of(normal(store, cell)))
 
 
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
@@ -55,7 +66,7 @@ def beyond(store: Store, cell: str) -> dict[str, xr.Dataset]:
     With the mesh and the number of light paths of the nominal readings, which are computed if they are missing.
     The attribute ``failures`` of each says why it ends there; its first line is the nearest.
     """
-    settings = settings_of(nominal(store, cell)["fz"])
+    settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
     studies = {}
     for path in PATHS[1:]:
@@ -87,7 +98,7 @@ def roof_heights(store: Store, cell: str) -> xr.Dataset:
 
     ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the nominal readings.
     """
-    mesh_size = settings_of(nominal(store, cell)["fz"])["mesh_size"]
+    mesh_size = settings_of(normal(store, cell))["mesh_size"]
 
     def compute() -> xr.Dataset:
         pad, silicone = Pad(cell), NeoHookean(YOUNGS_MODULUS, POISSON_RATIO)

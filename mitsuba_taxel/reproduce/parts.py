@@ -23,6 +23,17 @@ OF_SHAPES: dict[str, ShapePart] = {
 """What is computed of each shape alone, so that shapes can be computed at once."""
 
 
+def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
+    """What parts compute of a shape, such that each stage needs nothing but what those before have stored."""
+    others = [part for name, part in OF_SHAPES.items() if name in names and name != "nominal"]
+    stages: list[list[ShapePart]] = [
+        [loading.normal] if set(names) - {"analog"} else [],
+        [loading.along_sides, loading.along_diagonal] if "nominal" in names else [],
+        others,
+    ]
+    return [stage for stage in stages if stage]
+
+
 def _of_all_shapes(part: ShapePart, store: Store, *, workers: int | None) -> dict[str, Any]:
     return {cell: part(store, cell) for cell in paper.CELLS}
 
@@ -66,7 +77,7 @@ def compute(
 
     Parameters
     ----------
-    workers : number of processes to use, in place of this one; each takes a shape where a part is of all shapes
+    workers : number of processes to use, in place of this one; each takes parts of a shape where they are of all shapes
     announce : called with the name of each study that is about to be computed, by the process that computes it
 
     Returns
@@ -74,9 +85,9 @@ def compute(
     Seconds that the studies took by stage, summed over processes.
     """
     store = Store(folder, announce)
-    of_shapes = [part for name, part in OF_SHAPES.items() if name in names]
+    of_shapes = [name for name in names if name in OF_SHAPES]
     if workers and of_shapes:
-        add_seconds(store.seconds, compute_shapes(folder, of_shapes, workers, announce))
+        add_seconds(store.seconds, compute_shapes(folder, _stages(of_shapes), workers, announce))
     for name in names:
         PARTS[name](store, workers=workers)
     return store.seconds

@@ -1,9 +1,9 @@
-"""The paper's four shapes at once. The studies of one shape follow its load paths, one after the other."""
+"""The paper's four shapes at once: of each first what says how its others are computed, then those."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -14,18 +14,22 @@ from mitsuba_taxel.studies import processes
 
 COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
 
+MOST_AT_ONCE = 2 * len(COSTLIEST_FIRST)
+"""Processes that have work, but for short whiles."""
+
 ShapePart = Callable[[Store, str], Any]
 """Computes what is missing of the studies of one shape."""
 
 
 def compute_shapes(
-    folder: Path, parts: Sequence[ShapePart], workers: int, announce: Callable[[str], None]
+    folder: Path, stages: Sequence[Sequence[ShapePart]], workers: int, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute what is missing of parts, each shape in one of at most ``workers`` processes.
+    """Compute what is missing of parts, in at most ``workers`` processes.
 
     Parameters
     ----------
-    parts, announce : must be such as can be sent to a process; for :class:`Store`
+    stages : parts that need nothing but what the stages before have stored of the same shape
+    stages, announce : must be such as can be sent to a process; for :class:`Store`
 
     Returns
     -------
@@ -34,15 +38,27 @@ def compute_shapes(
     Raises
     ------
     InputError, ComputationError
-        the first of a shape, which ends all others, or that a process died.
+        the first of a part, which ends all others, or that a process died.
     """
-    count = min(workers, len(COSTLIEST_FIRST))
+    count = min(workers, MOST_AT_ONCE)
     executor = processes.start(count, sharing=count)
     seconds: dict[str, float] = {}
+    waiting = {cell: list(stages) for cell in COSTLIEST_FIRST}
+    running: dict[Future[dict[str, float]], str] = {}
+
+    def go_on(cell: str) -> None:
+        while waiting[cell] and cell not in running.values():
+            for part in waiting[cell].pop(0):
+                running[executor.submit(_computed, folder, part, cell, announce)] = cell
+
     try:
-        shapes = [executor.submit(_shape, folder, parts, cell, announce) for cell in COSTLIEST_FIRST]
-        for shape in as_completed(shapes):
-            add_seconds(seconds, shape.result())
+        for cell in COSTLIEST_FIRST:
+            go_on(cell)
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                cell = running.pop(future)
+                add_seconds(seconds, future.result())
+                go_on(cell)
     except BrokenProcessPool as error:
         raise ComputationError("a process died that computed a shape: fewer workers need less memory.") from error
     finally:
@@ -50,8 +66,7 @@ def compute_shapes(
     return seconds
 
 
-def _shape(folder: Path, parts: Sequence[ShapePart], cell: str, announce: Callable[[str], None]) -> dict[str, float]:
+def _computed(folder: Path, part: ShapePart, cell: str, announce: Callable[[str], None]) -> dict[str, float]:
     store = Store(folder, announce)
-    for part in parts:
-        part(store, cell)
+    part(store, cell)
     return store.seconds

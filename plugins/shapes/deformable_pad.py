@@ -21,8 +21,8 @@ from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.pads import Pad
 
 MOST_TRIANGLES = 20_000_000
-FOR_DIFFUSE, FOR_MIRRORS = 8, 24
-"""Subdivisions: readings from domes change by a few 1e-4 if there are many more; mirrors show every facet."""
+FOR_DIFFUSE, FOR_MIRRORS = 6, 24
+"""Subdivisions: readings from domes change by some 5e-4 if there are many more; mirrors show every facet."""
 LEAST_FACES = 15
 """Of the finite elements on the surface of a cell, however large they may be."""
 
@@ -143,7 +143,7 @@ class DeformablePad(mi.Mesh):
      * - subdivision
        - |int|
        - Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep
-         theirs no longer. (Default: 8; 24 with walls that reflect in one direction, as a mirror does)
+         theirs no longer. (Default: 6; 24 with walls that reflect in one direction, as a mirror does)
 
      * - finish
        - |string|

@@ -59,25 +59,25 @@ def note(file: Path, name: str) -> None:
         notes.write(f"{name}\n")
 
 
-def test_every_shape_is_computed_whole_by_one_process(tmp_path):
+def test_what_a_shape_needs_comes_first(tmp_path):
     announce = partial(note, tmp_path / "notes")
     done = tmp_path / "results"
-    seconds = compute_shapes(done, [two_studies, heights], 2, announce)
+    seconds = compute_shapes(done, [[two_studies], [heights]], 2, announce)
     assert seconds == {stage: 8 * (PILOT.get(stage, 0) + READING * (stage != "mechanics")) for stage in seconds}
     assert list(sorted(seconds)) == ["load", "mechanics", "optics"]
     names = {cell: [f"readings/{cell}_1", f"readings/{cell}_2", f"heights/{cell}"] for cell in paper.CELLS}
     by = {cell: {int(xr.load_dataset(done / f"{name}.nc").process) for name in names[cell]} for cell in names}
-    assert all(len(processes) == 1 for processes in by.values())
-    assert os.getpid() not in set.union(*by.values())
+    computing = set.union(*by.values())
+    assert 1 <= len(computing) <= 2 and os.getpid() not in computing
     announced = (tmp_path / "notes").read_text().split()
     assert sorted(announced) == sorted(sum(names.values(), []))
     assert {cell: [name for name in announced if cell in name] for cell in names} == names
-    assert compute_shapes(done, [two_studies, heights], 2, announce) == {}
+    assert compute_shapes(done, [[two_studies], [heights]], 2, announce) == {}
     assert len((tmp_path / "notes").read_text().split()) == 12
 
 
 def test_with_one_process_the_costliest_comes_first(tmp_path):
-    compute_shapes(tmp_path / "results", [heights], 1, partial(note, tmp_path / "notes"))
+    compute_shapes(tmp_path / "results", [[heights]], 1, partial(note, tmp_path / "notes"))
     assert (tmp_path / "notes").read_text().split() == [f"heights/{cell}" for cell in COSTLIEST_FIRST]
     assert sorted(COSTLIEST_FIRST) == sorted(paper.CELLS)
 
@@ -88,4 +88,4 @@ def test_with_one_process_the_costliest_comes_first(tmp_path):
 )
 def test_what_ends_a_shape_ends_all(part, error, words, tmp_path):
     with pytest.raises(error, match=words):
-        compute_shapes(tmp_path, [part], 2, print)
+        compute_shapes(tmp_path, [[part], [heights]], 2, print)
