@@ -22,7 +22,7 @@ from .options import debug_option, folder_option
 )
 @click.option(
     "--workers", type=click.IntRange(min=1), metavar="N",
-    help="Processes to use, in place of this one; each takes a shape where a part is of all shapes.",
+    help="Processes to use, in place of this one; shapes and their load paths are shared out.",
 )  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
