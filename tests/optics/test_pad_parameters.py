@@ -151,6 +151,25 @@ def test_python_objects_make_the_same_pad(llvm_mono, sensor):
     assert pad.value == pytest.approx(tuple(sensor.force))
 
 
+def wall(scattering, name="walls"):
+    return f'<bsdf type="wall" name="{name}"> <string name="scattering" value="{scattering}"/> </bsdf>'
+
+
+@pytest.mark.parametrize(
+    ("words", "subdivision"),
+    [
+        ("", 6),
+        (wall("lambertian"), 6),
+        (wall("mirror"), 24),
+        ('<bsdf type="region">' + wall("mirror", "roof") + "</bsdf>", 24),
+        ('<bsdf type="roughconductor"/>', 24),
+        (wall("mirror") + '<integer name="subdivision" value="3"/>', 3),
+    ],
+)
+def test_walls_that_show_facets_are_cut_more_finely(loaded, words, subdivision):
+    assert loaded(words)[0].subdivision == subdivision
+
+
 def test_only_cells_that_are_read_are_cut_finely(llvm_mono):
     (state,) = load_path(Pad(rows=1, columns=2), NeoHookean(), [(0, 0, -1)], mesh_size=SIZE)
     whole, part = tessellate(state), tessellate(state, cells=(2,))
