@@ -85,9 +85,11 @@ def test_stock_path_agrees_on_lambertian_walls(llvm_mono, agree, tmp_path, cell,
     agree(theirs.power, theirs.standard_error, ours.power, ours.standard_error)
 
 
-def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path):
+@pytest.mark.parametrize("cell", ["parallelepiped", "spherical"])
+def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path, agree, cell):
+    """To the bit where paths are not guided; those in domes are, after the pad at rest, which a mesh does not know."""
     mi = llvm_mono
-    scene = Scene.from_file("pad.xml", cell="spherical", fz=-6)
+    scene = Scene.from_file("pad.xml", cell=cell, fz=-6)
     live = scene.load()
     pad = next(shape for shape in live.shapes() if hasattr(shape, "pad"))
     pad.write_ply(str(tmp_path / "pad.ply"))
@@ -98,9 +100,13 @@ def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path):
     for name in ("cell", "fx", "fy", "fz", "youngs_modulus", "poisson_ratio"):
         text = "\n".join(line for line in text.splitlines() if f'<default name="{name}"' not in line)
     (tmp_path / "plain.xml").write_text(text)
-    before = measure(live, points=512, mechanics_error=False).replicates
-    assert np.array_equal(measure(mi.load_file(str(tmp_path / "plain.xml")), points=512).replicates, before)
-    assert np.array_equal(measure(Scene.from_file(tmp_path / "plain.xml"), points=512).replicates, before)
+    before = measure(live, points=512, mechanics_error=False)
+    for plain in (mi.load_file(str(tmp_path / "plain.xml")), Scene.from_file(tmp_path / "plain.xml")):
+        after = measure(plain, points=512)
+        if cell == "parallelepiped":
+            assert np.array_equal(after.replicates, before.replicates)
+        else:
+            agree(after.power, after.standard_error, before.power, before.standard_error)
 
 
 def test_scene_from_python_written_as_xml_reads_the_same_to_the_bit(llvm_mono, tmp_path):

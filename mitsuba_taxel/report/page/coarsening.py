@@ -52,9 +52,17 @@ def coarsened(
     proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
     kept, merged = _nearest_to_centres(vertices, group), merged[proper]
     # A thin triangle may have been folded over, and would show its wrong side.
-    before, now = area_normals(vertices, triangles[proper]), area_normals(vertices[kept], merged)
+    before, now = _normals_about(vertices, triangles, regions)[proper], area_normals(vertices[kept], merged)
     folded = np.einsum("ij,ij->i", before, now) < 0
     return Coarse(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
+
+
+def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
+    """(M, 3) sums of the area normals about the corners of each triangle, in its region: its own may be too small."""
+    _, corner = np.unique(triangles.astype(np.int64) * 32 + regions[:, None], return_inverse=True)
+    corner, normals = corner.reshape(triangles.shape), area_normals(vertices, triangles)
+    columns = [np.bincount(corner.ravel(), np.repeat(column, 3))[corner].sum(axis=1) for column in normals.T]
+    return np.column_stack(columns)
 
 
 def _nearest_to_centres(vertices: np.ndarray, group: np.ndarray) -> np.ndarray:
