@@ -90,7 +90,7 @@ def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_m
 
 
 def test_a_time_budget_leaves_a_finer_mesh_alone(llvm_mono):
-    reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=0.5)
+    reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=1e-3)
     assert reading.mesh_size is None and reading.points >= 256
 
 

@@ -211,7 +211,7 @@ def test_a_time_budget_limits_points():
 
 
 def test_a_time_budget_limits_the_mesh(one_cell):
-    study = sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=0.5)
+    study = sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=1e-3)
     assert "mesh_size" not in study.attrs and study.attrs["points"] == 256
 
 
