@@ -32,7 +32,7 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
     if scene is None and schema is None:
         raise click.UsageError("SCENE or --schema is needed.")
     if schema is not None:
-        from mitsuba_taxel.report.schema import write_schema
+        from mitsuba_taxel.check.schema import write_schema
 
         write_schema(schema)
         click.echo(f"Written: {schema}", err=as_json)

@@ -134,9 +134,10 @@ def _as_json(study) -> dict[str, object]:
 
 
 def _show(name: str, study) -> None:
+    from mitsuba_taxel.report.readings_words import budget_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import budget_line, print_table, stage_line
+    from .tables import print_table, stage_line
 
     if name:
         print(f"\n{name}:")

@@ -39,22 +39,11 @@ def _show(table: Table) -> None:
 
 def print_readings(readings) -> None:
     """Power, error and photocurrent per taxel, what they mean, the error budget and the time by stage."""
-    columns = {
-        "taxel": [str(taxel) for taxel in readings.taxel],
-        "power [W]": [f"{power:.6e}" for power in readings.power],
-        "light error [W]": [f"{error:.1e}" for error in readings.standard_error],
-    }
-    if readings.deviation is not None:
-        columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
-    pairs = zip(readings.power, readings.total_error, strict=True)
-    columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
-    if readings.photocurrent is not None:
-        columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
+    from mitsuba_taxel.report.readings_words import budget_line, light_error_line, readings_columns
+
+    columns = readings_columns(readings)
     print_table(list(columns), list(zip(*columns.values(), strict=True)))
-    print(
-        f"Light error: 1 sigma, from {len(readings.replicates)} randomisations of {readings.points} points per taxel, "
-        f"seed {readings.seed}."
-    )
+    print(light_error_line(readings))
     for note in readings.notes:
         print(note)
     print(budget_line(readings.error_budget))
@@ -112,16 +101,6 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     )
     worst = max(row["imbalance"] for row in rows)
     print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
-
-
-def budget_line(budget: Mapping[str, float]) -> str:
-    """``Error of the worst reading: light 0.2%, mechanics 0.3%, total 0.36%``."""
-    parts = (f"{source} {_share(share)}" for source, share in budget.items())
-    return f"Error of the worst reading: {', '.join(parts)}"
-
-
-def _share(share: float) -> str:
-    return "unknown" if math.isnan(share) else f"{share:.2%}"
 
 
 def known(number: float) -> float | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.report.readings_words import budget_line, light_error_line, readings_columns
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -163,19 +163,10 @@ def scene_html(scene: Scene) -> str:
 
 def readings_html(readings: Readings) -> str:
     """Power and error of each taxel, and the error budget."""
-    columns: dict[str, Iterable[str]] = {"taxel": map(str, readings.taxel)}
-    columns["power [W]"] = (f"{power:.6e}" for power in readings.power)
-    columns["light error [W]"] = (f"{error:.1e}" for error in readings.standard_error)
-    if readings.deviation is not None:
-        columns["mechanics error [W]"] = (f"{error:.1e}" for error in readings.mechanics_error)
-    pairs = zip(readings.power, readings.total_error, strict=True)
-    columns["total"] = (f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs)
-    if readings.photocurrent is not None:
-        columns["photocurrent [A]"] = (f"{current:.6e}" for current in readings.photocurrent)
-    from_what = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
-    lines = [f"Light error: 1 sigma, from {from_what}, seed {readings.seed}.", *readings.notes]
+    columns = readings_columns(readings)
+    lines = [light_error_line(readings), *readings.notes, f"{budget_line(readings.error_budget)}."]
     table = _table(list(columns), list(zip(*columns.values(), strict=True)))
-    return _framed("Readings", table, *map(_line, lines), _budget(readings.error_budget))
+    return _framed("Readings", table, *map(_line, lines))
 
 
 def _study(study: xr.Dataset, name: str) -> str:
@@ -189,7 +180,7 @@ def _study(study: xr.Dataset, name: str) -> str:
     lines = [*study.attrs["notes"].splitlines(), *(f"failed: {line}" for line in failures[:MOST_LINES])]
     if len(failures) > MOST_LINES:
         lines.append(f"failed: {len(failures) - MOST_LINES} more")
-    budget = _budget(study_error_budget(study))
+    budget = _line(f"{budget_line(study_error_budget(study))}.")
     return _framed(f"Study: {name}", _plot(study), sensitivities, budget, *map(_line, lines))
 
 
@@ -224,11 +215,6 @@ def _given(part: Any) -> str:
 
     words = (f"{name} = {value}" for name, value in asdict(part).items() if value is not None)
     return ", ".join(words) or "as its plugin has it"
-
-
-def _budget(budget: Mapping[str, float]) -> str:
-    parts = (f"{source} {'unknown' if math.isnan(share) else f'{share:.2%}'}" for source, share in budget.items())
-    return _line(f"Error of the worst reading: {', '.join(parts)}.")
 
 
 def _framed(title: str, *parts: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mitsuba_taxel.report.schema import schema
+from mitsuba_taxel.check.schema import schema
 
 SCENE = """<scene version="3.9.0">
 <shape type="photo_reflector">

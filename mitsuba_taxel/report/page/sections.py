@@ -15,6 +15,7 @@ from mitsuba_taxel.characterise.wording import pair_rows, table_rows, with_error
 from mitsuba_taxel.report.characteristics import plot_deviations, plot_sensitivity, plot_tangential_maps
 from mitsuba_taxel.report.curves import plot_curves
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
+from mitsuba_taxel.report.readings_words import budget_rows
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000
@@ -135,8 +136,7 @@ def _tangential(maps, pairs) -> str:
 
 def cost(study: xr.Dataset, key: str) -> str:
     """Error budget and time by stage."""
-    budget = study_error_budget(study)
-    errors = [(source, "unknown" if np.isnan(share) else f"{share:.2%}") for source, share in budget.items()]
+    errors = budget_rows(study_error_budget(study))
     seconds = stage_totals(study)
     total = sum(seconds.values())
     times = [(stage, f"{value:.2f}", f"{value / total:.0%}") for stage, value in seconds.items() if total > 0]
