@@ -7,6 +7,7 @@ state follows from cubic Hermite interpolation with the tangents du/dF, which on
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 
@@ -27,7 +28,10 @@ Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
 
 @dataclass(frozen=True)
 class Node:
-    """A solved state on a leg at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds."""
+    """A solved state on a leg at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+
+    ``seconds`` are those that it took to solve.
+    """
 
     s: float
     unknowns: np.ndarray
@@ -36,17 +40,19 @@ class Node:
     residual: float
     iterations: int
     stability_checked: bool
+    seconds: float
 
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Unknowns between two nodes, with the worse of their figures."""
+    """Unknowns between two nodes, with the worse of their figures, and the seconds of all nodes on the way there."""
 
     unknowns: np.ndarray
     min_jacobian: float
     residual: float
     iterations: int
     stability_checked: bool
+    seconds: float
 
 
 class Leg:
@@ -139,10 +145,11 @@ class Leg:
         return last.unknowns + (s - last.s) * last.tangent
 
     def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
+        began = time.perf_counter()
         solution, linearised = solve(guess, self.value(s))
         tangent = pad.rate(linearised, solution.unknowns, self.direction)
         figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
-        return Node(s, solution.unknowns, tangent, *figures), linearised
+        return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
 
     def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
         """Whether the interpolated midpoint is near equilibrium: one step of Newton's method says how near."""
@@ -179,6 +186,7 @@ class Leg:
             max(start.residual, end.residual),
             end.iterations,
             start.stability_checked and end.stability_checked,
+            sum(node.seconds for node in self.nodes[: after + 1]),
         )
 
     def arrays(self) -> dict[str, np.ndarray]:

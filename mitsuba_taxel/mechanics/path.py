@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache, partial
 from textwrap import shorten
 
@@ -67,6 +67,7 @@ class State:
     stability_checked : whether the solver gave the inertia that stability was judged by
     error : estimated discretisation error at the roofs; None where it is not known, because the other mesh that it
         takes cannot be made or loaded so far, or is no other
+    seconds : that the equilibria on the way to it took to solve, on both meshes, and whenever that was
     deviation : (N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
         cells, 0 elsewhere: about the error, place by place; None where that is not known
     """
@@ -82,6 +83,7 @@ class State:
     newton_iterations: int
     stability_checked: bool
     error: RoofError | None
+    seconds: float = 0.0
     deviation: np.ndarray | None = None
 
     def _repr_html_(self) -> str:
@@ -248,13 +250,13 @@ class _Path:
                 turned = mirror.image(turned)
                 used.append(mirror)
         displacement, pressure, at = self._canonical(turned, used)
-        error, deviation = self._error(turned, displacement)
+        error, deviation, seconds = self._error(turned, displacement)
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
             deviation = None if deviation is None else mirror.image(deviation[image])
-        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, error, deviation)
-        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures)
+        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, error, seconds + at.seconds)
+        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures, deviation)
 
     def _canonical(self, value: np.ndarray, mirrors: list[Mirror]) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
@@ -263,8 +265,8 @@ class _Path:
         """
         found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
-            return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True)
-        start = partial(_at_rest, found)
+            return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
+        start, seconds = partial(_at_rest, found), 0.0
         for leg, s in self._legs_to(value):
             pad = self._pad_for(leg.origin, leg.direction)
             if not leg.reaches(s):
@@ -272,21 +274,25 @@ class _Path:
             if not leg.reaches(s):
                 raise ComputationError(_end_of(leg, self.load, mirrors))
             at = leg.at(s)
+            seconds += at.seconds
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, leg.value(s))
-        return *found, at
+        return *found, replace(at, seconds=seconds)
 
-    def _error(self, value: np.ndarray, displacement: np.ndarray) -> tuple[RoofError, np.ndarray] | tuple[None, None]:
-        """Error and deviation of a canonical displacement, by the same path on another mesh."""
+    def _error(
+        self, value: np.ndarray, displacement: np.ndarray
+    ) -> tuple[RoofError, np.ndarray, float] | tuple[None, None, float]:
+        """Error and deviation of a canonical displacement, by the same path on another mesh, and that one's seconds."""
         if not value.any():
-            return NO_ERROR, np.zeros_like(displacement)
+            return NO_ERROR, np.zeros_like(displacement), 0.0
         try:
             if self._other is None:
-                return None, None
-            other = self._other._canonical(value, [])[0]
+                return None, None, 0.0
+            other, _, at = self._other._canonical(value, [])
         except ComputationError:
-            return None, None
-        return self._comparison.error(displacement, other), self._comparison.deviation(displacement, other)
+            return None, None, 0.0
+        comparison = self._comparison
+        return comparison.error(displacement, other), comparison.deviation(displacement, other), at.seconds
 
     @cached_property
     def _other(self) -> _Path | None:

@@ -124,6 +124,7 @@ def state_html(state: State) -> str:
         ("residual", f"{state.residual:.0e}"),
         ("stability", "checked" if state.stability_checked else "not checked"),
         ("elements", f"{len(state.mesh.tets)}"),
+        ("seconds to solve", f"{state.seconds:.2g}"),
     ]
     error = state.error
     if error is None:

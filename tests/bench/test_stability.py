@@ -159,7 +159,7 @@ def test_what_is_wrong_with_a_row_is_seen(change, what):
 
 def _leg(positions, limit=math.inf):
     leg = Leg(np.zeros(1), np.ones(1), 2.0, judged=True)
-    leg.nodes = [Node(2.0 * p / TICKS, np.zeros(1), np.zeros(1), 1.0, 0.0, 1, True) for p in positions]
+    leg.nodes = [Node(2.0 * p / TICKS, np.zeros(1), np.zeros(1), 1.0, 0.0, 1, True, 0.0) for p in positions]
     leg.limit = limit
     return leg
 

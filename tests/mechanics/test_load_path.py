@@ -78,6 +78,15 @@ def test_a_state_is_the_same_to_the_bit_whoever_asks(fresh):
         assert same(a, b) and same(a, c)
 
 
+def test_seconds_are_those_of_the_way_there_whoever_solved_it(fresh):
+    forces = [(0, 0, 0), (0, 0, -0.3), (0, 0, -1.5), (0.3, 0, -0.3), (0.3, 0, -1.5)]
+    solved = [state.seconds for state in states(forces)]
+    rest, little, much, little_aside, much_aside = solved
+    assert 0 == rest < little <= much < much_aside and little < little_aside
+    fresh()
+    assert [states([force])[0].seconds for force in forces] == solved
+
+
 def test_a_state_does_not_depend_on_what_else_was_solved(fresh, monkeypatch, tmp_path):
     alone = states([(0, 0, -0.4), (0.2, 0.1, -0.4)])
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "another"))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
+from mitsuba_taxel.optics.mechanics_error import loaded_pads
 from mitsuba_taxel.optics.mesh_adapter import move_vertices
 from mitsuba_taxel.optics.results import mechanics_share
 from mitsuba_taxel.optics.runs import prepare
-from mitsuba_taxel.optics.targets import DEVIATION_POINTS, mechanics_of
+from mitsuba_taxel.optics.targets import DEVIATION_POINTS, _timed, mechanics_of
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 FINE = 0.4
@@ -92,6 +93,14 @@ def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_m
 def test_a_time_budget_leaves_a_finer_mesh_alone(llvm_mono):
     reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=1e-3)
     assert reading.mesh_size is None and reading.points >= 256
+
+
+def test_a_solution_that_was_kept_does_not_make_a_finer_mesh_look_cheap(llvm_mono):
+    scene = sensor("cylindrical", (0.0, 0.0, -1.7))
+    for _ in range(2):
+        ready, seconds = _timed(scene)
+        (pad,) = loaded_pads(ready.scene)
+        assert seconds >= pad.state.seconds > 0
 
 
 def test_no_load_no_error_of_the_mechanics(llvm_mono):
