@@ -210,7 +210,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
                 ax.errorbar(x, rows + 0.15 * (number - 1.5), xerr=bar, label=cell, **style)
                 ax.axvline(1e6 * theirs[kind][cell], color=COLOURS[number], linestyle=DASHES[number], linewidth=0.9)
             ax.set_xscale("log")
-            ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
+            ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS], fontsize=8)
             ax.minorticks_off()
             ax.set_title(f"{kind} force (lines: paper)", fontsize=10)
             ax.set_xlabel("steepest slope [µW/N]")

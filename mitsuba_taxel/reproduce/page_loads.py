@@ -48,7 +48,8 @@ paper's solver went.
 {markdown_table(head, rows)}
 
 The maximum slope is that of all nine curves over steps of 0.5 N, of polynomials through them that leave no
-significant term out (of degree {_degrees(table)}). Tangential: the steeper of x and y.
+significant term out (of degree {_degrees(table)}); what one term more would change is part of its error.
+Tangential: the steeper of x and y.
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 

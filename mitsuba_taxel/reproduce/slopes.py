@@ -7,16 +7,18 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.replicates import at_largest, error_at_largest, standard_error
+from mitsuba_taxel.characterise.replicates import Largest, at_largest, error_at_largest, standard_error
 
 HIGHEST_DEGREE = 8
-SIGNIFICANT = 5.0
-"""Standard errors, from 32 replicates, by which a coefficient must differ from zero: by chance 2 in 100 000 do so, and
-some of the 72 of nine taxels in one study of 600."""
+SIGNIFICANT = 4.0
+"""Standard errors, from 32 replicates, by which a coefficient must differ from zero: by chance 4 in 10 000 do so, and
+some of the 72 of nine taxels in one study of 40."""
 
 
 class Sensitivity(NamedTuple):
-    """Slopes of the readings of one study along one force, in W/N, with standard errors (of the light).
+    """Slopes of the readings of one study along one force, in W/N, with standard errors.
+
+    These are of the light and of the smoothing: what the first term that was left out would change is part of them.
 
     Attributes
     ----------
@@ -47,26 +49,27 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     ordered = study.sortby(force)
     x = ordered[force].values
     samples = ordered.replicate_power.transpose(force, "replicate", "taxel").values
-    smoothed, degree = smooth(x, samples)
-    steps = _steps(x, smoothed)
-    places = steps.transpose(0, 2, 1).reshape(-1, steps.shape[1], 1)
-    steepest = at_largest(places)
+    smoothed, finer, degree = smooth(x, samples)
+    steepest = _steepest(x, smoothed)
     magnitude = steepest.samples * steepest.signs
-    step, taxel = divmod(int(steepest.place[0]), steps.shape[2])
-    mean = at_largest(((smoothed[-1] - smoothed[0]) / (x[-1] - x[0])).T[:, :, None])
+    finer_steepest = _steepest(x, finer)
+    change = (finer_steepest.samples * finer_steepest.signs).mean() - magnitude.mean()
+    step, taxel = divmod(int(steepest.place[0]), samples.shape[2])
+    mean = at_largest(_mean_slope(x, smoothed).T[:, :, None])
+    mean_change = (_mean_slope(x, finer) - _mean_slope(x, smoothed)).mean(axis=0)[mean.place[0]]
     return Sensitivity(
         float(magnitude.mean()),
-        float(error_at_largest(magnitude, steepest.moved)[0]),
+        float(np.hypot(error_at_largest(magnitude, steepest.moved)[0], change)),
         float(x[step] + x[step + 1]) / 2,
         int(study.taxel.values[taxel]),
         float(mean.samples.mean()),
-        float(error_at_largest(mean.samples, mean.moved)[0]),
+        float(np.hypot(error_at_largest(mean.samples, mean.moved)[0], mean_change)),
         degree,
         float(np.abs(_steps(x, samples).mean(axis=1)).max()),
     )
 
 
-def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, int]:
+def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Polynomials in force fitted to each replicate and taxel, and their degree, the same for all.
 
     The degree is the highest, of those up to :data:`HIGHEST_DEGREE`, whose coefficient in polynomials orthogonal
@@ -79,7 +82,7 @@ def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, int]:
 
     Returns
     -------
-    Samples (F, replicates, taxels) of the polynomials, and the degree.
+    Samples (F, replicates, taxels) of the polynomials, and of those with one more term if there is one; the degree.
     """
     highest = min(HIGHEST_DEGREE, len(force) - 1)
     scaled = 2 * (force - force.min()) / np.ptp(force) - 1
@@ -88,8 +91,21 @@ def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, int]:
     error = standard_error(coefficients)
     significant = np.abs(coefficients.mean(axis=0)) > SIGNIFICANT * error
     degree = int(max(1, *np.flatnonzero(significant.any(axis=1))))
-    return np.einsum("fd,rdt->frt", basis[:, : degree + 1], coefficients[:, : degree + 1]), degree
+    smoothed, finer = (
+        np.einsum("fd,rdt->frt", basis[:, :terms], coefficients[:, :terms]) for terms in (degree + 1, degree + 2)
+    )
+    return smoothed, finer, degree
+
+
+def _steepest(force: np.ndarray, samples: np.ndarray) -> Largest:
+    """The slopes of the step and taxel where they are largest; its place counts taxels first."""
+    steps = _steps(force, samples)
+    return at_largest(steps.transpose(0, 2, 1).reshape(-1, steps.shape[1], 1))
 
 
 def _steps(force: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return np.diff(samples, axis=0) / np.diff(force)[:, None, None]
+
+
+def _mean_slope(force: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    return (samples[-1] - samples[0]) / (force[-1] - force[0])
