@@ -104,7 +104,10 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
             for edge in singular_edges(solid, pad):
                 edge.maxh = edge_size / unit
             parameters = MeshingParameters(
-                maxh=BULK_COARSENING * mesh_size / unit, grading=0.4, curvaturesafety=curvature_safety
+                maxh=BULK_COARSENING * mesh_size / unit,
+                grading=0.4,
+                curvaturesafety=curvature_safety,
+                parallel_meshing=False,  # one solid gains nothing, and threads that wait for a busy core cost tenfold
             )
             mesh = OCCGeometry(solid).GenerateMesh(parameters)
             mesh.SecondOrder()

@@ -108,7 +108,9 @@ def _mesh_step(
     for edge in solid.edges:
         if edge.bounding_box[1].z < 1e-4 * solid.bounding_box[1].z:
             edge.maxh = size / float(rim_refinement)
-    parameters = MeshingParameters(maxh=size, grading=0.4, curvaturesafety=float(curvature_safety))
+    parameters = MeshingParameters(
+        maxh=size, grading=0.4, curvaturesafety=float(curvature_safety), parallel_meshing=False
+    )
     mesh = OCCGeometry(solid).GenerateMesh(parameters)
     mesh.SecondOrder()
     surface = mesh.Elements2D().NumPy()
