@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -50,7 +50,9 @@ class Location:
         by the second derivative times half the square of the distance for others.
         """
         nodal = values[self.mesh.tets[self.element]]
-        inside = np.einsum("pa,pa...->p...", _tet_functions(self.reference), nodal)
+        inside = np.einsum("pa,pa...->p...", self._functions, nodal)
+        if not self.offset.any():
+            return inside
         return inside + np.einsum("p...j,pj->p...", self.gradient(values), self.offset)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
@@ -58,10 +60,19 @@ class Location:
 
         Outside it is that of the nearest point of the silicone.
         """
-        tets = self.mesh.tets[self.element]
+        return np.einsum("pa...,paj->p...j", values[self.mesh.tets[self.element]], self._slopes)
+
+    @cached_property
+    def _functions(self) -> np.ndarray:
+        """(P, 10) shape functions at the points."""
+        return _tet_functions(self.reference)
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """(P, 10, 3) their derivatives by the undeformed place, in 1/mm."""
         by_reference = shape_gradients(self.reference)
-        jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[tets])
-        return np.einsum("pa...,paj->p...j", values[tets], by_reference @ np.linalg.inv(jacobian))
+        jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[self.mesh.tets[self.element]])
+        return by_reference @ np.linalg.inv(jacobian)
 
 
 class PointLocator:
