@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
+MOST_LETTERS = 1000
+"""Of a message: what it quotes may be of any length."""
+
 
 class InputError(ValueError):
     """What was asked for cannot be: the message names the parameter, its value and what is allowed.
 
-    The command line prints it as one line and exits with code 2.
+    The command line prints it and exits with code 2. It is one line, whatever it quotes.
+
+    Attributes
+    ----------
+    part : the object of a scene that is to blame, where that is known
     """
+
+    def __init__(self, message: object, part: object = None) -> None:
+        super().__init__(one_line(message))
+        self.part = part
 
 
 class ComputationError(RuntimeError):
     """A computation on valid input did not succeed: the message says where it stopped and why.
 
-    The command line prints it as one line and exits with code 1.
+    The command line prints it and exits with code 1. It is one line, whatever it quotes.
     """
+
+    def __init__(self, message: object) -> None:
+        super().__init__(one_line(message))
+
+
+def one_line(message: object) -> str:
+    """A message on one line, without the middle of one that is too long to be read."""
+    line = " ".join(str(message).split())
+    half = MOST_LETTERS // 2
+    return line if len(line) <= MOST_LETTERS else f"{line[:half]} [...] {line[-half:]}"
 
 
 def comes_from_interrupt(error: BaseException | None) -> bool:

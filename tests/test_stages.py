@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import pytest
@@ -38,3 +39,22 @@ def test_a_failed_stage_is_counted_and_left():
         with stages.stage("optics"):
             pass
     assert set(seconds) == {"load", "optics"}
+
+
+def test_threads_count_their_own_time_alone():
+    def work(seconds, name):
+        with stages.record() as record, stages.stage("all"):
+            begun.wait()
+            with stages.stage(name):
+                time.sleep(seconds)
+            ended.wait()
+        records.append(record)
+
+    records: list[dict[str, float]] = []
+    begun, ended = threading.Barrier(2), threading.Barrier(2)
+    threads = [threading.Thread(target=work, args=(0.01, name)) for name in ("one", "other")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(sorted(record) for record in records) == [["all", "one"], ["all", "other"]]

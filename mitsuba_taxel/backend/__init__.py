@@ -10,6 +10,7 @@ from mitsuba_taxel.backend.registry import (
     plugin_files,
     register_for_every_variant,
 )
+from mitsuba_taxel.backend.turns import in_turn
 
 __all__ = [
     "DEFAULT_VARIANT",
@@ -17,6 +18,7 @@ __all__ = [
     "activate_variant",
     "check_llvm",
     "choose_llvm",
+    "in_turn",
     "plugin_files",
     "register_for_every_variant",
     "report",

@@ -105,6 +105,7 @@ def _reading_point(found: Readings, long: np.ndarray, seconds: float, target: fl
         "mechanics_error": relative_rms(long - truth.power, truth.power),
         "stated_light": relative_rms(found.standard_error, found.power),
         "stated_mechanics": relative_rms(found.mechanics_error, found.power),
+        "stated_geometry": relative_rms(found.geometry_error, found.power),
     }
     return Point(
         setting=f"{target:.1%}",

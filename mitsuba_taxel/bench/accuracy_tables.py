@@ -7,13 +7,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.bench.work_precision import Curve, slope
-from mitsuba_taxel.studies.files import replacing
 
 COLUMNS = (
     "part", "method", "setting", "seconds", "error", "stated_error", "floor", "reference", "runs", "light_error",
-    "mechanics_error", "stated_light", "stated_mechanics", "mechanics_seconds", "load_seconds", "optics_seconds",
-    "remark",
+    "mechanics_error", "stated_light", "stated_mechanics", "stated_geometry", "mechanics_seconds", "load_seconds",
+    "optics_seconds", "remark",
 )  # fmt: skip
 HEADINGS = ("part", "method", "points", "error", "stated", "reference", "seconds", "slope", "remark")
 PEERS = (

@@ -5,15 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Protocol, TypeVar
 
-from mitsuba_taxel.bench.apart import measure_apart
-from mitsuba_taxel.bench.cases import Case, stability_cases
-from mitsuba_taxel.bench.reading_cases import ReadingCase, reading_cases
+from mitsuba_taxel.bench.apart import Case, measure_apart
+from mitsuba_taxel.bench.cases import stability_cases
+from mitsuba_taxel.bench.reading_cases import reading_cases
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.studies.files import check_new_file
+
+
+class NamedCase(Case, Protocol):
+    """A row of a table before it is measured."""
+
+    @property
+    def name(self) -> str: ...
+
+
+AnyCase = TypeVar("AnyCase", bound=NamedCase)
 
 
 def stability(
@@ -35,7 +46,8 @@ def stability(
     InputError
         if no case has such a name, or a file cannot be written.
     """
-    cases = chosen([*stability_cases(), *reading_cases()], only)
+    both: list[NamedCase] = [*stability_cases(), *reading_cases()]
+    cases = chosen(both, only)
     for file, suffix in ((csv, ".csv"), (markdown, ".md")):
         if file:
             check_new_file(file, suffix)
@@ -51,7 +63,7 @@ def stability(
         yield rows[-1]
 
 
-def chosen(cases: Sequence[Case | ReadingCase], only: str | None) -> list[Case | ReadingCase]:
+def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
     """The cases whose name has a part that the pattern ``only`` fits; raises `InputError` if there are none."""
     wanted = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
     if not wanted:

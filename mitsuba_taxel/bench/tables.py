@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.bench.apart import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.cases import MESH_SIZE
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
-from mitsuba_taxel.studies.files import replacing
 
 _PAGE = """\
 # At the extremes
@@ -79,15 +79,15 @@ def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
     if mechanics:
-        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=_table(HEADINGS, map(cells, mechanics)))
+        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=markdown_table(HEADINGS, map(cells, mechanics)))
     if readings:
-        table = _table(READING_HEADINGS, map(reading_cells, readings))
+        table = markdown_table(READING_HEADINGS, map(reading_cells, readings))
         text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
     with replacing(file) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
 
 
-def _table(headings: Mapping[str, str], rows: Iterable[Sequence[str]]) -> str:
-    aligned = [":--" if name in ("case", "verdict", "stability", "by") else "--:" for name in headings]
+def markdown_table(headings: Mapping[str, str], rows: Iterable[Sequence[str]]) -> str:
+    aligned = [":--" if name in ("case", "verdict", "stability", "by", "remark") else "--:" for name in headings]
     lines = [list(headings.values()), aligned, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.characterise.experiment import Branch
-from mitsuba_taxel.characterise.replicates import at_largest, error_at_largest
+from mitsuba_taxel.characterise.replicates import at_largest
 from mitsuba_taxel.errors import InputError
 
 
@@ -112,9 +112,8 @@ def _difference(one: Branch, other: Branch) -> tuple[np.ndarray, np.ndarray]:
 def _deviation(force: np.ndarray, difference: np.ndarray, largest_change: np.ndarray) -> Deviation:
     """The largest difference over the largest change: a ratio of means, with its error to first order."""
     most = at_largest(difference)
-    samples = most.samples * most.signs
     largest = largest_change.mean(axis=0)
     known = np.where(largest > 0, largest, np.nan)
-    share = samples.mean(axis=0) / known
-    error = error_at_largest(samples - share * largest_change, most.moved) / known
+    share = most.magnitude.mean(axis=0) / known
+    error = most.error_of(most.magnitude - share * largest_change) / known
     return Deviation(100 * share, 100 * error, force[most.place])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.characterise.experiment import Branch
-from mitsuba_taxel.characterise.replicates import at_largest, error_at_largest, standard_error
+from mitsuba_taxel.characterise.replicates import at_largest, standard_error
 
 
 class Slopes(NamedTuple):
@@ -46,8 +46,8 @@ def slopes(run: Branch) -> Slopes:
     zero = np.einsum("p,prc->rc", *_at_zero(run))
     middle = (run.force[1:] + run.force[:-1]) / 2
     return Slopes(
-        steepest.samples.mean(axis=0),
-        error_at_largest(steepest.samples, steepest.moved),
+        steepest.value,
+        steepest.error_of(steepest.magnitude),
         middle[steepest.place],
         mean.mean(axis=0),
         standard_error(mean),

@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, faces_of, to_world
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Part, Parts
-from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.pads import Pad
 
 GAP = 1e-3
 """mm between pad and board that count as none."""
@@ -32,8 +32,6 @@ def check_geometry(parts: Parts) -> Iterator[Finding]:
         yield from _nothing_in_front(faces, parts)
     pads = [part for part in parts.shapes() if part.plugin == PAD]
     for pad in pads:
-        if isinstance(pad.made.pad, PadFile):
-            yield from _of_file(pad)
         yield from _board(pad, faces, parts)
     bodies = [box for box in boxes if box.part.plugin == "photo_reflector"]
     if parts.sound and pads and all(isinstance(pad.made.pad, Pad) for pad in pads):
@@ -42,7 +40,7 @@ def check_geometry(parts: Parts) -> Iterator[Finding]:
 
 
 def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
-    """An LED or phototransistor inside a box, or on one of its faces, where a ray hits either."""
+    """An LED or phototransistor inside a box, or on one of its faces and looking into it."""
     what, where = face.part.plugin, f"the {box.part.plugin} of line {box.part.element.line}"
     places = box.relative(face.centres)
     turn = (box.relative(face.centres[:1] + 1e-3 * face.side * face.normal) - places[:1])[0]
@@ -50,11 +48,9 @@ def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
     axis = np.abs(places).argmax(axis=1)
     outwards = turn[axis] * np.sign(places[np.arange(len(places)), axis])
     if np.any(np.abs(places).max(axis=1) <= 1 - _ON_SURFACE):
-        yield face.part.finding("error", f"{what} lies inside {where}, where no light passes: move one of them.")
+        yield face.part.finding("warning", f"{what} lies inside {where}, where light hardly comes: move one of them.")
     elif np.any(on_surface & (outwards < 0)):
-        yield face.part.finding("error", f"{what} lies on {where} and looks into it: turn it round.")
-    elif np.any(on_surface & (outwards > 0.99 * np.linalg.norm(turn))):
-        yield face.part.finding("error", f"{what} lies in a face of {where}, where rays hit either: move one of them.")
+        yield face.part.finding("warning", f"{what} lies on {where} and looks into it: turn it round.")
 
 
 def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
@@ -82,21 +78,6 @@ def _corners(part: Part) -> np.ndarray | None:
     if not np.all(low <= high):
         return None
     return 0.5 * (low + high) + 0.5 * (high - low) * CORNERS
-
-
-def _of_file(pad: Part) -> Iterator[Finding]:
-    """A surface that is no pad."""
-    from mitsuba_taxel.pads.flaw import Flaw
-    from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
-    from mitsuba_taxel.pads.surfaces import read_surface
-
-    file = pad.made.pad
-    if file.suffix not in SURFACE_FORMATS:
-        return
-    try:
-        read_surface(file.content(), file.suffix)
-    except Flaw as flaw:
-        yield pad.finding("error", f"filename = {file.path.name} of {PAD} is not allowed: {flaw}.", "filename")
 
 
 def _board(pad: Part, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
@@ -132,7 +113,7 @@ def _board(pad: Part, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
         over = np.all((local[:, :2] > low) & (local[:, :2] < high), axis=1)
         what, name = face.part.plugin, f"the board ({board.plugin} of line {board.element.line})"
         if np.any(over & (local[:, 2] < height - 1e-4 * face.side)):
-            yield face.part.finding("error", f"{what} lies under {name}: raise it, or lower the board.")
+            yield face.part.finding("warning", f"{what} lies under {name}: raise it, or lower the board.")
         elif np.any(over & (local[:, 2] < highest)) and normal[2] < 0:
             yield face.part.finding("warning", f"{what} looks at {name}, not at the roof of its cell: turn it round.")
 

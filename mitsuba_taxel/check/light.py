@@ -6,28 +6,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from mitsuba_taxel.check.faces import faces_of
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Part, Parts
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.emission import UniformPolarAngle
+from mitsuba_taxel.optics.modelled import refuse_unmodelled
+from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.regions import BODY_REGIONS
-from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.optics.walls import is_bounded_from_detector
 from mitsuba_taxel.pads import REGIONS
 
-LARGEST_OFFSET = 0.01
-"""Distance from its face at which a ray may start, relative to the face's shorter side."""
 _FROM_THE_LIGHT = ("ptracer",)
 """Those of Mitsuba's integrators whose paths start at the light."""
 
 
 def check_light(parts: Parts) -> Iterator[Finding]:
     """What can be known of the light before any is traced."""
-    if parts.sound:
-        yield from _pairs(parts)
     for shape in parts.shapes():
         yield from _walls(shape)
     yield from _nothing_comes_back(parts)
@@ -39,19 +33,30 @@ def check_light(parts: Parts) -> Iterator[Finding]:
         yield integrator.finding("error", "a scene takes one integrator, and this is another: take one of them out.")
     for integrator in integrators:
         yield from _integrator(integrator, parts)
-    stock = any(not hasattr(integrator.made, "sample_paths") for integrator in integrators)
-    yield from _tables(parts, stock)
-    yield from _far_away(parts, stock)
+    yield from _tables(parts)
+
+
+def check_modelled(parts: Parts) -> Iterator[Finding]:
+    """What `measure` refuses of a scene all of whose parts were made."""
+    if not parts.sound:
+        return
+    integrators = [part for part in parts.roots if part.kind == "integrator"]
+    made = integrators[0].made if integrators else make_plugin("taxel_tracer")
+    try:
+        refuse_unmodelled(_Contents(parts), made)
+    except InputError as error:
+        guilty = [part for part in parts.all if error.part is not None and part.made is error.part]
+        yield guilty[0].finding("error", str(error)) if guilty else Finding("error", str(error), parts.file, 0)
 
 
 @dataclass
 class _Contents:
-    """The shapes of a scene, of which nothing can be traced: as much of a scene as `taxels_of` asks."""
+    """The shapes of a scene, of which nothing can be traced: as much of a scene as `refuse_unmodelled` asks."""
 
     parts: Parts
 
     def shapes(self) -> list[Any]:
-        return [part.made for part in self.parts.shapes() if part.plugin != PAD]
+        return [part.made for part in self.parts.shapes()]
 
     def emitters(self) -> list[Any]:
         return self._endpoints("emitter")
@@ -62,16 +67,6 @@ class _Contents:
     def _endpoints(self, kind: str) -> list[Any]:
         free = [[part] if part.kind == kind else part.nested(kind) for part in self.parts.roots]
         return [part.made for group in free for part in group]
-
-
-def _pairs(parts: Parts) -> Iterator[Finding]:
-    """LEDs and phototransistors that do not pair up, or lie one on the other."""
-    try:
-        taxels_of(_Contents(parts))
-    except InputError as error:
-        said = {finding.message for finding in faces_of(parts)[1]}
-        if str(error) not in said:
-            yield Finding("error", str(error), parts.file, 0)
 
 
 def _walls(shape: Part) -> Iterator[Finding]:
@@ -134,52 +129,27 @@ def _absorbs(wall: Any) -> bool:
 
 
 def _integrator(integrator: Part, parts: Parts) -> Iterator[Finding]:
-    """Integrators that start at the phototransistor, where that cannot be."""
+    """Mitsuba's integrators that start at the phototransistor, where that scatters without bound."""
     made, plugin = integrator.made, integrator.plugin
-    if hasattr(made, "sample_paths"):
-        for sensor in parts.of("phototransistor"):
-            sampler = sensor.made.sampler()
-            if not hasattr(sampler, "place"):
-                where = next(iter(sensor.nested("sampler")), sensor)
-                yield where.finding("error", f"{plugin} needs the sampler owen_sobol, not {where.plugin}.")
-    if plugin in _FROM_THE_LIGHT or (hasattr(made, "sample_paths") and plugin != "taxel_path"):
+    if plugin in _FROM_THE_LIGHT or hasattr(made, "sample_paths"):
         return
-    severity = "error" if plugin == "taxel_path" else "warning"
     from_there = f"{plugin} starts at the phototransistor, from where"
     unbounded = [part for part in parts.of("wall") if not is_bounded_from_detector(part.made)]
     if unbounded:
         wall = f"the isotropic wall of line {unbounded[0].element.line}"
-        yield integrator.finding(severity, f"{from_there} {wall} has no bounded variance: use taxel_tracer.")
+        yield integrator.finding("warning", f"{from_there} {wall} has no bounded variance: use taxel_tracer.")
     for led in parts.of("annular_led"):
         if isinstance(led.made.law, UniformPolarAngle):
             law = f"the law uniform_polar_angle of line {led.element.line}"
-            yield integrator.finding(severity, f"{from_there} {law} has no bounded variance: use taxel_tracer.")
+            yield integrator.finding("warning", f"{from_there} {law} has no bounded variance: use taxel_tracer.")
 
 
-def _tables(parts: Parts, stock: bool) -> Iterator[Finding]:
-    """Tables of reflectance that do not reach the wavelength of an LED, or are asked for several at once."""
+def _tables(parts: Parts) -> Iterator[Finding]:
+    """Tables of reflectance that do not reach the wavelength of an LED."""
     wavelengths = sorted({led.made.wavelength for led in parts.of("annular_led")})
     for wall in parts.of("wall"):
-        if not wall.made.needs_wavelength:
-            continue
-        if stock and len(wavelengths) > 1:
-            several = f"LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm shine at once on a reflectance_table"
-            yield wall.finding("error", f"{several}: taxel_tracer takes them one by one.", "reflectance_table")
-        for nm in wavelengths:
+        for nm in wavelengths if wall.made.needs_wavelength else ():
             try:
-                wall.made.set_wavelength(nm)
+                wall.made.table.at(nm)
             except InputError as error:
                 yield wall.finding("error", str(error), "reflectance_table")
-
-
-def _far_away(parts: Parts, stock: bool) -> Iterator[Finding]:
-    """Faces so far from the origin that rays start well off them; see `leave` for the distances."""
-    for face in faces_of(parts)[0]:
-        reach = float(np.abs(face.centres).max())
-        offset = 9e-5 * (1 + reach) if stock else 1e-6 * reach
-        if offset > LARGEST_OFFSET * face.side:
-            start = "rays of Mitsuba's integrators start" if stock else "rays start"
-            remedy = ", or use taxel_tracer" if stock else ""
-            place = f"{face.part.plugin} lies {reach:.3g} mm from the origin, where {start}"
-            far = f"{offset:.2g} mm off its face of {face.side:.3g} mm: move the scene to the origin{remedy}"
-            yield face.part.finding("warning", f"{place} {far}.")

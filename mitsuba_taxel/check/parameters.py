@@ -42,6 +42,16 @@ def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Fin
                 )
 
 
+def defaults_given_twice(root: Element) -> Iterator[Finding]:
+    """Defaults that stand twice in one file; one that an including file gives anew is meant so."""
+    seen = set()
+    for element in root.walk():
+        place = (element.file, element.attributes.get("name", ""))
+        if element.tag == "default" and place in seen:
+            yield element.finding("error", f"the <default> {place[1]} is given twice: take one of them out.")
+        seen |= {place} if element.tag == "default" else set()
+
+
 def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
     used = used_names(root)
     if used - set(parameters):  # then one of them is meant by what is misspelt

@@ -13,14 +13,25 @@ import numpy as np
 
 from mitsuba_taxel.check.document import Element, filled_in
 from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
 from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
 from mitsuba_taxel.check.vocabulary import KINDS, vocabularies
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import similarity_scale
-from mitsuba_taxel.optics.pad_parameters import read_cells, read_finish, read_load, read_material, read_mesh, read_pad
+from mitsuba_taxel.optics.pad_parameters import (
+    LEAST_FACES,
+    check_triangles,
+    read_cells,
+    read_finish,
+    read_load,
+    read_material,
+    read_mesh,
+    read_pad,
+)
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.scene import FURTHEST
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.optics.scene import NESTED_SCENE, far_transforms, guilty_parameters
+from mitsuba_taxel.pads import PadFile
+from mitsuba_taxel.pads.meshing import check_room
 
 PAD = "deformable_pad"
 
@@ -35,6 +46,7 @@ class UndeformedPad:
     load : the load and its value
     read_cells : numbers of the cells that are read, None for all
     to_world : (4, 4)
+    objects : what is nested in it, by name
     """
 
     pad: Any
@@ -42,6 +54,18 @@ class UndeformedPad:
     load: tuple[Any, tuple[float, ...]] | None
     read_cells: tuple[int, ...] | None
     to_world: np.ndarray | None
+    objects: dict[str, Any]
+
+    # What `refuse_unmodelled` asks of the shapes of a scene
+
+    def bsdf(self) -> Any:
+        return next((made for made in self.objects.values() if isinstance(made, mi.BSDF)), None)
+
+    def interior_medium(self) -> Any:
+        return self.objects.get("interior")
+
+    def exterior_medium(self) -> Any:
+        return self.objects.get("exterior")
 
 
 @dataclass
@@ -131,7 +155,9 @@ class _Maker:
             file = Path(str(self.state.files[node.file_index])).resolve()
             element = self.places.get((file, node.offset - 1), self.root)
         part = self.parts[index] = Part(props.plugin_name(), element.tag, element, mi.Properties(props), children)
-        if node.type != mi.ObjectType.Scene:
+        if node.type == mi.ObjectType.Scene and index > 0:
+            self.findings.append(part.finding("error", NESTED_SCENE))
+        elif node.type != mi.ObjectType.Scene:
             before = len(self.findings)
             dropped = self._make(part)
             whole = part.made is not None and not dropped and len(self.findings) == before
@@ -169,11 +195,10 @@ class _Maker:
         if words is not None:
             flawed = [child for child in part.element.children if flaw_of(child, words, self.parameters)]
             refused = [filled_in(child.attributes["name"], self.parameters) for child in flawed]
-        for name in part.props.keys():
-            if part.props.type(name) == mi.Properties.Type.Transform and not _is_near(part.props[name]):
-                message = f"{name} of {part.plugin} is not allowed: numbers of at most {FURTHEST:g} are needed."
-                self.findings.append(part.finding("error", message, name))
-                refused.append(name)
+        for name, message in far_transforms(part.props).items():
+            said = f"{message}{guilty_parameters(self.parameters)}."
+            self.findings.append(part.finding("error", said, name))
+            refused.append(name)
         for name in set(refused) & set(props.keys()) - set(part.children):
             del props[name]
         return bool(refused)
@@ -203,24 +228,33 @@ class _Maker:
             self._retry(part, props, read_load),
             self._retry(part, props, read_cells),
             self._retry(part, props, _rigid_motion),
+            {name: child.made for name, child in part.children.items()},
         )
-        for read in (read_mesh, _read_subdivision):
-            self._retry(part, props, read)
-        self._check_cells(part, pad, self._retry(part, props, read_finish))
+        sizes = self._retry(part, props, read_mesh)
+        subdivision = self._retry(part, props, _read_subdivision)
+        finish = self._retry(part, props, read_finish)
         for name in part.children:
             props.mark_queried(name)
+        if pad.pad is not None and sizes is not None and subdivision is not None:
+            self._check_cells(part, pad, sizes[0], subdivision, finish)
         return pad
 
-    def _check_cells(self, part: Part, pad: UndeformedPad, finish: Any) -> None:
-        """What is said only once the pad is solved for: cells that it does not have, or that have no finish."""
+    def _check_cells(self, part: Part, pad: UndeformedPad, mesh_size: float | None, subdivision: int, finish: Any):
+        """What is said only once the pad is solved for: no room for its mesh, or cells that it does not have."""
         numbers = pad.read_cells or ()
         if numbers and finish is not None:
             message = "read_cells is not allowed with a finish: it is laid on all cells."
             self.findings.append(part.finding("error", message, "read_cells"))
-        most = pad.pad.rows * pad.pad.columns if isinstance(pad.pad, Pad) else max(numbers, default=0)
+        try:
+            cells = _cells_with_room(pad.pad, mesh_size, subdivision, len(numbers))
+            if finish is not None:
+                refuse_finish(pad.pad, mesh_size, finish, subdivision)
+        except InputError as error:
+            self.findings.append(part.finding("error", str(error), _culprit(str(error), part.props)))
+            return
         for number in numbers:
-            if number > most:
-                message = f"read_cells = {number} is not allowed: the cells of the pad have numbers from 1 to {most}."
+            if number > cells:
+                message = f"read_cells = {number} is not allowed: the cells of the pad have numbers from 1 to {cells}."
                 self.findings.append(part.finding("error", message, "read_cells"))
 
     def _refuse_unread(self, part: Part, props: Any) -> None:
@@ -236,6 +270,15 @@ class _Maker:
                 self.findings.append(part.finding("error", f"{name} {why}: take it out.", name))
 
 
+def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: int) -> int:
+    """How many cells a pad has; raises `InputError` where it cannot be meshed, or is cut into too many triangles."""
+    if isinstance(pad, PadFile):
+        return cells_of_file(pad, mesh_size)
+    check_triangles(subdivision, LEAST_FACES * (read or pad.rows * pad.columns))
+    check_room(pad, mesh_size or pad.default_mesh_size)
+    return pad.rows * pad.columns
+
+
 def _rigid_motion(props: Any) -> np.ndarray:
     matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
     similarity_scale(matrix)
@@ -243,11 +286,7 @@ def _rigid_motion(props: Any) -> np.ndarray:
 
 
 def _read_subdivision(props: Any) -> int:
-    return whole_number(props, "subdivision", 12, minimum=1, maximum=64)
-
-
-def _is_near(transform: Any) -> bool:
-    return bool(np.all(np.abs(np.array(transform.matrix, dtype=float)) <= FURTHEST))
+    return whole_number(props, "subdivision", 6, minimum=1, maximum=64)
 
 
 def _one_sentence(error: Exception, plugin: str) -> str:

@@ -8,20 +8,23 @@ from typing import Any
 
 import mitsuba as mi
 
-from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.check.document import Element, Unreadable, read_document
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
-from mitsuba_taxel.check.light import check_light
-from mitsuba_taxel.check.parameters import check_names, used_names
+from mitsuba_taxel.check.light import check_light, check_modelled
+from mitsuba_taxel.check.parameters import check_names, defaults_given_twice, used_names
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
 from mitsuba_taxel.optics.scene import Scene, find_scene, parser_config
 
 
+@in_turn
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
-    """Look a scene over: nothing is traced, and no pad is meshed or deformed.
+    """Look a scene over: nothing is traced, and no pad is deformed.
+
+    A pad is meshed only if it has a finish or is a STEP file.
 
     Parameters
     ----------
@@ -42,6 +45,9 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
         root = read_document(path)
     except Unreadable as error:
         return [error.finding]
+    twice = list(defaults_given_twice(root))
+    if twice:
+        return twice
     scene = Scene(path, parameters)
     activate_variant()
     findings = list(check_names(root, scene.parameters))
@@ -52,6 +58,8 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
             findings += parts.findings
             for check in (check_units, check_geometry, check_light):
                 findings += check(parts)
+            if not any(finding.severity == "error" for finding in findings):
+                findings += check_modelled(parts)
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from mitsuba_taxel.atomic import WriteError, replacing
 from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Parameter, Vocabulary, vocabularies
 from mitsuba_taxel.errors import InputError
 
@@ -65,9 +66,10 @@ def write_schema(file: str | Path) -> None:
     if file.suffix != ".rng":
         raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")
     try:
-        file.write_text(schema(), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}.") from error
+        with replacing(file) as temporary:
+            temporary.write_text(schema(), encoding="utf-8")
+    except WriteError as error:
+        raise InputError(str(error)) from error
 
 
 def _define(grammar: Element, name: str) -> Element:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Part, Parts, UndeformedPad
+from mitsuba_taxel.optics.tables import RIGHT_ANGLE
 from mitsuba_taxel.pads import Pad
 
 _LENGTHS = {"m": 1e3, "µm": 1e-3, "nm": 1e-6}
@@ -19,8 +20,6 @@ LARGEST_STRAIN = 3.0
 """Stress of a load on the top of a pad, over Young's modulus: beyond, no pad stands it."""
 SMALLEST_STRAIN = 2e-5
 """Below, no reading shows the load."""
-RIGHT_ANGLE = 1.571
-"""In radians, rounded up."""
 
 
 @dataclass(frozen=True)

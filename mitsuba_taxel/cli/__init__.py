@@ -7,11 +7,13 @@ from ``mitsuba_taxel`` loads mitsuba, and help and error messages must come wher
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 import warnings
 from importlib import import_module
 from types import SimpleNamespace
+from typing import Any
 
 import click
 
@@ -23,12 +25,30 @@ COMMANDS = (
 )  # fmt: skip
 
 
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
+
+
+class _Ended(Exception):
+    """A signal has ended the program."""
+
+    def __init__(self, signal: signal.Signals) -> None:
+        self.signal = signal
+
+
 class _Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         return import_module(f".{cmd_name}", __package__).command if cmd_name in COMMANDS else None
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except BaseException as error:  # an interrupt may have been wrapped in another error on its way
+            if ctx.obj.ended:
+                raise _Ended(ctx.obj.ended[0]) from error
+            raise
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -45,11 +65,12 @@ def taxel() -> None:
 def main() -> None:
     """Run the program.
 
-    Exit codes: 0 done, 1 a computation failed, 2 the request cannot be met, 130 interrupted.
+    Exit codes: 0 done, 1 a computation failed, 2 the request cannot be met, 3 done, but beyond the target error, 130
+    interrupted, 128 + n ended by signal n.
     """
     _keep_stdout_for_results()
     warnings.showwarning = _show_warning
-    settings = SimpleNamespace(debug=False)
+    settings = SimpleNamespace(debug=False, ended=_signals_as_interrupts())
     try:
         status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
         sys.stdout.flush()
@@ -70,9 +91,32 @@ def main() -> None:
     sys.exit(status)
 
 
+def _signals_as_interrupts() -> list[signal.Signals]:
+    """Let what ends a program end this one as an interrupt does: with its children, and with nothing lost.
+
+    Returns
+    -------
+    The signals that came, as they come; more of them are left without an answer.
+    """
+    came: list[signal.Signals] = []
+
+    def end(number: int, frame: object) -> None:
+        came.append(signal.Signals(number))
+        for other in _ENDING:
+            signal.signal(other, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in _ENDING:
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup leaves it ignored
+            signal.signal(number, end)
+    return came
+
+
 def _describe(error: Exception) -> tuple[str, int]:
     """Message and exit code of an error."""
     kinds = sys.modules.get("mitsuba_taxel.errors")
+    if isinstance(error, _Ended):
+        return f"ended by {error.signal.name}", 128 + error.signal
     if kinds is not None and kinds.comes_from_interrupt(error):
         return "interrupted", 130
     if isinstance(error, click.ClickException):
@@ -85,6 +129,9 @@ def _describe(error: Exception) -> tuple[str, int]:
         return str(error), 1
     if isinstance(error, MemoryError):
         return "there is not enough memory for it: fewer or smaller pads, points or workers need less.", 1
+    if isinstance(error, UnicodeEncodeError):  # of the name of a folder above, say
+        culprit = error.object[max(error.start - 40, 0) : error.end + 40]
+        return f"{culprit!a} cannot be written: names in UTF-8, and a locale that has their letters, are needed.", 2
     if isinstance(error, OSError) and error.strerror:
         what = "a file" if error.filename is None else str(error.filename)
         return f"{what} cannot be read or written: {error.strerror} (run with --debug for the traceback)", 1
@@ -107,4 +154,5 @@ def _keep_stdout_for_results() -> None:
     sys.stdout.flush()
     ours = os.dup(1)
     os.dup2(2, 1)
-    sys.stdout = os.fdopen(ours, "w", encoding=sys.stdout.encoding)
+    # Any file name can be printed.
+    sys.stdout = os.fdopen(ours, "w", encoding=sys.stdout.encoding, errors="backslashreplace")

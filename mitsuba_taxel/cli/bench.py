@@ -9,10 +9,10 @@ import click
 from .options import debug_option, defines_option, folder_option
 
 
-@click.group(short_help="How the program does: extremes, and error against time.")
+@click.group(short_help="How the program does: extremes, errors stated and true, error against time.")
 @debug_option
 def command() -> None:
-    """Measure how the program does: at the extremes, and error against time."""
+    """Measure how the program does: at the extremes, what its errors are worth, and error against time."""
 
 
 @command.command("stability", short_help="Pads, loads and readings at the extremes.")
@@ -46,6 +46,36 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
             if table:
                 print_text_table(list(headings.values()), table)
     check(rows)
+
+
+@command.command("coverage", short_help="Stated against true errors of readings.")
+@click.option("--only", metavar="PATTERN", help="Part of the names of the settings wanted; * and ? for anything.")
+@click.option(
+    "--csv",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Also write the rows, all digits; those that are there already are not measured again.",
+)
+@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@debug_option
+def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
+    """Compare the errors that readings state for the finite elements with those that they have.
+
+    Settings of pads and loads are read one by one, each in a process of its own, the quickest first; files hold those
+    read so far.
+    """
+    from mitsuba_taxel.bench.coverage import coverage, summary
+    from mitsuba_taxel.bench.coverage_row import HEADINGS, coverage_cells
+
+    from .tables import print_text_table
+
+    rows = []
+    try:
+        for row in coverage(only, csv, markdown, lambda k, n, name: click.echo(f"{k}/{n} {name}", err=True)):
+            rows.append(row)
+    finally:
+        print_text_table(list(HEADINGS.values()), map(coverage_cells, rows))
+        click.echo(summary(rows))
 
 
 @command.command("accuracy", short_help="Error against time of every way to read a scene.")

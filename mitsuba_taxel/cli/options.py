@@ -76,7 +76,8 @@ defines_option = click.option(
 target_error_option = click.option(
     "--target-error",
     type=_Share(),
-    help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh.",
+    help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
+    "Where it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
 )
 seed_option = click.option(

@@ -46,6 +46,7 @@ def command(
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
     from mitsuba_taxel import optics
+    from mitsuba_taxel.optics.readings import measured
     from mitsuba_taxel.studies.files import check_new_file
 
     from . import tables
@@ -55,7 +56,7 @@ def command(
     began = time.time()
     description = optics.Scene.from_file(scene, **defines)
     with tables.progress_bar("pads and light"):
-        readings = optics.measure(
+        readings, ready = measured(
             description,
             target_error=target_error,
             points=points,
@@ -63,20 +64,18 @@ def command(
             seed=seed,
             irradiance=output is not None,
         )
-    description = description.with_mesh_size(readings.mesh_size)
     matrix = book = lines = None
     if crosstalk:
         with tables.progress_bar("crosstalk"):
-            matrix = optics.crosstalk(description, points=readings.points, seed=seed)
+            matrix = optics.crosstalk(ready, points=readings.points, seed=seed)
     if audit:
         number = {} if points is None else {"points": points}
         with tables.progress_bar("energy audit") as progress:
-            book = optics.energy_audit(description, seed=seed, progress=progress, **number)
+            book = optics.energy_audit(ready, seed=seed, progress=progress, **number)
     if explain:
         from mitsuba_taxel.optics.leaving_out import left_out
-        from mitsuba_taxel.optics.runs import prepare
 
-        lines = left_out(prepare(description), irradiance=output is not None, crosstalk=crosstalk, began=began)
+        lines = left_out(ready, irradiance=output is not None, crosstalk=crosstalk, began=began)
     if output is not None:
         from mitsuba_taxel.report.maps import write_irradiance
 
@@ -86,14 +85,16 @@ def command(
 
         answer = readings_as_json(readings) | crosstalk_as_json(matrix) | audit_as_json(book)
         click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
-        return
-    tables.print_readings(readings)
-    if matrix is not None:
-        tables.print_crosstalk(matrix)
-    if book is not None:
-        tables.print_audit(book)
-    if lines is not None:
-        tables.print_left_out(lines)
+    else:
+        tables.print_readings(readings)
+        if matrix is not None:
+            tables.print_crosstalk(matrix)
+        if book is not None:
+            tables.print_audit(book)
+        if lines is not None:
+            tables.print_left_out(lines)
+    if target_error is not None:
+        tables.end_beyond_target(readings.notes)
 
 
 def readings_as_json(readings) -> dict[str, object]:
@@ -105,6 +106,7 @@ def readings_as_json(readings) -> dict[str, object]:
         "power_W": readings.power,
         "standard_error_W": readings.standard_error,
         "mechanics_error_W": readings.mechanics_error,
+        "geometry_error_W": readings.geometry_error,
         "total_error_W": readings.total_error,
     }
     if readings.photocurrent is not None:

@@ -82,7 +82,7 @@ def command(
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.batch import columns_of
 
-    from .tables import study_bar
+    from .tables import end_beyond_target, study_bar
 
     how: dict[str, Any] = {
         "workers": workers,
@@ -116,6 +116,8 @@ def command(
             _show(name, one)
         print(f"Results: {folder}")
     _end(study.attrs["failures"].splitlines(), folder)
+    notes = [(name, note) for name, one in studies.items() for note in one.attrs["notes"].splitlines()]
+    end_beyond_target(f"{name}: {note}" if name else note for name, note in notes)
 
 
 def _refuse_options_of_a_scene(ctx: click.Context) -> None:

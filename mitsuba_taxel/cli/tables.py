@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -29,6 +30,15 @@ def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> 
     for row in rows:
         table.add_row(*row)
     _show(table)
+
+
+def end_beyond_target(notes: Iterable[str]) -> None:
+    """End the program with exit code 3 if notes say that a target error was not reached, and repeat them on stderr."""
+    missed = [note for note in notes if "target error" in note and "not reached" in note]
+    for note in missed:
+        click.echo(f"taxel: {note}", err=True)
+    if missed:
+        raise click.exceptions.Exit(3)
 
 
 def _show(table: Table) -> None:
@@ -101,6 +111,11 @@ def print_pads(rows: Sequence[Mapping]) -> None:
     )
     worst = max(row["imbalance"] for row in rows)
     print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
+    if quantity == "displacement":
+        print("Force by which the board holds the pad, in N:")
+        for row in rows:
+            force = ", ".join(f"{part:.4g}" for part in row["board_force_N"])
+            print(f"{row['file']}: ({force}) +- {number(row['board_force_error_N'], '.1g')}")
 
 
 def known(number: float) -> float | None:

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.assembly import Assembly
-from mitsuba_taxel.mechanics.constraints import number_unknowns
 from mitsuba_taxel.mechanics.loads import PatchForce, PlateForce, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.path import State
 from mitsuba_taxel.mechanics.pressure import pressure_forces
 from mitsuba_taxel.pads.pad import REGIONS
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +28,7 @@ class Reactions:
     applied_force : (3,) N; where the load is the displacement of a plate, what the plate does
     applied_moment : (3,) N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning
     size : largest distance from the origin in the undeformed pad, in mm
+    force_error : N, what `force` is off by for the finite elements; not a number where that is unknown
     """
 
     force: np.ndarray
@@ -37,6 +36,7 @@ class Reactions:
     applied_force: np.ndarray
     applied_moment: np.ndarray
     size: float
+    force_error: float
 
     @property
     def imbalance(self) -> float:
@@ -59,9 +59,9 @@ def reactions(state: State) -> Reactions:
     the interpolation; :func:`~mitsuba_taxel.mechanics.sensitivities.linearise` gives the state in balance near by.
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
-    internal = _internal_forces(state)
+    internal = internal_forces(mesh, state.material, state.displacement, state.pressure)
     applied = _applied_forces(state, places, internal)
-    bottom = _nodes(mesh, "bottom")
+    bottom = nodes_of(mesh, "bottom")
     board = (internal - applied)[bottom]
     return Reactions(
         board.sum(axis=0),
@@ -69,16 +69,8 @@ def reactions(state: State) -> Reactions:
         applied.sum(axis=0),
         np.cross(places, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),
+        state.force_error,
     )
-
-
-def _internal_forces(state: State) -> np.ndarray:
-    """(N, 3) N that it takes at each node to keep the elements in their shape."""
-    nodes = len(state.mesh.points)
-    nothing_held = number_unknowns(state.mesh, np.zeros(nodes, dtype=bool))
-    assembly = Assembly(state.mesh, state.material, nothing_held)
-    inside = assembly.evaluate(state.displacement, state.pressure, with_tangent=False)
-    return inside.residual[: 3 * nodes].reshape(-1, 3)
 
 
 def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> np.ndarray:
@@ -93,12 +85,8 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
         np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
         return forces
     # How a plate spreads its force is a reaction: only their sum can be out of balance.
-    top = _nodes(mesh, "top")
+    top = nodes_of(mesh, "top")
     forces[top] = internal[top]
     if isinstance(load, PlateForce):
         forces[top] += (state.value - internal[top].sum(axis=0)) / len(top)
     return forces
-
-
-def _nodes(mesh: VolumeMesh, region: str) -> np.ndarray:
-    return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])

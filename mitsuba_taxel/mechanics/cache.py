@@ -9,16 +9,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from mitsuba_taxel import archive
+from mitsuba_taxel.atomic import WriteError, reason_of, remove_stale, replacing
+from mitsuba_taxel.sources import code_digest
+
+ROOMS = ("pads", "mechanics")
+"""Where the code is that decides what a solution is."""
 
 
 def folder() -> Path:
@@ -31,16 +34,8 @@ def folder() -> Path:
 
 def key(*parts: object) -> str:
     """Hexadecimal digest of values that JSON can write (floats to the last bit), and of the code that uses them."""
-    text = json.dumps([_code(), *parts], sort_keys=True)
+    text = json.dumps([code_digest(*ROOMS), *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-@lru_cache(maxsize=1)
-def _code() -> str:
-    """Digest of the sources that pads and mechanics are computed by: what older code left is stale."""
-    rooms = Path(__file__).parent.parent
-    files = [file for room in ("pads", "mechanics") for file in sorted((rooms / room).glob("*.py"))]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:
@@ -73,15 +68,8 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
     """Keep ``arrays`` under ``name``; warns where that is not possible."""
     try:
         folder().mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=folder(), suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(archive.pack(arrays))
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, folder() / f"{name}.npz")
-        except OSError:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({error.strerror}).", stacklevel=2)
+        remove_stale(folder())
+        with replacing(folder() / f"{name}.npz") as file:
+            file.write_bytes(archive.pack(arrays))
+    except (OSError, WriteError) as error:
+        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=2)

@@ -99,8 +99,8 @@ def number_unknowns(
     Parameters
     ----------
     held : (N,) whether each node stays where it is
-    walls : planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, and -1 for
-        those that are its opposite
+    walls : planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, -1 for
+        those that are its opposite, and 0 for any that have no pressure there
     plate : nodes that move together, as on a rigid plate that does not turn
     """
     nodes, corners = len(mesh.points), mesh.corner_count
@@ -126,6 +126,10 @@ class _Dofs:
 
     def reflect(self, nodes: np.ndarray, mirror: Mirror, sign: int) -> None:
         """Keep what a mirror with ``sign`` leaves of displacement and pressure at nodes on it."""
+        if sign <= 0:
+            self.no_pressure[nodes[nodes < len(self.no_pressure)]] = True
+        if sign == 0:
+            return
         diagonal = -mirror.normal[0] * mirror.normal[1]
         if diagonal:
             tie = sign * diagonal  # u_y = tie * u_x
@@ -140,7 +144,6 @@ class _Dofs:
             self.held[nodes, normal if sign > 0 else 1 - normal] = True
         if sign < 0:
             self.held[nodes, 2] = True
-            self.no_pressure[nodes[nodes < len(self.no_pressure)]] = True
 
     def numbering(self, with_plate: bool) -> Numbering:
         used = np.zeros(self.root.size, dtype=bool)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,8 +12,9 @@ import numpy as np
 from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
 from mitsuba_taxel.mechanics.materials import Material
 from mitsuba_taxel.mechanics.model import Configuration, Model
-from mitsuba_taxel.mechanics.solvers import Factorisation, Solver, make_solver
-from mitsuba_taxel.mechanics.symmetry import part_between, unsymmetric_blocks
+from mitsuba_taxel.mechanics.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.stability import Unsymmetric
+from mitsuba_taxel.mechanics.symmetry import part_between
 from mitsuba_taxel.pads.mirror import Mirror
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -115,11 +116,33 @@ class LoadedPad:
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
+        solution, linearised = self.solve_symmetric(start, value)
+        self.refuse_unstable(solution.unknowns, linearised.entries, value)
+        return solution, linearised
+
+    def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, but displacements that lack the symmetry of the load are left to :meth:`refuse_unstable`.
+
+        So that one factored matrix has to be in memory at a time.
+        """
         found = self._balanced(start, value)
         entries = self._entries(found, value)
+        found = replace(found, linearised=None)  # frees its memory for the next one
         linearised = self._linearised(entries)
-        checked = self._is_stable(linearised) and self._is_stable_beyond(entries, found.unknowns, value)
-        return self._accepted(found, checked), linearised
+        return self._accepted(found, self._is_stable(linearised)), linearised
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
+        """Raise Rejected if a state of balance is unstable against displacements that lack the symmetry of the load.
+
+        Parameters
+        ----------
+        entries : of the tangent there, :attr:`Linearised.entries`
+        """
+        if self._solver.knows_inertia:
+            try:
+                _refuse_surplus(self._unsymmetric.surplus(entries, *self.split(unknowns), value))
+            except RuntimeError as failure:
+                raise _singular(failure) from failure
 
     def solve_amid(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
@@ -242,9 +265,9 @@ class LoadedPad:
     def _linearised(self, entries: np.ndarray) -> Linearised:
         try:
             factor = self._solver.factor(self.model.assembly.matrix(entries))
-            return Linearised(factor, self._moved, self.unknowns)
+            return Linearised(entries, factor, self._moved, self.unknowns)
         except RuntimeError as failure:
-            raise Rejected(f"the tangent is singular ({failure})") from failure
+            raise _singular(failure) from failure
 
     def rate(self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Derivative of the unknowns of a state of balance by the load's value along ``direction``."""
@@ -258,22 +281,9 @@ class LoadedPad:
         _refuse_surplus(linearised.negative - self.numbering.pressures)
         return True
 
-    def _is_stable_beyond(self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray) -> bool:
-        """The same against displacements of the whole pad that lack its symmetry."""
-        for block in self._blocks:
-            same = block.model.part is self.part
-            _refuse_surplus(block.surplus(entries if same else block.entries(*self.split(unknowns), value)))
-        return True
-
     @cached_property
-    def _blocks(self) -> list[_Block]:
-        blocks = []
-        for mirrors, signs in unsymmetric_blocks(self._mirrors):
-            same = len(mirrors) == len(self._mirrors)
-            part = self.part if same else part_between(self.whole, self._images, mirrors)
-            model = Model(part, self.material, self.load, signs, self._driven, self.model if same else None)
-            blocks.append(_Block(model, make_solver(self._solver_name)))
-        return blocks
+    def _unsymmetric(self) -> Unsymmetric:
+        return Unsymmetric(self.whole, self._mirrors, self._images, self.model, self._solver_name)
 
 
 @dataclass(frozen=True)
@@ -291,16 +301,23 @@ class _Balance:
     distance: float
 
 
+def _singular(failure: RuntimeError) -> Rejected:
+    return Rejected(f"the tangent is singular ({failure})")
+
+
 def _refuse_surplus(surplus: int) -> None:
     if surplus:
         raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
 
 
 class Linearised:
-    """The factored tangent of a pad at a state; ``moved`` are unknowns that the load sets instead of forces."""
+    """The factored tangent of a pad at a state, from its ``entries``.
 
-    def __init__(self, factor: Factorisation, moved: np.ndarray, size: int) -> None:
-        self._factor, self._moved = factor, moved
+    ``moved`` are unknowns that the load sets instead of forces.
+    """
+
+    def __init__(self, entries: np.ndarray, factor: Factorisation, moved: np.ndarray, size: int) -> None:
+        self.entries, self._factor, self._moved = entries, factor, moved
         self._columns = np.zeros((size, len(moved)))
         for column, unknown in enumerate(moved):
             unit = np.zeros(size)
@@ -321,23 +338,3 @@ class Linearised:
         if self._factor.negative_pivots is None:
             return None
         return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._compliance) < 0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """The pad for displacements that lack the symmetry of its state."""
-
-    model: Model
-    solver: Solver
-
-    def entries(self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """Of the tangent, at a state of the whole pad."""
-        entries = self.model.evaluate(*self.model.part.restrict(displacement, pressure), value).entries
-        assert entries is not None  # or the state would not be one of balance
-        return entries
-
-    def surplus(self, entries: np.ndarray) -> int:
-        """Negative eigenvalues of the tangent beyond those of the pressures."""
-        negative = self.solver.factor(self.model.assembly.matrix(entries)).negative_pivots
-        assert negative is not None  # or this would not be asked for
-        return negative - self.model.numbering.pressures

@@ -9,6 +9,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from mitsuba_taxel.arguments import is_number
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics.layers import stepped
 from mitsuba_taxel.mechanics.relief import Relief, SmoothSurface
@@ -236,14 +237,14 @@ def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
 
 
 def _check_number(name: str, value: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not (math.isfinite(value) and value > 0):
+    if not (is_number(value) and value > 0):
         raise InputError(f"{name} = {value!r} is not allowed: a finite number above 0 is needed.")
 
 
 def _checked_direction(name: str, direction: Sequence[float]) -> tuple[float, ...]:
     try:
         components = tuple(float(component) for component in direction)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         components = ()
     if len(components) != 3 or not all(map(math.isfinite, components)) or not any(components):
         raise InputError(f"{name} = {direction!r} is not allowed: three finite numbers, not all 0, are needed.")

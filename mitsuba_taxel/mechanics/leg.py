@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact import ContactTest
+from mitsuba_taxel.mechanics.contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.equilibrium import Linearised, LoadedPad, Rejected, Solution
 
 INTERPOLATION_TOLERANCE = 1e-4
@@ -82,8 +82,17 @@ class Leg:
         """Whether a state at distance ``s`` needs no further solve."""
         return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
 
-    def extend(self, pad: LoadedPad, s: float, start: Callable[[], np.ndarray], contact: ContactTest) -> None:
+    def extend(
+        self,
+        pad: LoadedPad,
+        s: float,
+        start: Callable[[], np.ndarray],
+        contact: ContactTest,
+        far_enough: Callable[[], bool],
+    ) -> None:
         """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the leg's origin.
+
+        Between intervals ``far_enough`` is asked whether no more nodes are of use.
 
         The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
         aligned to its own length; an interval is halved where Newton's method finds no acceptable state. More nodes are
@@ -93,7 +102,7 @@ class Leg:
         """
         if not self.nodes and math.isinf(self.limit):
             self._begin(pad, start)
-        while not self.reaches(s) and math.isinf(self.limit):
+        while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
             for node in self._next(pad):
                 self.nodes.append(node)
                 self._look_for_contact(pad, contact)
@@ -111,19 +120,27 @@ class Leg:
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
         length = min(position & -position, TICKS) or TICKS
-        solve = pad.solve if self.judged else pad.solve_amid
         while True:
-            target = (position + length) * tick
             try:
-                node, linearised = self._node(pad, solve, target, self._guess(target))
-                fits = length == 1 or self._interpolates(pad, last, node, linearised)
-                del linearised  # which takes much memory
-                return self._between(pad, last, node, fits)
+                return self._interval(pad, last, (position + length) * tick, shortest=length == 1)
             except Rejected as rejection:
                 if length == 1:
                     self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
                     return []
             length //= 2
+
+    def _interval(self, pad: LoadedPad, start: Node, s: float, shortest: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
+        solve = pad.solve_symmetric if self.judged else pad.solve_amid
+        end, linearised = self._node(pad, solve, s, self._guess(s))
+        fits = shortest or self._interpolates(pad, start, end, linearised)
+        entries = linearised.entries
+        del linearised  # which takes much memory
+        if self.judged:
+            began = time.perf_counter()
+            pad.refuse_unstable(end.unknowns, entries, self.value(s))
+            end = replace(end, seconds=end.seconds + time.perf_counter() - began)
+        return self._between(pad, start, end, fits)
 
     def _between(self, pad: LoadedPad, start: Node, end: Node, fits: bool) -> list[Node]:
         """The nodes beyond ``start`` up to ``end``, between which the interpolation ``fits`` or does not."""
@@ -164,16 +181,33 @@ class Leg:
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
         """End the leg at the first contact since the last node but one, if there is one at the last."""
-        found = test.find(pad.split(self.nodes[-1].unknowns)[0])
-        if found is None or len(self.nodes) < 2 or math.isfinite(self.limit):
+        if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
-        start, end = self.nodes[-2:]
+        found = self.first_contact(pad, len(self.nodes) - 1, test.find)
+        if found:
+            self.limit, contact = found
+            self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
+
+    def first_contact(
+        self, pad: LoadedPad, index: int, find: Callable[[np.ndarray], Contact | None]
+    ) -> tuple[float, Contact] | None:
+        """How far the leg goes without a contact, and that contact, if there is one at a node but not at that before.
+
+        Parameters
+        ----------
+        index : of the node; the first has none before it
+        find : tells a contact under a displacement (N, 3) of the pad, as :meth:`ContactTest.find` does
+        """
+        found = find(pad.split(self.nodes[index].unknowns)[0])
+        if found is None:
+            return None
+        start, end = self.nodes[index - 1], self.nodes[index]
         free, touching = start.s, end.s
         while touching - free > CONTACT_RESOLUTION * self.step:
             middle = 0.5 * (free + touching)
-            contact = test.find(pad.split(hermite(start, end, middle))[0])
+            contact = find(pad.split(hermite(start, end, middle))[0])
             free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
-        self.limit, self.reason, self.place = free, f"touches {found.what}", np.array(found.place)
+        return free, found
 
     def at(self, s: float) -> Interpolated:
         """The state at distance ``s``, which the leg must reach."""

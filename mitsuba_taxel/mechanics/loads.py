@@ -60,7 +60,7 @@ class PatchForce:
             value = getattr(self, name)
             try:
                 pair = tuple(float(component) for component in value)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 pair = ()
             good = len(pair) == 2 and all(map(math.isfinite, pair)) and (name == "centre" or min(pair) > 0)
             if not good:

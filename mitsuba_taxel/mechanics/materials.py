@@ -21,11 +21,11 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.arguments import is_number
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.jets import Jet
@@ -62,7 +62,7 @@ class Material(ABC):
 
     def _require(self, name: str, condition: bool, needed: str) -> None:
         value = getattr(self, name)
-        if not (condition and isinstance(value, Real) and math.isfinite(value)):
+        if not (condition and is_number(value)):
             raise InputError(f"{name} = {value} is not allowed: {needed}.")
 
     def _repr_html_(self) -> str:

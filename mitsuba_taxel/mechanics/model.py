@@ -42,7 +42,8 @@ class Model:
 
     Parameters
     ----------
-    signs : at the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite
+    signs : at the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite,
+        0 for all that have no pressure there
     held_plate : whether a bonded plate stays where it is, instead of being one more unknown
     like : another model of the same part, material and load, with which it shares its elements
     """

@@ -10,26 +10,31 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache, partial
 from textwrap import shorten
+from typing import get_args
 
 import numpy as np
 
-from mitsuba_taxel.convergence import COARSENING
+from mitsuba_taxel.arguments import check_progress, is_number, refusal, require
+from mitsuba_taxel.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.mechanics.contact import ContactTest
+from mitsuba_taxel.mechanics.contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
 from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE, Interpolated, Leg
-from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, keeps
+from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PlateDisplacement, keeps
 from mitsuba_taxel.mechanics.materials import Material
-from mitsuba_taxel.mechanics.roof_error import NO_ERROR, RoofComparison, RoofError
+from mitsuba_taxel.mechanics.memory import memory_for
+from mitsuba_taxel.mechanics.nodal_forces import board_force
+from mitsuba_taxel.mechanics.obstacles import Obstacles
+from mitsuba_taxel.mechanics.roof_error import NO_ERROR, RoofComparison, RoofError, size_ratio
 from mitsuba_taxel.mechanics.solvers import available_solvers
 from mitsuba_taxel.mechanics.symmetry import node_images
 from mitsuba_taxel.pads.mirror import MIRRORS, Mirror
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
+from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -44,10 +49,18 @@ FEW_STATES = 100
 MOST_BYTES = 4 * 2**30
 """Of the states that are returned at once; a few are never refused."""
 
-SIMILAR = 0.6
-"""A mesh with more elements than this share of another's is not coarser: thin walls and curves leave no choice."""
+FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
+"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
+thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
+LEAST_RATIO = 1.2
+"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
+MOST_ELEMENTS_COMPARED = 250_000
+"""A finer second mesh of more is not tried."""
 
 _LOCK = threading.RLock()
+
+Start = Callable[[], tuple[np.ndarray, np.ndarray]]
+Touch = Callable[[Leg, LoadedPad], tuple[float, Contact] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +78,13 @@ class State:
     residual : largest out-of-balance force there, relative to the load
     newton_iterations : iterations of the last solve
     stability_checked : whether the solver gave the inertia that stability was judged by
-    error : estimated discretisation error at the roofs; None where it is not known, because the other mesh that it
-        takes cannot be made or loaded so far, or is no other
+    error : estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser
+        or finer, can be made or loaded so far
     seconds : that the equilibria on the way to it took to solve, on both meshes, and whenever that was
     deviation : (N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
-        cells, 0 elsewhere: about the error, place by place; None where that is not known
+        cells, extrapolated from those of the second mesh, 0 elsewhere; None where that is not known
+    force_error : N, of the board's force on the pad where a plate is moved, and 0 where a force is given; not a number
+        where that is not known
     """
 
     mesh: VolumeMesh
@@ -85,6 +100,7 @@ class State:
     error: RoofError | None
     seconds: float = 0.0
     deviation: np.ndarray | None = None
+    force_error: float = math.nan
 
     def _repr_html_(self) -> str:
         from mitsuba_taxel.report.notebook import state_html
@@ -100,6 +116,7 @@ def load_path(
     load: Load = SPREAD_FORCE,
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
+    obstacles: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[State]:
     """Deformed states of a pad under each of the ``values`` of a load.
@@ -107,27 +124,36 @@ def load_path(
     Parameters
     ----------
     values : (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa
-    mesh_size : size of the finite elements in mm; by default `DEFAULT_MESH_SIZE`
+    mesh_size : size of the finite elements in mm; by default the pad's own `default_mesh_size`
     mesh_tolerance : instead of a size, the relative error of the roofs' displacement under a small load that the size
         is chosen for; see :func:`mesh_size_for`
+    obstacles : (K, 3, 3) mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame
     progress : called with the number of states done and the number of all
 
     Raises
     ------
     InputError
-        for values that are not finite or too many to be held, a mesh size or a tolerance that is not allowed.
+        for values that are not finite or too many to be held, a mesh size or a tolerance that is not allowed, or
+        obstacles that the undeformed pad touches.
     ComputationError
-        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself or the
-        board.
+        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the
+        board or an obstacle; or if memory does not suffice.
     """
+    require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
+    require("material", material, Material, "a Material, such as NeoHookean,")
+    require("load", load, get_args(Load), "a load, such as SpreadForce,")
+    check_progress(progress)
     rows = _checked(values, load)
+    if obstacles is not None:
+        obstacles = _checked_triangles(obstacles)
     states = []
     with _LOCK:
         path = _path(pad, material, load, _size(pad, material, load, mesh_size, mesh_tolerance))
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
-            states.append(path.state(value))
-            if progress:
+            with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+                states.append(path.state(value, obstacles))
+            if progress is not None:
                 progress(done, len(rows))
     return states
 
@@ -177,32 +203,46 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
 
 
 def _height(pad: Pad | PadFile) -> float:
-    return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(DEFAULT_MESH_SIZE).points[:, 2]))
+    return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(pad.default_mesh_size).points[:, 2]))
 
 
 def _size(pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None) -> float:
+    for name, value in (("mesh_size", size), ("mesh_tolerance", tolerance)):
+        if not (value is None or is_number(value)):
+            raise refusal(name, value, "a finite number is needed")
     if size is not None and tolerance is not None:
         raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
     if tolerance is not None:
         return mesh_size_for(pad, material, load, tolerance)
-    return DEFAULT_MESH_SIZE if size is None else float(size)
+    return pad.default_mesh_size if size is None else float(size)
 
 
 def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
     """The values as an array (S, components); raises `InputError`."""
     try:
         rows = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         rows = np.empty(0)
     wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
     if rows.ndim != 2 or rows.shape[1] != load.components:
-        shown = shorten(str(np.asarray(values, dtype=object).tolist()), 100, placeholder=" ...]")
+        shown = shorten(repr(values), 100, placeholder=" ...]")
         raise InputError(f"{load.quantity} values = {shown} are not allowed: rows of {wanted} needed.")
     wrong = np.flatnonzero(~np.isfinite(rows).all(axis=1))
     if len(wrong):
         shown = f"{load.quantity} values[{wrong[0]}] = {rows[wrong[0]].tolist()}"
         raise InputError(f"{shown} are not allowed: {wanted} needed.")
     return rows
+
+
+def _checked_triangles(obstacles: object) -> np.ndarray:
+    """The corners (K, 3, 3) as numbers; raises `InputError`."""
+    try:
+        corners = np.asarray(obstacles, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        corners = np.empty(0)
+    if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.all(np.isfinite(corners)):
+        raise refusal("obstacles", obstacles, "an array (K, 3, 3) of finite corners of triangles is needed")
+    return corners
 
 
 class _Path:
@@ -215,6 +255,7 @@ class _Path:
         self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
         self._identity = [pad.identity, mesh_size]
         self._legs: dict[tuple[float, ...], Leg] = {}
+        self._compared: dict[float, tuple[_Path, RoofComparison] | None] = {}
 
     @cached_property
     def mesh(self) -> VolumeMesh:
@@ -237,31 +278,39 @@ class _Path:
     def _contact(self) -> ContactTest:
         return ContactTest(self.mesh)
 
+    def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
+        """What is known of obstacles, which ``mirrors`` take where the legs are; of the last few."""
+        return _in_the_way(self, np.asarray(triangles, dtype=float).tobytes(), tuple(mirrors))
+
     @cached_property
     def _step(self) -> float:
         return natural_step(self.mesh, self.material, self.load)
 
-    def state(self, value: np.ndarray) -> State:
-        """The deformed pad under ``value``."""
+    def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
+        """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
         used = []
         turned = value
         for mirror in MIRRORS:
             if len(value) == 3 and mirror.side(turned) < 0 and mirror in self.images:
                 turned = mirror.image(turned)
                 used.append(mirror)
-        displacement, pressure, at = self._canonical(turned, used)
-        error, deviation, seconds = self._error(turned, displacement)
+        in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
+        displacement, pressure, at = self._canonical(turned, used, in_the_way)
+        error, deviation, force_error, seconds = self._error(turned, displacement, pressure)
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
             deviation = None if deviation is None else mirror.image(deviation[image])
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, error, seconds + at.seconds)
-        return State(self.mesh, self.material, self.load, np.array(value), displacement, pressure, *figures, deviation)
+        shape = (self.mesh, self.material, self.load, np.array(value), displacement, pressure)
+        return State(*shape, *figures, deviation, force_error)
 
-    def _canonical(self, value: np.ndarray, mirrors: list[Mirror]) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+    def _canonical(
+        self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
+    ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
 
-        ``mirrors`` are those that took it there.
+        ``mirrors`` are those that took it there, and the obstacles too.
         """
         found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
@@ -269,10 +318,16 @@ class _Path:
         start, seconds = partial(_at_rest, found), 0.0
         for leg, s in self._legs_to(value):
             pad = self._pad_for(leg.origin, leg.direction)
+            touch = obstacles.first if obstacles else _nothing
             if not leg.reaches(s):
-                self._extend(leg, pad, s, start)
+                self._extend(leg, pad, s, start, touch)
+            touched = touch(leg, pad)
+            if touched and touched[0] < min(s, leg.limit):
+                free, contact = touched
+                end = leg.value(free), f"touches {contact.what}", np.array(contact.place)
+                raise ComputationError(_end(*end, self.load, mirrors))
             if not leg.reaches(s):
-                raise ComputationError(_end_of(leg, self.load, mirrors))
+                raise ComputationError(_end(leg.value(leg.limit), leg.reason, leg.place, self.load, mirrors))
             at = leg.at(s)
             seconds += at.seconds
             found = pad.split(at.unknowns)
@@ -280,41 +335,60 @@ class _Path:
         return *found, replace(at, seconds=seconds)
 
     def _error(
-        self, value: np.ndarray, displacement: np.ndarray
-    ) -> tuple[RoofError, np.ndarray, float] | tuple[None, None, float]:
-        """Error and deviation of a canonical displacement, by the same path on another mesh, and that one's seconds."""
+        self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+    ) -> tuple[RoofError | None, np.ndarray | None, float, float]:
+        """Errors of a canonical state by the same path on another mesh, and that one's seconds.
+
+        They are the error and the deviation of the displacement, and the error of the board's force.
+        """
         if not value.any():
-            return NO_ERROR, np.zeros_like(displacement), 0.0
+            return NO_ERROR, np.zeros_like(displacement), 0.0, 0.0
+        for second, comparison in self._comparisons():
+            try:
+                other, there, at = second._canonical(value, [], None)
+            except ComputationError:
+                continue  # its path ends before this load
+            force_error = 0.0
+            if isinstance(self.load, PlateDisplacement):
+                shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
+                force_error = comparison.force_error(*(board_force(m, self.material, u, p) for m, u, p in shapes))
+            return (
+                comparison.error(displacement, other),
+                comparison.deviation(displacement, other),
+                force_error,
+                at.seconds,
+            )
+        return None, None, math.nan, 0.0
+
+    def _comparisons(self) -> Iterator[tuple[_Path, RoofComparison]]:
+        """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
+        start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
+        for size in (COARSENING * self.mesh_size, *(finer * start for finer in FINER)):
+            if size not in self._compared:
+                self._compared[size] = self._second(size)
+            second = self._compared[size]
+            if second is not None:
+                yield second
+
+    def _second(self, mesh_size: float) -> tuple[_Path, RoofComparison] | None:
+        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
+        second = _path(self.pad, self.material, self.load, mesh_size, judged=False)
         try:
-            if self._other is None:
-                return None, None, 0.0
-            other, _, at = self._other._canonical(value, [])
-        except ComputationError:
-            return None, None, 0.0
-        comparison = self._comparison
-        return comparison.error(displacement, other), comparison.deviation(displacement, other), at.seconds
-
-    @cached_property
-    def _other(self) -> _Path | None:
-        """The path on elements of twice the size; where these are hardly fewer, of half; None if neither differs."""
-        coarser = _path(self.pad, self.material, self.load, COARSENING * self.mesh_size, judged=False)
-        if len(coarser.mesh.tets) <= SIMILAR * len(self.mesh.tets):
-            return coarser
-        finer = _path(self.pad, self.material, self.load, self.mesh_size / COARSENING, judged=False)
-        return finer if len(self.mesh.tets) <= SIMILAR * len(finer.mesh.tets) else None
-
-    @cached_property
-    def _comparison(self) -> RoofComparison:
-        assert self._other is not None
-        return RoofComparison(self.mesh, self._other.mesh)
+            ratio = size_ratio(self.mesh, second.mesh)
+        except (ComputationError, InputError):
+            return None
+        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
+            return None
+        relative_size = min(self.mesh_size / self.pad.default_mesh_size, COARSENING)  # or all are as coarse as can be
+        return second, RoofComparison(self.mesh, second.mesh, TYPICAL_ERROR * relative_size**ORDER)
 
     @property
     def small_load_error(self) -> float:
         """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
-        if self._other is None:
-            return math.inf
-        responses = zip(self._small_responses, self._other._small_responses, strict=True)
-        return max(self._comparison.error(here, other).relative for here, other in responses)
+        for second, comparison in self._comparisons():
+            responses = zip(self._small_responses, second._small_responses, strict=True)
+            return max(comparison.error(here, other).relative for here, other in responses)
+        return math.inf
 
     @cached_property
     def _small_responses(self) -> list[np.ndarray]:
@@ -354,13 +428,16 @@ class _Path:
         mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
         return _loaded_pad(self, mirrors)
 
-    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: Callable[[], tuple[np.ndarray, np.ndarray]]) -> None:
-        """Solve a leg as far as ``s``, unless another process has meanwhile; ``start`` is the state at its origin."""
+    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
+        """Solve a leg as far as ``s``, or the pad touches something, unless another process has meanwhile.
+
+        ``start`` is the state at its origin.
+        """
         with cache.alone(self._leg_name(leg)):
             self._take_stored(leg)
             before = len(leg.nodes), leg.limit
             try:
-                leg.extend(pad, s, lambda: pad.gather(*start()), self._contact)
+                leg.extend(pad, s, lambda: pad.gather(*start()), self._contact, lambda: touch(leg, pad) is not None)
             finally:
                 if (len(leg.nodes), leg.limit) != before:
                     cache.store(self._leg_name(leg), leg.arrays())
@@ -386,14 +463,17 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
     return pad.split(pad.balance(near, value))
 
 
-def _end_of(leg: Leg, load: Load, mirrors: list[Mirror]) -> str:
+def _nothing(leg: Leg, pad: LoadedPad) -> None:
+    """What a path touches that nothing stands in the way of."""
+
+
+def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> str:
     """What to say of a leg that ends too early, for the load that ``mirrors`` turned into the leg's."""
-    value, place = leg.value(leg.limit), leg.place
     for mirror in reversed(mirrors):
         value, place = mirror.image(value), mirror.image(place)
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-    return f"the pad {leg.reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}."
+    return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}."
 
 
 def _name_of(part: object) -> str:
@@ -407,6 +487,11 @@ def _listed(numbers: np.ndarray) -> str:
 @lru_cache(maxsize=16)
 def _path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool = True) -> _Path:
     return _Path(pad, material, load, mesh_size, judged)
+
+
+@lru_cache(maxsize=8)
+def _in_the_way(path: _Path, triangles: bytes, mirrors: tuple[Mirror, ...]) -> Obstacles:
+    return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)
 
 
 @lru_cache(maxsize=4)  # a normal and a tangential leg, and those of the coarser mesh: their matrices take much memory

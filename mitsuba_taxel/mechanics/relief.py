@@ -79,10 +79,11 @@ class Relief:
         ----------
         gradient : of the displacement, F - 1, at the vertices of the smooth surface, (V', 3, 3)
         """
-        stretch = np.einsum("vij,vj->vi", self._between(gradient), self.offset)
-        return self._between(position) + self.offset + stretch
+        stretch = np.einsum("vij,vj->vi", self.between(gradient), self.offset)
+        return self.between(position) + self.offset + stretch
 
-    def _between(self, values: np.ndarray) -> np.ndarray:
+    def between(self, values: np.ndarray) -> np.ndarray:
+        """(V, ...) values at the vertices from those at the vertices of the smooth surface (V', ...)."""
         fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
         return values[self.low] + fraction * (values[self.high] - values[self.low])
 

@@ -1,19 +1,19 @@
 """How far the finite elements are from the truth where the light looks: the roofs' displacement and slope.
 
-A pad is solved on a second mesh of twice the element size. Where roofs meet walls, and along the rim on the board, the
-stress is singular, and the error falls about in proportion to the size of the elements there, whatever their order
-(G. Strang and G. J. Fix, An Analysis of the Finite Element Method, 1973, chapter 8): so the difference of the two
-solutions is about the error of the better one. Where walls or curves ask for elements so small that the second mesh
-would hardly be coarser, it has elements of half the size, and what twice the size would change is extrapolated.
+A pad is solved on a second mesh, and the error extrapolated from the difference (see `mitsuba_taxel.convergence`), by
+the ratio of sizes that the two meshes have in fact: thin walls and curves leave the mesher less choice than is asked
+for. Meshes are irregular, and two may agree by chance: a pad is never taken to move more precisely than pads do on
+elements of that size as a rule.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.convergence import COARSENING, ORDER
+from mitsuba_taxel.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
 from mitsuba_taxel.mechanics.locate import PointLocator
 from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
 from mitsuba_taxel.pads.pad import REGIONS
@@ -28,10 +28,10 @@ class RoofError:
 
     Attributes
     ----------
-    displacement : root mean square over the roofs, in mm
-    largest : mm, at the worst place
+    displacement : root mean square over the roofs, in mm, by the order with which averages converge
+    largest : mm, at the worst place, by the order with which that does
     relative : ``largest``, relative to the largest displacement of any node
-    slope : root mean square of the angle between normals, in degrees
+    slope : root mean square of the angle between normals, in degrees, by the same
     """
 
     displacement: float
@@ -43,12 +43,27 @@ class RoofError:
 NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
-class RoofComparison:
-    """Compares solutions on a mesh with those on another of the same pad, of twice or half its element size."""
+def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
+    """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
 
-    def __init__(self, mesh: VolumeMesh, other: VolumeMesh) -> None:
-        # To differences from elements of twice the size: with e(h) = c h^p, e(2 h) - e(h) = 2^p (e(h) - e(h / 2)).
-        self._factor = 1.0 if len(other.tets) < len(mesh.tets) else -(COARSENING**ORDER)
+    The geometric mean of the ratio in the solid and of that on the walls of the cells: the error comes from both.
+    """
+    solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
+    walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
+    return math.sqrt(solid * walls)
+
+
+class RoofComparison:
+    """Compares solutions on a mesh with those on another of the same pad, coarser or finer.
+
+    The roofs' mean error along their displacement is at least the ``least`` part of it.
+    """
+
+    def __init__(self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0) -> None:
+        self._least = least
+        ratio = size_ratio(mesh, other)
+        # With e(h) = c h^p, e(r h) - e(h) = (r^p - 1) e(h), whether r is above 1 or below.
+        self._average, self._local = (1 / (ratio**order - 1) for order in (ORDER, LOCAL_ORDER))
         faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
         nodes = mesh.points[faces]
         points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
@@ -65,23 +80,46 @@ class RoofComparison:
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
-        difference = np.linalg.norm(self._here.interpolate(displacement) - self._there.interpolate(other), axis=1)
-        difference *= abs(self._factor)
+        moved, difference = self._on_roofs(displacement, other)
+        error = self._average * difference - self._lacking(moved, difference) * moved
         angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(other)))
-        angle *= abs(self._factor)
-        most = np.linalg.norm(displacement, axis=1).max()
+        largest = max(float(np.linalg.norm(e, axis=1).max()) for e in (self._local * difference, error))
+        most = float(np.linalg.norm(displacement, axis=1).max())
         return RoofError(
-            displacement=float(np.sqrt(self._weight @ difference**2)),
-            largest=float(difference.max()),
-            relative=float(difference.max() / most) if most > 0 else 0.0,
-            slope=float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
+            displacement=float(np.sqrt(self._weight @ (error**2).sum(axis=1))),
+            largest=largest,
+            relative=largest / most if most > 0 else 0.0,
+            slope=abs(self._local) * float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
         )
+
+    def force_error(self, force: np.ndarray, other: np.ndarray) -> float:
+        """N, of a reaction (3,) in N to a given displacement, from that on the other mesh.
+
+        The least part counts for it as well: what moves too little under a force resists a displacement too much.
+        """
+        return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
 
     def deviation(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
         """(N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere."""
         difference = np.zeros_like(displacement)
-        difference[self._seen] = self._factor * (self._nodes_there.interpolate(other) - displacement[self._seen])
+        seen = displacement[self._seen]
+        error = self._average * (self._nodes_there.interpolate(other) - seen)
+        error -= self._lacking(*self._on_roofs(displacement, other)) * seen
+        difference[self._seen] = error / ERROR_SHARE
         return difference
+
+    def _on_roofs(self, displacement: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3) mm each at points of the roofs: displacement, and that on the other mesh less it."""
+        moved = self._here.interpolate(displacement)
+        return moved, self._there.interpolate(other) - moved
+
+    def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
+        """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""
+        square = self._weight @ (moved**2).sum(axis=1)
+        if not square:
+            return 0.0
+        short = -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square
+        return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _turned(self, gradient: np.ndarray) -> np.ndarray:
         """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""

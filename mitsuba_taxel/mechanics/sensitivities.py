@@ -14,10 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
+from mitsuba_taxel.arguments import require
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.equilibrium import Linearised, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.materials import Material
+from mitsuba_taxel.mechanics.memory import memory_for
 from mitsuba_taxel.mechanics.path import State
 
 RELATIVE_STEP = 1e-5
@@ -46,12 +48,17 @@ def linearise(state: State) -> LinearisedState:
 
     Raises
     ------
+    InputError
+        if it is no `State`.
     ComputationError
-        if there is no stable state of balance near by: some paths end where there is none.
+        if there is no stable state of balance near by: some paths end where there is none; or if memory does not
+        suffice.
     """
-    pad = LoadedPad(state.mesh, state.material, state.load)
+    require("state", state, State, "a State, as load_path returns it,")
     try:
-        solution, linearised = pad.solve(pad.gather(state.displacement, state.pressure), state.value)
+        with memory_for("the whole pad"):
+            pad = LoadedPad(state.mesh, state.material, state.load)
+            solution, linearised = pad.solve(pad.gather(state.displacement, state.pressure), state.value)
     except Rejected as rejection:
         shown = ", ".join(f"{component:.4g}" for component in state.value)
         where = f"{state.load.quantity} = ({shown}) {state.load.unit}"
@@ -192,7 +199,7 @@ def _scale(material: Material, name: str) -> float:
 def _checked(name: str, numbers: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     try:
         array = np.asarray(numbers, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.shape != shape or not np.all(np.isfinite(array)):
         shown = f"{array.shape}" if len(shape) > 1 else f"{np.asarray(numbers, dtype=object).tolist()}"

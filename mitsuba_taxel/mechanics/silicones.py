@@ -11,8 +11,8 @@ it is the 0.49 of the laws' default, and ``silicone(name).changed(poisson_ratio=
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Real
 
+from mitsuba_taxel.arguments import is_number
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics.materials import Material, NeoHookean, Yeoh
 
@@ -74,7 +74,7 @@ def silicone(name: str) -> Material:
     InputError
         If there is none of that name.
     """
-    if name not in SILICONES:
+    if not isinstance(name, str) or name not in SILICONES:
         raise InputError(f"silicone = {name!r} is not allowed: one of {', '.join(SILICONES)} is needed.")
     return SILICONES[name].material
 
@@ -96,6 +96,6 @@ def from_shore_a(hardness: float, poisson_ratio: float = 0.49) -> NeoHookean:
     InputError
         If a number is out of its range.
     """
-    if not (isinstance(hardness, Real) and 20 <= hardness <= 80):
+    if not (is_number(hardness) and 20 <= hardness <= 80):
         raise InputError(f"hardness = {hardness} is not allowed: a number from 20 to 80 (Shore A) is needed.")
     return NeoHookean(10 ** (0.0235 * hardness - 0.6403), poisson_ratio)

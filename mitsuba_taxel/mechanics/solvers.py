@@ -10,10 +10,17 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.mechanics.memory import require_memory
 from mitsuba_taxel.mechanics.threads import thread_count
 
 MOST_THREADS = 4
 """More do not pay for matrices of pads."""
+
+FEW_UNKNOWNS = 12_000
+"""Fewer are ordered by minimum fill, in half the time of nested dissection, which makes less of it for more."""
+
+ANALYSIS_BYTES = 150
+"""Per entry, that the analysis of a pattern takes, as measured."""
 
 
 class Factorisation(Protocol):
@@ -27,7 +34,12 @@ class Factorisation(Protocol):
 
 
 class Solver(Protocol):
-    """Factors a sequence of matrices of one pattern, given by their lower triangles."""
+    """Factors a sequence of matrices of one pattern, given by their lower triangles.
+
+    It raises RuntimeError where a matrix is singular, and MemoryError where memory does not suffice.
+    """
+
+    knows_inertia: bool
 
     def factor(self, lower: sparse.csc_matrix) -> Factorisation: ...
 
@@ -44,6 +56,8 @@ class _RslabFactorisation:
 class Rslab:
     """L D L^T by `rslab`; the analysis of the pattern is made once."""
 
+    knows_inertia = True
+
     def __init__(self) -> None:
         self._symbolic: Any = None
 
@@ -51,11 +65,12 @@ class Rslab:
         import rslab
 
         if self._symbolic is None:
-            # Nested dissection: as few operations as the best of several orderings, but in larger blocks.
-            self._symbolic = rslab.analyze(lower, path="ldlt", ordering="metis")
-        return _RslabFactorisation(
-            self._symbolic.factor(lower.data, threads=("auto", min(thread_count(), MOST_THREADS)))
-        )
+            require_memory(ANALYSIS_BYTES * lower.nnz, "the analysis of a matrix")
+            ordering = "amf" if lower.shape[0] < FEW_UNKNOWNS else "metis"
+            self._symbolic = rslab.analyze(lower, path="ldlt", ordering=ordering)
+        threads = "auto", min(thread_count(), MOST_THREADS)
+        require_memory(self._symbolic.memory_plan(threads=threads)["factor_peak_bytes"], "a factored matrix")
+        return _RslabFactorisation(self._symbolic.factor(lower.data, threads=threads))
 
 
 class _SuperLuFactorisation:
@@ -70,6 +85,8 @@ class _SuperLuFactorisation:
 
 class SuperLu:
     """L U by scipy; slower, and without the inertia."""
+
+    knows_inertia = False
 
     def factor(self, lower: sparse.csc_matrix) -> Factorisation:
         from scipy.sparse.linalg import splu

@@ -16,6 +16,9 @@ import numpy as np
 from mitsuba_taxel.pads.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
+CUT = 0
+"""In place of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
+
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
     """The mirrors that map a mesh on itself to the last bit, each with the image (N,) of each node."""
@@ -136,3 +139,15 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
     if len(mirrors) == len(MIRRORS):
         blocks.append(((ACROSS_X, ACROSS_Y), {ACROSS_X: 1, ACROSS_Y: -1}))
     return blocks
+
+
+def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
+    """Signs at the walls of the part, of the pieces between cuts along some of the mirrors' planes.
+
+    A displacement of the whole that has no symmetry is one of pieces that keep the mirror of the last wall, and it is
+    the sum of one that is its own image in that mirror and one that is the opposite. None where blocks are no fewer.
+    """
+    if len(mirrors) < 2:
+        return []
+    *others, kept = _bounding(mirrors)
+    return [dict.fromkeys(others, CUT) | {kept: sign} for sign in (1, -1)]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.atomic import WriteError, replacing
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics.assembly import Material
 from mitsuba_taxel.mechanics.fields import nodal_fields
@@ -39,10 +38,13 @@ def write_vtu(
     if file.suffix.lower() != ".vtu":
         raise InputError(f"output {file} must end in .vtu.")
     data = _point_data(mesh, displacement, pressure, material)
+    import meshio  # its readers of forty formats are not needed before
+
     try:
-        _write(file, mesh, data)
-    except OSError as error:
-        raise InputError(f"output {file} cannot be written: {error.strerror or error}.") from error
+        with replacing(file) as temporary:
+            meshio.vtu.write(temporary, meshio.Mesh(mesh.points, [("tetra10", mesh.tets)], point_data=data))
+    except WriteError as error:
+        raise InputError(f"output {file} cannot be written: {error.reason}.") from error
 
 
 def _point_data(
@@ -58,16 +60,3 @@ def _point_data(
         "volume ratio J": fields.volume_ratio,
         "principal stretches": fields.principal_stretches,
     }
-
-
-def _write(file: Path, mesh: VolumeMesh, data: dict[str, np.ndarray]) -> None:
-    """Write a folder beside ``file`` first, and move the file from there when it is whole."""
-    import meshio  # its readers of forty formats are not needed before
-
-    grid = meshio.Mesh(mesh.points, [("tetra10", mesh.tets)], point_data=data)
-    with tempfile.TemporaryDirectory(prefix=f".{file.stem}-", dir=file.parent) as folder:
-        whole = Path(folder) / file.name
-        meshio.vtu.write(whole, grid)
-        with whole.open("rb+") as written:
-            os.fsync(written.fileno())
-        whole.replace(file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,8 +13,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.arguments import check_progress
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.optics.parts import kind_of, make_plugin
 from mitsuba_taxel.optics.ray_paths import Step, emit, follow, landed
 from mitsuba_taxel.optics.regions import ALL_REGIONS
 from mitsuba_taxel.optics.results import standard_error
@@ -74,12 +75,13 @@ class EnergyAudit:
         return float(standard_error(self.replicates.sum(axis=1)))
 
 
+@in_turn
 def energy_audit(
     scene: Scene | str | Path | Any,
     *,
     points: int = DEFAULT_POINTS,
     seed: int = 0,
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> EnergyAudit:
     """Follow the light of all LEDs to where it ends.
 
@@ -105,6 +107,7 @@ def energy_audit(
         raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
     if not (isinstance(seed, Integral) and 0 <= seed < 1 << 32):
         raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    check_progress(progress)
     ready = prepare(scene)
     pairs = taxels_of(ready.scene)
     emitted = sum(pair.count * pair.led.power[0] for pair in pairs)
@@ -113,8 +116,12 @@ def energy_audit(
     limit = getattr(ready.integrator, "max_depth", -1)
     limit = MOST_REFLECTIONS if limit < 0 else limit
     surfaces = _Surfaces(ready.scene)
-    replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress)
+    replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress or _untold)
     return EnergyAudit(*surfaces.sort(replicates / emitted), points, seed)
+
+
+def _untold(done: int, total: int) -> None:
+    """In place of a function that is told how far an audit is."""
 
 
 def _trace_all(
@@ -253,17 +260,10 @@ class _Surfaces:
 
 def _names(shapes: list[mi.Shape]) -> list[str]:
     """What to call each shape: its id, or its kind, with a number where several are called the same."""
-    names = [shape.id() or _kind(shape) for shape in shapes]
+    names = [shape.id() or kind_of(shape) for shape in shapes]
     alike, used = Counter(names), Counter[str]()
     result = []
     for name in names:
         used[name] += 1
         result.append(f"{name} {used[name]}" if alike[name] > 1 else name)
     return result
-
-
-def _kind(shape: mi.Shape) -> str:
-    """The plugin's name, as its class has it: Mitsuba's own classes are not seen from Python, ours only from there."""
-    ours = type(shape) not in (mi.Mesh, mi.Shape)
-    name = type(shape).__name__ if ours else shape.class_name().removesuffix("Mesh") or "Mesh"
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

@@ -86,10 +86,17 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
         raise InputError(
             f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
         )
-    # Entry by entry: to gather them into one array would run a kernel, which cannot be while another is recorded.
+    return _face_on_rectangle(matrix_of(shape), name, size)
+
+
+def matrix_of(shape: mi.Shape) -> np.ndarray:
+    """(4, 4) the transformation to the world of a shape that has one, as a rectangle.
+
+    Entry by entry: to gather them into one array would run a kernel, of which each place has its own, and which cannot
+    be while another is recorded.
+    """
     rows = mi.traverse(shape)["to_world"].matrix
-    matrix = np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
-    return _face_on_rectangle(matrix, name, size)
+    return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
 
 
 def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float]) -> FaceGrid:

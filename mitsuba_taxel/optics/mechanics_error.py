@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.optics.mesh_adapter import move_vertices
+from mitsuba_taxel.optics.mesh_adapter import Places, move_vertices, places_of
 
 
 def loaded_pads(scene: mi.Scene) -> list[Any]:
@@ -34,26 +34,27 @@ def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tu
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
-        moved = [pad.deviating_vertices() for pad in pads]
+        places = [pad.deviating_places() for pad in pads]
     before = powers()
-    if any(vertices is None for vertices in moved):
+    if any(there is None for there in places):
         return before, None
-    with _moved(scene, pads, moved):
+    with moved(scene, pads, [there for there in places if there is not None]):
         return before, powers() - before
 
 
 @contextmanager
-def _moved(scene: mi.Scene, pads: list[Any], vertices: list[np.ndarray]) -> Iterator[None]:
-    homes = [np.array(mi.traverse(pad)["vertex_positions"]).reshape(-1, 3) for pad in pads]
-    _move(scene, pads, vertices)
+def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[None]:
+    """Have the vertices of pads at other places for a while."""
+    homes = [places_of(pad) for pad in pads]
+    _move(scene, pads, places)
     try:
         yield
     finally:
         _move(scene, pads, homes)
 
 
-def _move(scene: mi.Scene, pads: list[Any], vertices: list[np.ndarray]) -> None:
+def _move(scene: mi.Scene, pads: list[Any], places: list[Places]) -> None:
     with stages.stage("load"):
-        for pad, places in zip(pads, vertices, strict=True):
-            move_vertices(pad, places)
+        for pad, there in zip(pads, places, strict=True):
+            move_vertices(pad, there)
         scene.parameters_changed([])

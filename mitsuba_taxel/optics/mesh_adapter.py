@@ -2,31 +2,61 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import mitsuba as mi
 import numpy as np
 
 
-def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, vertices: np.ndarray, triangles: np.ndarray) -> None:
-    """Call ``mi.Mesh.__init__`` on a half-built Python mesh and give it its geometry, with flat normals.
+class Places(NamedTuple):
+    """Where the vertices of a mesh are.
+
+    Attributes
+    ----------
+    vertices : (V, 3) world coordinates
+    normals : (V, 3) unit normals that triangles interpolate, None for flat triangles
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray | None
+
+
+def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangles: np.ndarray) -> None:
+    """Call ``mi.Mesh.__init__`` on a half-built Python mesh and give it its geometry.
 
     Parameters
     ----------
-    vertices : (V, 3) float, world coordinates
     triangles : (T, 3) int, counter-clockwise seen from outside
     """
-    props["face_normals"] = True
-    mi.Mesh.__init__(mesh, props.id() or props.plugin_name(), len(vertices), len(triangles), props=props)
+    smooth = places.normals is not None
+    props["face_normals"] = not smooth
+    counts = (len(places.vertices), len(triangles))
+    mi.Mesh.__init__(mesh, props.id() or props.plugin_name(), *counts, props=props, has_vertex_normals=smooth)
+    give_geometry(mesh, places, triangles)
+
+
+def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
+    """Fill a mesh that was made for so many vertices and triangles."""
     parameters = mi.traverse(mesh)
     parameters["faces"] = np.ascontiguousarray(triangles, dtype=np.uint32).ravel()
-    parameters["vertex_positions"] = np.ascontiguousarray(vertices, dtype=np.float32).ravel()
-    parameters.update()
+    move_vertices(mesh, places)
 
 
-def move_vertices(mesh: mi.Mesh, vertices: np.ndarray) -> None:
-    """Give an initialised mesh new (V, 3) vertex positions, the triangles staying as they are."""
+def places_of(mesh: mi.Mesh) -> Places:
+    """Where the vertices of a mesh are now."""
     parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.ascontiguousarray(vertices, dtype=np.float32).ravel()
+    vertices, normals = (np.array(parameters[f"vertex_{name}"]).reshape(-1, 3) for name in ("positions", "normals"))
+    return Places(vertices, normals if len(normals) else None)
+
+
+def move_vertices(mesh: mi.Mesh, places: Places) -> None:
+    """Give an initialised mesh new vertices, as many as before, the triangles staying as they are."""
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.ascontiguousarray(places.vertices, dtype=np.float32).ravel()
     parameters.update()
+    if places.normals is not None:  # after the positions, with which Mitsuba computes normals of its own
+        parameters["vertex_normals"] = np.ascontiguousarray(places.normals, dtype=np.float32).ravel()
+        parameters.update()
 
 
 def add_face_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:

@@ -1,13 +1,15 @@
 """The optical parts of a sensor as Python objects: walls, LEDs, phototransistors.
 
-They say what the plugins of the same names say, in the same words. What is None is left to the plugin; what is not
-allowed is refused when the scene is loaded.
+They say what the plugins of the same names say, in the same words. What is None is left to the plugin. What is not of
+the right kind is refused at once (`InputError`), a value that is not allowed when the scene is loaded.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from mitsuba_taxel.arguments import check_fields
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,9 @@ class Wall:
     lambertian: float | None = None
     isotropic: float | None = None
     rms_slope: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def to_dict(self) -> dict[str, Any]:
         """The plugin as a Mitsuba dictionary."""
@@ -66,6 +71,9 @@ class AnnularLed:
     exponent: float | None = None
     file: str | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def to_dict(self) -> dict[str, Any]:
         """The plugin as a Mitsuba dictionary."""
         return {"type": "annular_led", **_given(self)}
@@ -91,6 +99,9 @@ class Phototransistor:
     file: str | None = None
     quantum_efficiency: float | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(self)
+
     def to_dict(self) -> dict[str, Any]:
         """The plugin as a Mitsuba dictionary."""
         return {"type": "phototransistor", **_given(self)}
@@ -115,6 +126,14 @@ class PhotoReflector:
     led: AnnularLed = field(default_factory=AnnularLed)
     phototransistor: Phototransistor = field(default_factory=Phototransistor)
     body: Wall = ABSORBING
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            led=(AnnularLed, "an AnnularLed"),
+            phototransistor=(Phototransistor, "a Phototransistor"),
+            body=(Wall, "a Wall"),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The plugin, with its LED and phototransistor, as a Mitsuba dictionary."""

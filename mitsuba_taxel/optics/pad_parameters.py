@@ -32,6 +32,10 @@ LOADS = {
 }
 """The parameter that holds the value of each load."""
 
+MOST_TRIANGLES = 20_000_000
+LEAST_FACES = 15
+"""Of the finite elements on the surface of a cell, however large they may be."""
+
 _COUNTS = ("rows", "columns")
 _LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height")
 _PATCH = ("patch_x", "patch_y", "patch_width", "patch_depth")
@@ -88,6 +92,14 @@ def read_load(props: mi.Properties) -> tuple[Load, tuple[float, ...]]:
     return load, _three(props, LOADS[name])
 
 
+def take_value(props: mi.Properties) -> tuple[float, ...]:
+    """The value of the load of a scene, which is left without; raises `InputError`."""
+    _, value = read_load(props)
+    for name in set(LOADS.values()) & set(props.keys()):
+        del props[name]
+    return value
+
+
 def read_mesh(props: mi.Properties) -> tuple[float | None, float | None]:
     """The mesh size and the mesh tolerance of a scene, at most one of which it gives; raises `InputError`."""
     if "mesh_tolerance" in props:
@@ -106,6 +118,16 @@ def read_cells(props: mi.Properties) -> tuple[int, ...] | None:
             f"read_cells = {' '.join(words)!r} is not allowed: 'all' or numbers of cells such as '1, 5' are needed."
         )
     return tuple(sorted({int(word) for word in words}))
+
+
+def check_triangles(subdivision: int, faces: int) -> None:
+    """Refuse a subdivision of so many faces of cells that it takes too many triangles; raises `InputError`."""
+    triangles = faces * subdivision**2
+    if triangles > MOST_TRIANGLES:
+        raise InputError(
+            f"subdivision = {subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
+            f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
+        )
 
 
 def read_finish(props: mi.Properties) -> Finish | None:

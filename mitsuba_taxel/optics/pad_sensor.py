@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
+from mitsuba_taxel.arguments import check_fields, is_number, is_row, refusal
+from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.mechanics import (
     Grooves,
@@ -40,6 +43,11 @@ class PadSensor:
     photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
     roof, side : what covers the cells
     finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
+
+    Raises
+    ------
+    InputError
+        if a part is of another kind.
     """
 
     pad: Pad = field(default_factory=Pad)
@@ -51,11 +59,24 @@ class PadSensor:
     side: Wall = ABSORBING
     finish: LayerSteps | Grooves | RandomRoughness | None = None
 
+    def __post_init__(self) -> None:
+        check_fields(
+            self,
+            pad=(Pad, "a Pad"),
+            material=(Material, "a Material, such as NeoHookean,"),
+            load=(get_args(Load), "a load, such as SpreadForce,"),
+            photo_reflector=(PhotoReflector, "a PhotoReflector"),
+            roof=(Wall, "a Wall"),
+            side=(Wall, "a Wall"),
+            finish=((LayerSteps, Grooves, RandomRoughness, NoneType), "LayerSteps, Grooves, RandomRoughness or None"),
+        )
+        if not is_row(self.force, is_number):
+            raise refusal("force", self.force, "a row of finite numbers is needed")
+
+    @in_turn
     def scene(self) -> Scene:
         """The scene, ready to measure, write or load."""
         import mitsuba as mi
-
-        from mitsuba_taxel.backend import activate_variant
 
         activate_variant()
         pad = self.pad

@@ -1,7 +1,8 @@
-"""Objects that a plugin makes for itself."""
+"""Mitsuba's objects: made by our plugins for themselves, and called by their plugin's name."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import mitsuba as mi
@@ -17,3 +18,11 @@ def make_plugin(name: str, **parameters: Any) -> Any:
     for key, value in parameters.items():
         props[key] = value
     return mi.PluginManager.instance().create_object(props)
+
+
+def kind_of(made: Any) -> str:
+    """The plugin's name, as its class has it: Mitsuba's own classes are not seen from Python, ours only from there."""
+    ours = type(made).__module__ != "mitsuba"
+    name = type(made).__name__ if ours else made.class_name()
+    name = name.removesuffix("Integrator").removesuffix("Mesh") or "Mesh"
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()

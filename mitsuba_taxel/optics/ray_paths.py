@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.taxels import TaxelPair, taxels_of
@@ -117,6 +118,7 @@ class RayPaths:
     arrived: int
 
 
+@in_turn
 def sample_paths(
     scene: mi.Scene,
     taxel: int,

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel import stages
+from mitsuba_taxel.arguments import check_flags, is_number, is_whole, require
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics.mechanics_error import loaded_pads
 from mitsuba_taxel.optics.results import Crosstalk, Readings
-from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Run, described, prepare
+from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Prepared, Run, described, prepare
 from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.optics.targets import Aimed, Settings, aim, mechanics_of, points_for
+from mitsuba_taxel.optics.targets import (
+    FLAT,
+    Aimed,
+    Geometry,
+    Mechanics,
+    Settings,
+    aim,
+    deviation_points,
+    geometry_of,
+    mechanics_of,
+    points_for,
+)
 from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.optics.tracing import trace
 from mitsuba_taxel.optics.walls import set_wavelength
@@ -35,7 +47,7 @@ def measure(
     mechanics_error: bool = True,
     continued: Readings | None = None,
 ) -> Readings:
-    """Readings of all taxels of a scene.
+    """Readings of all taxels of a scene; threads that ask for some at the same time take turns.
 
     Parameters
     ----------
@@ -49,7 +61,7 @@ def measure(
         case.
     seed : whole number from 0 to 2**32 - 1
     irradiance : whether to return the irradiance map as well
-    mechanics_error : whether to find out what the error of the mechanics does to the readings, by two short traces
+    mechanics_error : whether to find out what the errors of the pads' shape do to the readings, by short traces
     continued : readings of the same scene and seed, of 256 points or more, that this run goes on from: with
         ``points`` it gives what a run of so many points from the start would give (under Mitsuba's own integrators an
         estimate that is as good)
@@ -61,7 +73,25 @@ def measure(
     ComputationError
         if a pad cannot be deformed as asked.
     """
+    return measured(scene, target_error, points, time_budget, seed, irradiance, mechanics_error, continued)[0]
+
+
+@in_turn
+def measured(
+    scene: Any,
+    target_error: float | None = None,
+    points: int | None = None,
+    time_budget: float | None = None,
+    seed: int = 0,
+    irradiance: bool = False,
+    mechanics_error: bool = True,
+    continued: Readings | None = None,
+) -> tuple[Readings, Prepared]:
+    """What :func:`measure` returns, and the scene as it was read: more may be asked of it without loading it anew."""
     check_request(target_error, points, seed, time_budget)
+    check_flags(irradiance=irradiance, mechanics_error=mechanics_error)
+    if continued is not None:
+        require("continued", continued, Readings, "what measure returned")
     if continued is not None and (continued.seed != seed or continued.points < FIRST_POINTS or irradiance):
         raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
     clock = Clock(time_budget)
@@ -80,13 +110,16 @@ def measure(
         parameters=aimed.ready.parameters,
         irradiance=run.image,
         responsivity=_responsivity(live),
-        deviation=aimed.deviation,
+        deviation=aimed.mechanics.deviation,
+        facets=_facets(aimed.geometry, run.powers.shape[1]) if mechanics_error else None,
         mesh_size=aimed.settings.mesh_size,
         roof_errors=[pad.state.error for pad in loaded_pads(live)],
     )
     bare = target_error is None and points is None and time_budget is None
     result.remarks.extend([*aimed.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
-    return result
+    if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
+        result.remarks.append(f"time budget used up after {result.points} points")
+    return result, aimed.ready
 
 
 def _aimed(
@@ -106,12 +139,17 @@ def _aimed(
         return aim(scene, target_error, seed, clock)
     mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     ready = prepare(scene)
+    geometry = geometry_of(ready, seed) if mechanics_error else FLAT
     if points is None and (target_error is not None or clock.end == math.inf):
-        points = points_for(ready, target_error or LIGHT_ERROR, seed, clock)
-    deviation = mechanics_of(ready, seed).deviation if mechanics_error else None
-    return Aimed(ready, deviation, Settings(points or MOST_POINTS, mesh_size))
+        points = points_for(ready, target_error or LIGHT_ERROR, seed, clock, geometry.pilot)
+    points = points or MOST_POINTS
+    mechanics = Mechanics(None, 0.0)
+    if mechanics_error:
+        mechanics = mechanics_of(ready, seed, deviation_points(clock, points))
+    return Aimed(ready, mechanics, geometry, Settings(points, mesh_size))
 
 
+@in_turn
 def crosstalk(
     scene: Scene | str | Path | Any, *, target_error: float | None = None, points: int | None = None, seed: int = 0
 ) -> Crosstalk:
@@ -138,6 +176,11 @@ def crosstalk(
     return Crosstalk(powers, points, seed)
 
 
+def _facets(geometry: Geometry, taxels: int) -> np.ndarray:
+    """(T,) W, as in `Readings`, where it was asked for."""
+    return np.zeros(taxels) if geometry.facets is None else geometry.facets
+
+
 def _responsivity(live: Any) -> np.ndarray | None:
     """(T,) A/W; None where LEDs and phototransistors do not pair up."""
     try:
@@ -156,7 +199,10 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
     if target_error is not None and not result.relative_total_error <= target_error:
         parts = f"light {result.relative_error:.2g} with {result.points} points"
         if result.deviation is not None:
-            parts += f", mechanics {result.error_budget['mechanics']:.2g}"
+            share = result.error_budget["mechanics"]
+            parts += f", mechanics {'unknown' if math.isnan(share) else f'{share:.2g}'}"
+        if result.geometry_error.any():
+            parts += f", geometry {result.error_budget['geometry']:.2g}"
         notes.append(f"target error {target_error:g} not reached: {parts}")
     if target_error is not None and result.mesh_size is not None:
         notes.append(f"finite elements of {result.mesh_size:.3g} mm chosen for the target error")
@@ -178,15 +224,11 @@ def check_request(target_error: float | None, points: int | None, seed: int, tim
     """
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")
-    if target_error is not None and not (isinstance(target_error, Real) and 0 < target_error < 1):
+    if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
         raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
-    if points is not None and not (_is_whole(points) and 1 <= points <= MOST_POINTS):
+    if points is not None and not (is_whole(points) and 1 <= points <= MOST_POINTS):
         raise InputError(f"points = {points!r} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
-    if time_budget is not None and not (isinstance(time_budget, Real) and 0 < time_budget < math.inf):
+    if time_budget is not None and not (is_number(time_budget) and time_budget > 0):
         raise InputError(f"time_budget = {time_budget!r} is not allowed: a finite number of seconds above 0 is needed.")
-    if not (_is_whole(seed) and 0 <= seed < 1 << 32):
+    if not (is_whole(seed) and 0 <= seed < 1 << 32):
         raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.convergence import COARSENING, ORDER
+from mitsuba_taxel.convergence import ERROR_SHARE, FACETS_SHARE
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
-
-ERROR_SHARE = 1 / (COARSENING**ORDER - 1)
-"""Of the deviation on elements of twice the size, that is the error on those of the size itself."""
 
 
 def standard_error(replicates: np.ndarray) -> np.ndarray:
@@ -25,8 +22,18 @@ def standard_error(replicates: np.ndarray) -> np.ndarray:
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
     """Relative error by the finite elements of readings (T,) in W that deviate so on elements of twice the size."""
+    return ERROR_SHARE * _mean_share(deviation, power)
+
+
+def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
+    """Relative error by the facets of readings (T,) in W that change so where these are chords of the curved walls."""
+    return FACETS_SHARE * _mean_share(facets, power)
+
+
+def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
+    """Root of the mean square of a relative change, over the readings that have any power."""
     lit = power > 0
-    return ERROR_SHARE * math.sqrt(np.mean((deviation[lit] / power[lit]) ** 2)) if lit.any() else 0.0
+    return math.sqrt(np.mean((change[lit] / power[lit]) ** 2)) if lit.any() else 0.0
 
 
 def largest_share(error: np.ndarray, power: np.ndarray) -> float:
@@ -35,9 +42,10 @@ def largest_share(error: np.ndarray, power: np.ndarray) -> float:
     return float(np.max(error[lit] / power[lit], initial=0.0))
 
 
-def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray) -> dict[str, float]:
-    """Largest relative errors of readings, all in W: of the light, of the mechanics, and in total."""
-    errors = {"light": light, "mechanics": mechanics, "total": np.hypot(light, mechanics)}
+def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
+    """Largest relative errors of readings, all in W: of the light, the mechanics and the geometry, and in total."""
+    total = np.hypot(np.hypot(light, mechanics), geometry)
+    errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
     return {name: largest_share(error, power) for name, error in errors.items()}
 
 
@@ -57,6 +65,8 @@ class Readings:
     deviation : (T,) W, by how much the power changes where loaded pads have the shape that coarser finite elements give
         them; not a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors
         are then those of the light alone
+    facets : (T,) W, by how much the power changes where the triangles of curved walls are their chords; 0 where all
+        walls are flat; None where it was not asked for
     mesh_size : mm, of the finite elements of pads that the scene leaves open; None for the default
     roof_errors : of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown
     remarks : what the reader of the numbers must know besides, in words
@@ -70,6 +80,7 @@ class Readings:
     irradiance: np.ndarray | None = None
     responsivity: np.ndarray | None = None
     deviation: np.ndarray | None = None
+    facets: np.ndarray | None = None
     mesh_size: float | None = None
     roof_errors: list[RoofError | None] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -111,9 +122,19 @@ class Readings:
         return self.power * mechanics_share(self.deviation, self.power)
 
     @property
+    def geometry_error(self) -> np.ndarray:
+        """(T,) W, what :attr:`power` is off by for the flat triangles of curved walls, as one standard deviation.
+
+        The same share of every reading, as of the :attr:`mechanics_error`.
+        """
+        if self.facets is None:
+            return np.zeros(len(self.taxel))
+        return self.power * geometry_share(self.facets, self.power)
+
+    @property
     def total_error(self) -> np.ndarray:
-        """(T,) W, of light and mechanics together, as the root of the sum of their squares."""
-        return np.hypot(self.standard_error, self.mechanics_error)
+        """(T,) W, of light, mechanics and geometry together, as the root of the sum of their squares."""
+        return np.hypot(np.hypot(self.standard_error, self.mechanics_error), self.geometry_error)
 
     @property
     def photocurrent(self) -> np.ndarray | None:
@@ -133,7 +154,7 @@ class Readings:
     @property
     def error_budget(self) -> dict[str, float]:
         """Largest relative error of any taxel that receives light, by its source and in total."""
-        return error_budget(self.power, self.standard_error, self.mechanics_error)
+        return error_budget(self.power, self.standard_error, self.mechanics_error, self.geometry_error)
 
 
 @dataclass(frozen=True)
@@ -168,7 +189,10 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
         return []
     known = [error for error in errors if error is not None]
     if len(known) < len(errors):
-        return ["mechanics error unknown: the stated error is that of the light alone"]
+        return [
+            "mechanics error unknown, as no second mesh can be loaded so far: the stated error is that of the light "
+            "alone; a smaller mesh_size or a smaller load may tell it"
+        ]
     worst = max(known, key=lambda error: error.displacement)
     return [
         f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "

@@ -7,10 +7,14 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.choice import choose_integrator
+from mitsuba_taxel.arguments import require
+from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.optics.modelled import refuse_unmodelled
+from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.optics.probes import refuse_unreadable
 from mitsuba_taxel.optics.results import Readings
 from mitsuba_taxel.optics.scene import Scene
 from mitsuba_taxel.optics.taxels import taxels_of
@@ -32,24 +36,30 @@ class Prepared(NamedTuple):
     notes: list[str]  # which integrator was chosen and why, where the scene names none
 
 
+@in_turn
 def prepare(scene: Any) -> Prepared:
     """Load whatever describes a scene, and choose an integrator if it names none."""
-    if isinstance(scene, Prepared):
-        return scene
     scene = described(scene)
-    if not isinstance(scene, Scene):
-        return Prepared(scene, scene.integrator(), {}, [])
-    live = scene.load()
-    if scene.names_integrator:
-        return Prepared(live, live.integrator(), scene.parameters, [])
-    taxels_of(live)
-    integrator, reason = choose_integrator(live)
-    return Prepared(live, integrator, scene.parameters, [f"integrator {reason}"])
+    if isinstance(scene, Prepared):
+        refuse_unmodelled(scene.scene, scene.integrator)  # it may have been changed
+        return scene
+    live, parameters = (scene.load(), scene.parameters) if isinstance(scene, Scene) else (scene, {})
+    integrator, notes = live.integrator(), []
+    if integrator is None:
+        integrator = make_plugin("taxel_tracer")
+        notes.append("integrator taxel_tracer: it joins paths from both ends, and is right for every wall")
+    refuse_unmodelled(live, integrator)
+    refuse_unreadable(live, integrator)
+    return Prepared(live, integrator, parameters, notes)
 
 
 def described(scene: Any) -> Any:
-    """A scene given by name or path as a `Scene`; anything else as it is."""
-    return Scene.from_file(scene) if isinstance(scene, (str, Path)) else scene
+    """A scene given by name, by path or as a dictionary as a `Scene`; one that Mitsuba has loaded as it is."""
+    if isinstance(scene, (str, Path, dict)):
+        return Scene(scene)
+    activate_variant()
+    require("scene", scene, (Scene, Prepared, mi.Scene), "a Scene, a path, a name, a dictionary or an mi.Scene")
+    return scene
 
 
 class Clock:
@@ -124,12 +134,9 @@ def _render(scene: Any, points: int, seed: int, first: int):
     What goes on from ``first`` points has random numbers of its own.
     """
     import drjit as dr
-    import mitsuba as mi
 
     columns, images = [], []
     for sensor in scene.sensors():
-        if not hasattr(sensor, "spread_film"):
-            raise InputError(f"every sensor must be a phototransistor, not a {sensor.class_name()}.")
         faces = sensor.faces
         # Kept out of the kernel, which would otherwise be compiled anew for each of them.
         numbers = range(first * REPLICATES, (first + 1) * REPLICATES)

@@ -10,13 +10,19 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.arguments import is_number, path_of, refusal, require, table_of
+from mitsuba_taxel.atomic import WriteError, replacing
+from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.errors import ComputationError, InputError
 
 FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+END_OF_PATH = "the load path ends at"
+"""Words of the error of a pad that cannot be loaded as far as it should."""
 DEEPEST = 16
 """Most elements of a scene, one in the other: Mitsuba's parser calls itself for each."""
+
+NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
 
 
 class Scene:
@@ -24,7 +30,8 @@ class Scene:
 
     Parameters
     ----------
-    source : path of an XML file, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``)
+    source : path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with
+        ``"type": "scene"``)
     parameters : values for the ``<default>``s of the file, by name
     mesh_size : mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance;
         None for the default
@@ -37,29 +44,31 @@ class Scene:
 
     def __init__(
         self,
-        source: Path | dict[str, Any],
+        source: str | Path | dict[str, Any],
         parameters: Mapping[str, object] | None = None,
         mesh_size: float | None = None,
     ) -> None:
-        self.source, self.mesh_size = source, mesh_size
+        self.source = source if isinstance(source, dict) else find_scene(source)
+        if not (mesh_size is None or (is_number(mesh_size) and mesh_size > 0)):
+            raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
+        self.mesh_size = mesh_size
         self.defaults: dict[str, str] = {}
-        given = {name: str(value) for name, value in (parameters or {}).items()}
-        if isinstance(source, dict):
-            allowed: set[str] = set()
-        else:
-            self.defaults, allowed = _declared_parameters(source)
+        given = {name: str(value) for name, value in table_of("parameters", parameters, "values").items()}
+        allowed: set[str] = set()
+        if isinstance(self.source, Path):
+            self.defaults, allowed = _declared_parameters(self.source)
         for name in given:
             if name not in allowed:
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
         self.parameters = {**self.defaults, **given}
-        self.names_integrator = True  # this and the next are known once the scene has been loaded
-        self.leaves_mesh_open = False
+        self.leaves_mesh_open = False  # this is known once the scene has been loaded
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
         """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
-        return cls(find_scene(source), parameters)
+        require("source", source, (str, Path), "the path or name of an XML scene")
+        return cls(source, parameters)
 
     @property
     def name(self) -> str:
@@ -76,6 +85,7 @@ class Scene:
         given = {} if isinstance(self.source, dict) else self.parameters
         return Scene(self.source, given, mesh_size)
 
+    @in_turn
     def load(self) -> Any:
         """Build the ``mi.Scene``, in the current variant or the default one.
 
@@ -84,35 +94,60 @@ class Scene:
         InputError
             if Mitsuba or a plugin refuses the description; the message is one line.
         ComputationError
-            if a pad could not be deformed as asked.
+            if a pad could not be deformed as asked, or touches a package.
         """
         import mitsuba as mi
+
+        from mitsuba_taxel.optics.clearance import refuse_contact
 
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
             try:
                 state = self._parse(config)
-                _refuse_far_transforms(state)
+                self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
                 live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
-                raise _one_line(error, self) from error
-            self.names_integrator = live.integrator() is not None
+                failure = _one_line(error, self)
+                if END_OF_PATH in str(failure):
+                    self._refuse_contact(config)
+                raise failure from error
+            refuse_contact(live)
             return live
 
+    def _refuse_contact(self, config: Any) -> None:
+        """Raise where a pad touches a package on its way to where its load path ends: pads do not know the packages."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.optics.clearance import refuse_contact
+        from mitsuba_taxel.optics.pad_parameters import take_value
+
+        state = self._parse(config)
+        mi.parser.transform_all(config, state)
+        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+        values = {pad.id(): take_value(pad) for pad in pads}
+        at_rest = mi.parser.instantiate(config, state)
+        for shape in at_rest.shapes():
+            if shape.id() in values:
+                shape.value = values[shape.id()]
+        refuse_contact(at_rest)
+
+    @in_turn
     def write_xml(self, path: str | Path) -> None:
         """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
         import mitsuba as mi
 
+        path = path_of("path", path)
         config = parser_config(activate_variant())
         try:
             text = mi.parser.write_string(self._parse(config))
         except RuntimeError as error:
             raise _one_line(error, self) from error
         try:
-            Path(path).write_text(text)
-        except OSError as error:
-            raise InputError(f"{path} cannot be written: {error.strerror}.") from error
+            with replacing(path) as file:
+                file.write_text(text, encoding="utf-8")
+        except WriteError as error:
+            raise InputError(str(error)) from error
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
@@ -129,6 +164,11 @@ class Scene:
         finally:
             mi.set_file_resolver(before)
 
+    def _refuse_far_transforms(self, state: Any) -> None:
+        for props in (node.props for node in state.nodes):
+            for message in far_transforms(props).values():
+                raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
+
     def _parse(self, config: Any) -> Any:
         import mitsuba as mi
 
@@ -136,6 +176,8 @@ class Scene:
             state = mi.parser.parse_dict(config, self.source)
         else:
             state = mi.parser.parse_file(config, str(self.source), **self.parameters)
+        if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
+            raise InputError(f"{self.name}: {NESTED_SCENE}")
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
         open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
         self.leaves_mesh_open = bool(open_ones)
@@ -146,6 +188,7 @@ class Scene:
 
 def write_xml(scene: Scene, path: str | Path) -> None:
     """Write a scene as XML; see :meth:`Scene.write_xml`."""
+    require("scene", scene, Scene, "a Scene")
     scene.write_xml(path)
 
 
@@ -157,15 +200,29 @@ def find_scene(source: str | Path) -> Path:
     InputError
         if there is neither.
     """
-    path = Path(source)
+    path = path_of("scene", source)
     if is_file(path):
         return path
     folder = shipped_scenes()
     shipped = folder / path.name
     if path.parent == Path(".") and is_file(shipped):
         return shipped
+    hindrance = hindrance_to(path)
+    if hindrance:
+        raise InputError(f"scene {str(source)!r} cannot be read: {hindrance}.")
     names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
     raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def hindrance_to(path: Path) -> str | None:
+    """Why something that is there cannot be read as a file, or what is on the way to it; None if nothing is there."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return error.strerror
+    return "it is a folder" if path.is_dir() else None
 
 
 def is_file(path: Path) -> bool:
@@ -197,7 +254,12 @@ def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dic
         raise InputError(f"{path}{within} cannot be read: {reason}.") from error
     if _depth(root) > DEEPEST:
         raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
-    defaults = {e.get("name", ""): e.get("value", "") for e in root.iter("default")}
+    defaults: dict[str, str] = {}
+    for element in root.iter("default"):
+        name = element.get("name", "")
+        if name in defaults:
+            raise InputError(f"{path.name}: the <default> {name} is given twice: take one of them out.")
+        defaults[name] = element.get("value", "")
     used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
     for include in root.iter("include"):
         inner = path.parent / include.get("filename", "")
@@ -213,18 +275,32 @@ def _depth(root: ElementTree.Element) -> int:
     return depth
 
 
-def _refuse_far_transforms(state: Any) -> None:
-    """Raise an InputError where a part of a scene would be put nowhere."""
+def far_transforms(props: Any) -> dict[str, str]:
+    """What is wrong with the transformations of a part that would put it nowhere, by name."""
     import mitsuba as mi
     import numpy as np
 
-    for props in (node.props for node in state.nodes):
-        for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
-            matrix = np.array(props[name].matrix, dtype=float)
-            props.mark_queried(name, False)  # or a plugin that does not know it would not be found out
-            if not np.all(np.abs(matrix) <= FURTHEST):
-                plugin = props.plugin_name()
-                raise InputError(f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed.")
+    refused = {}
+    for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
+        matrix = np.array(props[name].matrix, dtype=float)
+        props.mark_queried(name, False)  # or a plugin that does not know it would not be found out
+        if not np.all(np.abs(matrix) <= FURTHEST):
+            plugin = props.plugin_name()
+            refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
+    return refused
+
+
+def guilty_parameters(parameters: Mapping[str, str]) -> str:
+    """The parameters that are no numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
+    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
+    return f" (parameter {', '.join(found)})" if found else ""
+
+
+def _is_near(value: str) -> bool:
+    try:
+        return abs(float(value)) <= FURTHEST
+    except ValueError:
+        return True  # a word
 
 
 def parser_config(variant: str) -> Any:

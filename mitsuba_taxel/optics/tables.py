@@ -17,6 +17,10 @@ NODES = 4096
 SMALLEST_STEP = 1e-3
 """Degrees between two rows: closer angles are the same in single precision, or nearly so."""
 
+RIGHT_ANGLE, NARROW = 1.571, 0.2
+"""In radians, rounded up. A table that ends between the two is taken for one in radians: hardly a part has so narrow a
+beam, in degrees, and many have one that ends there in radians, from 11 to 90 degrees."""
+
 
 class Interpolant:
     """A function that is linear between its nodes and zero outside them.
@@ -131,6 +135,11 @@ def _check_angles(file: str, angles: np.ndarray) -> None:
         raise InputError(
             f"file = {file!r}: the angle {angles[row]:g} in row {row + 1} is not allowed: angles must start at 0 and "
             f"increase to at most 90 degrees, by at least {SMALLEST_STEP:g} from row to row."
+        )
+    if NARROW < angles[-1] <= RIGHT_ANGLE:
+        raise InputError(
+            f"file = {file!r}: the angles end at {angles[-1]:g}, and look like radians: degrees are needed (a beam as "
+            "narrow as that is described by cone_angle or exponent)."
         )
 
 

@@ -1,8 +1,8 @@
 """What a target error takes: how fine a mesh, and how many points.
 
-The target is met by both together, as the root of the sum of their squares. Elements are made smaller until the
-mechanics takes its share of it; the light gets what is left. Pilot runs, whose random numbers do not enter the result,
-say how much either needs.
+The target is met by both together, as the root of the sum of their squares. Elements, and with them the triangles of
+curved walls, are made smaller until the shape takes its share of it; the light gets what is left. Pilot runs, whose
+random numbers do not enter the result, say how much either needs.
 """
 
 from __future__ import annotations
@@ -16,18 +16,22 @@ import numpy as np
 from mitsuba_taxel import stages
 from mitsuba_taxel.convergence import ORDER
 from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.optics.facets import change_by_chords, curved_pads
 from mitsuba_taxel.optics.mechanics_error import loaded_pads, mechanics_deviation
-from mitsuba_taxel.optics.results import Readings, mechanics_share
+from mitsuba_taxel.optics.results import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.optics.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 MECHANICS_SHARE = 0.85
 """Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
 LIGHT_SHARE = 0.5
 """Of a target error that the mechanics does not reach."""
-DEVIATION_POINTS = 256
-"""For each taxel and replicate, of the two traces that tell what the mechanics' error does."""
+DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
+"""For each taxel and replicate, of the two traces that tell what the mechanics' error does: domes take many."""
+DEVIATION_SHARE = 4
+"""Of the points of a reading, what these traces have at most: a change has a fifth of the noise of a reading."""
+CLEAR, NEGLIGIBLE = 1 / 3, 0.2
+"""What the error of the mechanics may itself be uncertain by: part of it, or part of a target error."""
 COST_ORDER = 4.0
 """With which the time of the mechanics grows as elements get smaller."""
 RUNG, MOST_RUNGS = 0.8, 3
@@ -47,14 +51,6 @@ class Settings(NamedTuple):
     mesh_size: float | None
 
 
-class Aimed(NamedTuple):
-    """A scene that was made ready for a target error, what its mechanics is off by, and the points left to trace."""
-
-    ready: Prepared
-    deviation: np.ndarray | None
-    settings: Settings
-
-
 class Mechanics(NamedTuple):
     """What the mechanics' error does to readings.
 
@@ -68,20 +64,81 @@ class Mechanics(NamedTuple):
     share: float
 
 
-def mechanics_of(ready: Prepared, seed: int) -> Mechanics:
-    """What the mechanics' error does to the readings of a scene, by two short traces."""
+class Geometry(NamedTuple):
+    """What the flat triangles of curved walls do to readings.
+
+    Attributes
+    ----------
+    facets : (T,) W, as in `Readings`; None where no wall is curved
+    share : relative error that they stand for
+    pilot : the first of the runs of :func:`points_for`, where it has been done already
+    """
+
+    facets: np.ndarray | None
+    share: float
+    pilot: Run | None
+
+
+FLAT = Geometry(None, 0.0, None)
+
+
+class Aimed(NamedTuple):
+    """A scene that was made ready for a target error, what its shape is off by, and the points left to trace."""
+
+    ready: Prepared
+    mechanics: Mechanics
+    geometry: Geometry
+    settings: Settings
+
+
+def geometry_of(ready: Prepared, seed: int) -> Geometry:
+    """What facets do to the readings of a scene, by two short traces."""
+    if not curved_pads(ready.scene):
+        return FLAT
+
+    def short() -> Run:
+        run = Run(ready, derived_seed(seed, 1))
+        run.go_on(FIRST_POINTS)
+        return run
+
+    pilot = short()
+    facets = change_by_chords(ready.scene, lambda: short().powers, pilot.powers)
+    return Geometry(facets, geometry_share(facets, pilot.powers.mean(axis=0)), pilot)
+
+
+def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
+    """What the mechanics' error does to the readings of a scene, by two short traces.
+
+    These are of as many points as tell it clearly, or to a relative ``tolerance``, up to ``most``.
+    """
     if not loaded_pads(ready.scene):
         return Mechanics(None, 0.0)
+    points = DEVIATION_POINTS
+    while True:
+        before, changes = mechanics_deviation(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
+        power = before.mean(axis=0)
+        if changes is None:
+            return Mechanics(np.full_like(power, math.nan), math.nan)
+        deviation = changes.mean(axis=0)
+        share, noise = (mechanics_share(change, power) for change in (deviation, standard_error(changes)))
+        wanted = max(CLEAR * share, tolerance)
+        if noise <= wanted or points >= most:
+            return Mechanics(deviation, share)
+        doublings = math.ceil(2 * math.log2(noise / wanted)) if wanted else 4
+        points = min(points << min(doublings, 4), most)
 
-    def powers() -> np.ndarray:
-        run = Run(ready, seed)
-        run.go_on(DEVIATION_POINTS)
-        return run.powers
 
-    before, changes = mechanics_deviation(ready.scene, powers)
-    power = before.mean(axis=0)
-    deviation = np.full_like(power, math.nan) if changes is None else changes.mean(axis=0)
-    return Mechanics(deviation, mechanics_share(deviation, power))
+def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
+    """The most that the traces for the mechanics' error may take, beside readings of so many points."""
+    if clock is not None and clock.end < math.inf:
+        return DEVIATION_POINTS
+    return min(points // DEVIATION_SHARE, MOST_DEVIATION_POINTS)
+
+
+def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
+    run = Run(ready, seed)
+    run.go_on(points)
+    return run.powers
 
 
 def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> Aimed:
@@ -95,9 +152,10 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
-    mechanics = mechanics_of(ready, seed)
+    traced = deviation_points(clock), NEGLIGIBLE * target_error
+    mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed)
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
-        finer = _finer(scene, ready, mechanics.share, target_error)
+        finer = _finer(scene, ready, math.hypot(mechanics.share, geometry.share), target_error)
         if finer is None or (clock and not clock.allows(2 * seconds * (finer[0] / finer[1]) ** COST_ORDER)):
             break
         candidate = scene.with_mesh_size(finer[1])
@@ -106,11 +164,12 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        mechanics = mechanics_of(ready, seed)
-    known = 0.0 if math.isnan(mechanics.share) else mechanics.share
+        mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed)
+    known = math.hypot(0.0 if math.isnan(mechanics.share) else mechanics.share, geometry.share)
     left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
-    points = points_for(ready, left, seed, clock)
-    return Aimed(ready, mechanics.deviation, Settings(points, scene.mesh_size if isinstance(scene, Scene) else None))
+    points = points_for(ready, left, seed, clock, geometry.pilot)
+    settings = Settings(points, scene.mesh_size if isinstance(scene, Scene) else None)
+    return Aimed(ready, mechanics, geometry, settings)
 
 
 def _timed(scene: Any) -> tuple[Prepared, float]:
@@ -122,23 +181,31 @@ def _timed(scene: Any) -> tuple[Prepared, float]:
 
 
 def _finer(scene: Scene, ready: Prepared, error: float, target_error: float) -> tuple[float, float] | None:
-    """Present and next mesh size in mm; None where the mechanics is good enough, or its mesh is not to be chosen."""
-    if not (scene.leaves_mesh_open and error > MECHANICS_SHARE * target_error):
+    """Present and next mesh size in mm; None where the shape is good enough, or its mesh is not to be chosen."""
+    wanted_error = MECHANICS_SHARE * target_error
+    if not scene.leaves_mesh_open or error <= wanted_error:
         return None
-    pads = loaded_pads(ready.scene)
-    size = min(float(pad.mesh_size or DEFAULT_MESH_SIZE) for pad in pads)
-    rungs = math.log(MECHANICS_SHARE * target_error / error) / (ORDER * math.log(RUNG))
+    pads = [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
+    size = min(float(pad.mesh_size or pad.pad.default_mesh_size) for pad in pads)
+    # Of an error that is unknown a finer mesh tells more.
+    rungs = MOST_RUNGS if math.isnan(error) else math.log(wanted_error / error) / (ORDER * math.log(RUNG))
     wanted = size * RUNG ** min(max(round(rungs), 1), MOST_RUNGS)
     elements = max(len(pad.state.mesh.tets) for pad in pads) * (size / wanted) ** 3
     return None if elements > MOST_ELEMENTS else (size, wanted)
 
 
-def points_for(ready: Prepared, target_error: float, seed: int, clock: Clock | None = None) -> int:
-    """Points for each taxel and replicate that reach a relative standard error of the light, found by pilot runs."""
+def points_for(
+    ready: Prepared, target_error: float, seed: int, clock: Clock | None = None, first: Run | None = None
+) -> int:
+    """Points for each taxel and replicate that reach a relative standard error of the light, found by pilot runs.
+
+    ``first`` is the first of them, if it is known already.
+    """
     points = FIRST_POINTS
     for pilot in range(1, 16):
-        run = Run(ready, derived_seed(seed, pilot))
+        run = first or Run(ready, derived_seed(seed, pilot))
         run.go_on(points)
+        first = None
         error = _safety(run.powers) * Readings(run.powers, run.points, seed).relative_error
         if error <= target_error or points >= MOST_POINTS:
             break

@@ -21,7 +21,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.optics.guide import Guide
-from mitsuba_taxel.optics.tracing import leave, release
+from mitsuba_taxel.optics.tracing import between, release
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
 """World direction -> what leaves that way per unit that arrives [1/sr, cosine included], and its density [1/sr]."""
@@ -120,7 +120,8 @@ class Techniques:
         active = active & (cosine > 0) & (distance_squared > 0)
         value, density = scatter(wo)
         active &= value > 0
-        active &= ~self.scene.ray_test(leave(here.p, here.n, wo, self.clearance, view.y), active)
+        ray = between(here.p, here.n, wo, self.clearance, view.y, self.sensor.normal)
+        active &= ~self.scene.ray_test(ray, active)
         solid_angle = self.area * cosine / distance_squared
         hit = (1 - here.guided) * density * solid_angle
         meeting = dr.inv_pi * cosine * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
@@ -143,7 +144,8 @@ class Techniques:
         si.wi = si.to_local(-wo)
         passed_on, onward = view.bsdf.eval_pdf(self.context, si, view.to_y, active)
         active &= (passed_on[0] > 0) & (cosine > 0)
-        active &= ~self.scene.ray_test(leave(here.p, here.n, wo, self.clearance, view.si.p), active)
+        ray = between(here.p, here.n, wo, self.clearance, view.si.p, view.si.n)
+        active &= ~self.scene.ray_test(ray, active)
 
         drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
         connection = drawn * cosine / (distance_squared * view.density)

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.optics.modelled import refuse_unmodelled
 from mitsuba_taxel.optics.taxels import TaxelPair, taxels_of
 
 LARGEST_WAVEFRONT = 1 << 22
@@ -17,20 +18,23 @@ MOST_REFLECTIONS = 1 << 17
 """Reflections after which a path that nothing absorbs is left."""
 
 
-def leave(
-    p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float, target: mi.Point3f | None = None
-) -> mi.Ray3f:
-    """A ray from a point of a surface in direction ``d``, clear of that surface, up to ``target`` if one is given.
+def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
+    """A ray from a point of a surface in direction ``d``, clear of that surface.
 
     Mitsuba moves the origin by 9e-5 (1 + max|p|): a plate at 0.1 mm then reads half a percent too much, and a scene in
     metres is wrong altogether. Here it moves by no more than single precision asks for: ``clearance`` (see
     :func:`clearance_of`) and 1e-6 of the distance from the scene's origin. It moves along the normal, since a step
     along the ray may lead through the wall next to an edge.
     """
-    origin = p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
-    if target is None:
-        return mi.Ray3f(origin, d)
-    rest = target - origin
+    return mi.Ray3f(_cleared(p, n, d, clearance), d)
+
+
+def between(
+    p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float, target: mi.Point3f, target_n: mi.Vector3f
+) -> mi.Ray3f:
+    """As :func:`leave`, up to a point of another surface with normal ``target_n``, and clear of that as well."""
+    origin = _cleared(p, n, d, clearance)
+    rest = _cleared(target, target_n, -d, clearance) - origin
     distance = dr.norm(rest)
     return mi.Ray3f(origin, rest / distance, distance * (1 - 1e-3), 0.0, dr.zeros(mi.Color0f))
 
@@ -39,6 +43,11 @@ def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) 
     """As :func:`leave` for a ray from a flat face with no wall beside it: it keeps to its line, and so has no bias."""
     offset = _offset(p, clearance)
     return mi.Ray3f(p + d * dr.minimum(offset / dr.abs(dr.dot(n, d)), 20 * offset), d)
+
+
+def _cleared(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Point3f:
+    """A point of a surface, moved off it to the side that ``d`` leads to."""
+    return p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
 
 
 def _offset(p: mi.Point3f, clearance: mi.Float) -> mi.Float:
@@ -82,8 +91,6 @@ def trace(
     points : paths for each reading and replicate, as the sampler has it
     """
     sampler = pair.sensor.sampler().fork()
-    if not hasattr(sampler, "place"):
-        raise InputError(f"phototransistor: its sampler must be an owen_sobol, not a {sampler.class_name()}.")
     sampler.set_sample_count(points)
     points = sampler.sample_count()
     taxels = pair.count
@@ -116,6 +123,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     """What `mi.render` asks of an integrator: the irradiance map [W/mm²] of one sensor, (height, width, channels)."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
+    refuse_unmodelled(scene, integrator)
     pair = next((pair for pair in taxels_of(scene) if pair.sensor is sensor), None)
     if pair is None:
         raise InputError("the sensor to render is not a phototransistor.")
@@ -131,6 +139,14 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     if evaluate:
         dr.eval(result)
     return result
+
+
+def refuse_derivatives(integrator: Any, *_: Any, **__: Any) -> None:
+    """What `dr.forward` and `dr.backward` come to through the image of one of our integrators; raises `InputError`."""
+    raise InputError(
+        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take differences of "
+        "readings of the same seed, which share their random numbers."
+    )
 
 
 def splat(sensor: Any, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.pads.flaw import Flaw, place
+from mitsuba_taxel.pads.local_sizes import default_mesh_size
 from mitsuba_taxel.pads.meshing import LEAST_QUALITY
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.pads.pad_file import STEP_FORMATS, PadFile
 from mitsuba_taxel.pads.quality import worst_element
-from mitsuba_taxel.pads.step import mesh_step
-from mitsuba_taxel.pads.tetwild import mesh_surface
+from mitsuba_taxel.pads.step import mesh_step, surveyed
+from mitsuba_taxel.pads.surface_meshing import mesh_surface, parts_of
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 
-def mesh_pad_file(pad: PadFile, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
+def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     """Mesh a pad from a file with elements of about ``mesh_size`` mm.
 
     Raises
@@ -28,17 +30,37 @@ def mesh_pad_file(pad: PadFile, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeM
     """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
-    content = pad.content()
-    try:
+    with _named(pad):
+        content = pad.content()
         if pad.suffix in STEP_FORMATS:
-            mesh = mesh_step(pad.path, pad.regions, mesh_size)
+            mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size)
         else:
             mesh = mesh_surface(content, pad.suffix, pad.regions, mesh_size)
-    except Flaw as flaw:
-        raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw
     quality, where = worst_element(mesh)
     if quality < LEAST_QUALITY:
         raise ComputationError(
             f"the mesh has a distorted element near {place(where)}: choose another mesh_size than {mesh_size:g}."
         )
     return mesh
+
+
+def default_size_of(pad: PadFile) -> float:
+    """Size of elements in mm where nobody asks for one; raises as :func:`mesh_pad_file` does."""
+    with _named(pad):
+        content = pad.content()
+        if pad.suffix in STEP_FORMATS:
+            body = surveyed(pad.path.resolve(), pad.digest, pad.regions)
+            surface = (body.patches.vertices, body.patches.triangles, body.patch_region, body.cell[body.face])
+        else:
+            part, _, _ = parts_of(content, pad.suffix, pad.regions)
+            surface = (part.vertices, part.triangles, part.region, part.cell)
+        return default_mesh_size(*surface)
+
+
+@contextmanager
+def _named(pad: PadFile) -> Iterator[None]:
+    """Name the file of what is wrong with it."""
+    try:
+        yield
+    except Flaw as flaw:
+        raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw

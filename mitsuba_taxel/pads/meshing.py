@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.pads.grading import cut_towards
 from mitsuba_taxel.pads.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
-from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, REGIONS, Pad
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.pads.quality import worst_element
 from mitsuba_taxel.pads.solid import SYMMETRY, is_square, rounded, singular_edges, singular_nodes, symmetric_part
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
@@ -27,8 +27,9 @@ CUT = 0.2
 CURVATURE_SAFETY = 2.0
 """Elements per radius of curvature; round walls and caps may have fewer if the sizes asked for are larger, whereas a
 dome would be distorted along its rim."""
-REFINEMENTS = (1.0, 1.25, 1.5, 2.0, 3.0)
-"""How much smaller all local sizes are made, tried in turn until no element is too distorted."""
+REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
+"""How much smaller all local sizes are made, tried in turn until no element is too distorted: by little, or larger
+elements would be more."""
 LEAST_QUALITY = 0.2
 """Least determinant of an element's map, relative to that of the straight element."""
 UNITS_OF_HEIGHT = 4.0
@@ -45,7 +46,7 @@ MESHING_LOCK = threading.RLock()
 """Held round every call of Netgen, which is not safe in several threads at once."""
 
 
-def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
+def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
     """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
 
     An octant of a square pad, a quadrant of another is meshed and mirrored, so that the mesh has the pad's symmetry
@@ -59,17 +60,7 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
     ComputationError
         if Netgen fails, or leaves an element inverted that cannot be mended.
     """
-    if not (math.isfinite(mesh_size) and mesh_size > 0):
-        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
-    most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
-    if pad.rows * pad.columns > most_cells:
-        raise InputError(
-            f"rows = {pad.rows}, columns = {pad.columns} are not allowed: at most {most_cells} {pad.cell} cells can be "
-            "meshed."
-        )
-    smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
-    if mesh_size < smallest:
-        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
+    check_room(pad, mesh_size)
     for refinement in REFINEMENTS:
         mesh = _graded(_generated(pad, mesh_size, refinement), pad)
         quality, place = worst_element(mesh)
@@ -82,6 +73,21 @@ def mesh_pad(pad: Pad, mesh_size: float = DEFAULT_MESH_SIZE) -> VolumeMesh:
         f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
         f"{mesh_size:g}."
     )
+
+
+def check_room(pad: Pad, mesh_size: float) -> None:
+    """Refuse a mesh size that is none, or asks for more elements than fit in memory; raises `InputError`."""
+    if not (math.isfinite(mesh_size) and mesh_size > 0):
+        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
+    most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
+    if pad.rows * pad.columns > most_cells:
+        raise InputError(
+            f"rows = {pad.rows}, columns = {pad.columns} are not allowed: at most {most_cells} {pad.cell} cells can be "
+            "meshed."
+        )
+    smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
+    if mesh_size < smallest:
+        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
 
 
 def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:

@@ -17,7 +17,9 @@ REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
 """Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
 
 DEFAULT_MESH_SIZE = 1.25
-"""Size of the finite elements, in mm, where nobody asks for another."""
+"""Size of the finite elements, in mm, where nobody asks for another, of a pad with cells and walls like the paper's."""
+TYPICAL_CELL, TYPICAL_THICKNESS = 2.55, 1.0
+"""Of such a pad, in mm: side of a cell, and the thinnest silicone beside or above one."""
 
 MIN_THICKNESS = 0.01
 """Thinnest wall or roof, relative to the cell size, that is still meant as one."""
@@ -70,7 +72,7 @@ class Pad:
     cell_height: float | None = None
 
     def __post_init__(self) -> None:
-        if self.cell not in CELL_SHAPES:
+        if not isinstance(self.cell, str) or self.cell not in CELL_SHAPES:
             raise InputError(f"cell = {self.cell!r} is not allowed: one of {', '.join(CELL_SHAPES)} is needed.")
         for name in ("rows", "columns"):
             self._check_count(name)
@@ -96,7 +98,7 @@ class Pad:
         value = getattr(self, name)
         try:
             value = float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = math.nan
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"{name} = {getattr(self, name)!r} is not allowed: a finite length above 0 mm is needed.")
@@ -142,6 +144,19 @@ class Pad:
         """Height of the side wall of a cell, below its roof, mm."""
         sphere, radius = self.dome_radius, 0.5 * self.cell_size
         return self.top_of_cell - (sphere - math.sqrt(sphere**2 - radius**2) if sphere else 0.0)
+
+    @property
+    def default_mesh_size(self) -> float:
+        """Size of the finite elements in mm where nobody asks for another, to three digits.
+
+        It goes with the scale of the pad, and with the square root of its thinnest part beside that: along thin walls
+        elements may be longer than these are thick.
+        """
+        scale = self.cell_size / TYPICAL_CELL
+        thinnest = min(self.wall, self.height - self.top_of_cell, TYPICAL_THICKNESS * scale)
+        if self.rows * self.columns > 1:
+            thinnest = min(thinnest, self.pitch - self.cell_size)
+        return float(f"{DEFAULT_MESH_SIZE * math.sqrt(scale * thinnest / TYPICAL_THICKNESS):.3g}")
 
     @property
     def identity(self) -> dict[str, object]:

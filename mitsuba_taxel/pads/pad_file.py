@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mitsuba_taxel.arguments import path_of, require
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.pads.rules import Rule, read_rules
 
@@ -45,11 +48,12 @@ class PadFile:
     digest: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "path", Path(self.path))
+        object.__setattr__(self, "path", path_of("path", self.path))
         object.__setattr__(self, "suffix", self.path.suffix.lower())
         if self.suffix not in SURFACE_FORMATS + STEP_FORMATS:
             known = ", ".join(SURFACE_FORMATS + STEP_FORMATS)
             raise InputError(f"filename = {self.path} is not allowed: a file that ends in one of {known} is needed.")
+        require("regions", self.regions, (str, Path, Sequence), "rules or the name of a TOML file")
         rules = read_rules(self.regions) if isinstance(self.regions, str | Path) else tuple(self.regions)
         if not all(isinstance(rule, Rule) for rule in rules):
             raise InputError(f"regions = {self.regions!r} is not allowed: rules or the name of a TOML file are needed.")
@@ -76,8 +80,19 @@ class PadFile:
     @property
     def identity(self) -> list[object]:
         """What the mesh of this pad depends on besides the mesh size, fit for JSON."""
-        mesher = "netgen-mesher" if self.suffix in STEP_FORMATS else "pytetwild"
-        return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], mesher, version(mesher)]
+        meshers = ["netgen-mesher", *([] if self.suffix in STEP_FORMATS else ["pytetwild"])]
+        versions = [[mesher, version(mesher)] for mesher in meshers]
+        return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], versions]
+
+    @cached_property
+    def default_mesh_size(self) -> float:
+        """Size of the finite elements in mm where nobody asks for another, by the rule of the built-in pads.
+
+        Raises `InputError` if the file holds no pad.
+        """
+        from mitsuba_taxel.pads.file_meshing import default_size_of
+
+        return default_size_of(self)
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad_file`."""

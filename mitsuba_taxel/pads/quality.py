@@ -22,6 +22,13 @@ def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     return np.linalg.det(np.einsum("qai,maj->mqij", gradients, x))
 
 
+def curved_volume(mesh: VolumeMesh) -> float:
+    """Volume of a mesh in mm3, by a rule exact to degree 3, as the determinants of the maps of its elements are."""
+    xi = np.array([[0.25] * 3, *(np.full((4, 3), 1 / 6) + np.eye(4, 3) / 3)])
+    maps = np.einsum("qai,maj->mqij", shape_gradients(xi), mesh.points[mesh.tets])
+    return float((np.linalg.det(maps) * [-2 / 15, *[3 / 40] * 4]).sum())
+
+
 def shape_gradients(xi: np.ndarray) -> np.ndarray:
     """Gradients (Q, 10, 3) of the quadratic shape functions at reference points (Q, 3)."""
     barycentric = np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1)

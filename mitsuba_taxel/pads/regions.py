@@ -12,6 +12,7 @@ from mitsuba_taxel.pads.flaw import Flaw, place
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.pads.rules import Rule
 from mitsuba_taxel.pads.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 ROOF_ANGLE = 60.0
 """Degrees from straight down within which the normal of a hollow's face makes it a roof, where no rule says so."""
@@ -155,6 +156,19 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
     cell = np.zeros(len(region), dtype=int)
     cell[in_cell] = _numbers_by_row(0.5 * (low + high)[:, :2], (high - low)[:, 1].mean())[number]
     return cell
+
+
+def numbered(mesh: VolumeMesh) -> VolumeMesh:
+    """The mesh with corners of elements before other nodes, and the cells that its roofs and sides make numbered."""
+    corner = np.zeros(len(mesh.points), dtype=bool)
+    corner[mesh.tets[:, :4]] = True
+    order = np.argsort(~corner, kind="stable")
+    new = np.empty_like(order)
+    new[order] = np.arange(len(order))
+    points, faces = mesh.points[order], new[mesh.faces]
+    _, pairs = neighbours(faces[:, :3])
+    cell = _cells(FacedSurface(points, faces[:, :3], np.arange(len(faces))), pairs, mesh.face_region)
+    return VolumeMesh(points, new[mesh.tets], faces, mesh.face_region, cell)
 
 
 def _numbers_by_row(centres: np.ndarray, size: float) -> np.ndarray:

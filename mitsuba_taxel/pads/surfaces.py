@@ -14,6 +14,8 @@ from mitsuba_taxel.pads.meshing import MOST_ELEMENTS
 MOST_TRIANGLES = 300_000
 SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
 """Least and greatest longest side of a pad in mm; outside, the file is not in mm."""
+VOLUME_TOLERANCE = 0.02
+"""Relative difference between the volumes of mesh and pad above which the mesh is not that of the pad."""
 
 
 def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from mitsuba_taxel.errors import ComputationError
 from mitsuba_taxel.pads.borders import conforming
 from mitsuba_taxel.pads.flaw import place
-from mitsuba_taxel.pads.mending import faces_of, is_sliver, mended
-from mitsuba_taxel.pads.regions import FacedSurface, tagged
-from mitsuba_taxel.pads.rules import Rule
+from mitsuba_taxel.pads.mending import is_sliver
 from mitsuba_taxel.pads.sandbox import run_apart
 from mitsuba_taxel.pads.second_order import boundary_triangles, positive, second_order
 from mitsuba_taxel.pads.snapping import Patches, snapped
-from mitsuba_taxel.pads.surfaces import check_mesh_size, read_surface
+from mitsuba_taxel.pads.surfaces import VOLUME_TOLERANCE
 from mitsuba_taxel.pads.triangles import area_normals, half_edges, unit, volume
 from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
@@ -26,23 +22,18 @@ LARGEST_ENVELOPE, LARGEST_EDGE = 2e-3, 1 / 6
 
 Far beyond them fTetWild makes more elements, not fewer: walls are too thin for edges of that length.
 """
-VOLUME_TOLERANCE = 0.02
-"""Relative difference between the volumes of mesh and surface above which the mesh has lost a part of the pad."""
 
 
-def mesh_surface(content: bytes, suffix: str, rules: Sequence[Rule], mesh_size: float) -> VolumeMesh:
-    """Mesh of the pad in an STL, PLY or OBJ file, its nodes on the surface of the file.
+def mesh_by_tetwild(
+    vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray, mesh_size: float
+) -> VolumeMesh:
+    """Mesh of a closed surface, whose triangles (T, 3) have regions (T,) and cells (T,), its nodes on it.
 
     Raises
     ------
-    Flaw
-        if the surface cannot be used.
     ComputationError
         if meshing fails.
     """
-    vertices, triangles = mended(*read_surface(content, suffix))
-    region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules)
-    check_mesh_size(mesh_size, volume(vertices, triangles))
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)
     envelope = min(ENVELOPE * mesh_size, LARGEST_ENVELOPE * diagonal)

@@ -36,11 +36,12 @@ def half_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges (E, 2) that two triangles share, and the numbers (E, 2) of these; edges of one or of many are left out."""
     edges, owner = half_edges(triangles)
-    edges, number, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
-    number = number.reshape(-1)
-    order = np.argsort(number, kind="stable")
-    order = order[count[number[order]] == 2]
-    return edges[count == 2], owner[order].reshape(-1, 2)
+    edges = np.sort(edges, axis=1).astype(np.int64)
+    key = edges[:, 0] * (int(triangles.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    start = np.flatnonzero(np.diff(key[order], prepend=-1))
+    twice = start[np.diff(start, append=len(order)) == 2]
+    return edges[order[twice]], owner[np.stack([order[twice], order[twice + 1]], axis=1)]
 
 
 def components(count: int, pairs: np.ndarray) -> np.ndarray:
@@ -86,3 +87,32 @@ def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
     """Positions of the entry of least ``cost`` (P,) for each value of ``keys`` (P,), by ascending value."""
     order = np.lexsort((cost, keys))
     return order[np.diff(keys[order], prepend=-1) > 0]
+
+
+def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles cut at the vertices ``middle`` (T, 3) on their edges, -1 where there is none, and what they were."""
+    cuts = (middle >= 0).sum(axis=1)
+    pieces, parents = [triangles[cuts == 0]], [np.flatnonzero(cuts == 0)]
+
+    def turned(rows: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        order = (first[:, None] + np.arange(3)) % 3
+        return np.take_along_axis(triangles[rows], order, axis=1), np.take_along_axis(middle[rows], order, axis=1)
+
+    def add(rows: np.ndarray, *new: list[np.ndarray]) -> None:
+        for corners in new:
+            pieces.append(np.stack(corners, axis=1))
+            parents.append(rows)
+
+    rows = np.flatnonzero(cuts == 1)
+    (a, b, c), (m, _, _) = (x.T for x in turned(rows, np.argmax(middle[rows] >= 0, axis=1)))
+    add(rows, [a, m, c], [m, b, c])
+    # Edges ab and bc are cut; of what is left, the shorter diagonal.
+    rows = np.flatnonzero(cuts == 2)
+    (a, b, c), (m, n, _) = (x.T for x in turned(rows, (np.argmax(middle[rows] < 0, axis=1) + 1) % 3))
+    from_a = np.linalg.norm(points[a] - points[n], axis=1) < np.linalg.norm(points[m] - points[c], axis=1)
+    add(rows, [m, b, n], [np.where(from_a, a, m), np.where(from_a, m, n), np.where(from_a, n, c)])
+    add(rows, [a, np.where(from_a, n, m), c])
+    rows = np.flatnonzero(cuts == 3)
+    (a, b, c), (m, n, o) = triangles[rows].T, middle[rows].T
+    add(rows, [a, m, o], [m, b, n], [o, n, c], [m, n, o])
+    return np.concatenate(pieces), np.concatenate(parents)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.report.curves import COLOURS, MARKERS
-from mitsuba_taxel.studies.files import replacing
 
 if TYPE_CHECKING:
     from mitsuba_taxel.bench.work_precision import Curve, Point

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
 from mitsuba_taxel.characterise.equations import from_line
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
@@ -18,7 +19,6 @@ from mitsuba_taxel.characterise.replicates import standard_error
 from mitsuba_taxel.characterise.tangential import TangentialMap
 from mitsuba_taxel.characterise.wording import as_word, latex_table, pair_rows, table_rows, with_error
 from mitsuba_taxel.report.curves import COLOURS, MARKERS, MOST_PANELS
-from mitsuba_taxel.studies.files import replacing
 
 if TYPE_CHECKING:
     import pandas

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Readings
-from mitsuba_taxel.studies.files import replacing
 
 
 def write_irradiance(readings: Readings, file: Path) -> None:

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.pads.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.report.sensor_parts import Part
-from mitsuba_taxel.studies.files import replacing
 
 VARIANT = "llvm_ad_rgb"
 PICTURES = (".png", ".exr")
@@ -82,6 +83,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
         bitmap.write(str(temporary))
 
 
+@in_turn
 def render_parts(
     parts: Sequence[Part],
     *,

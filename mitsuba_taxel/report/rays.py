@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.optics.ray_paths import RayPaths, find_taxel
-from mitsuba_taxel.studies.files import replacing
 
 PICTURES = (".png", ".svg", ".pdf")
 REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"
@@ -84,7 +84,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
         *(f"{power:.9g}" for power in paths.power),
     ]
     with replacing(file) as temporary:
-        temporary.write_text("\n".join(lines) + "\n")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces: dict, centre: np.ndarray) -> None:

@@ -19,6 +19,8 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     }
     if readings.deviation is not None:
         columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
+    if readings.geometry_error.any():
+        columns["geometry error [W]"] = [f"{error:.1e}" for error in readings.geometry_error]
     pairs = zip(readings.power, readings.total_error, strict=True)
     columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
     if readings.photocurrent is not None:
@@ -33,7 +35,7 @@ def light_error_line(readings: Readings) -> str:
 
 
 def budget_line(budget: Mapping[str, float]) -> str:
-    """``Error of the worst reading: light 0.20%, mechanics 0.30%, total 0.36%``."""
+    """``Error of the worst reading: light 0.20%, mechanics 0.30%, geometry 0.01%, total 0.36%``."""
     return f"Error of the worst reading: {', '.join(f'{source} {share}' for source, share in budget_rows(budget))}"
 
 

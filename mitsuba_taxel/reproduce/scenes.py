@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
-from mitsuba_taxel.studies.files import replacing
 
 PITCH = 3.55
 YOUNGS_MODULUS, POISSON_RATIO = 4.16, 0.49

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.replicates import Largest, at_largest, error_at_largest, standard_error
+from mitsuba_taxel.characterise.replicates import Largest, at_largest, standard_error
 
 HIGHEST_DEGREE = 8
 SIGNIFICANT = 4.0
@@ -51,19 +51,18 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     samples = ordered.replicate_power.transpose(force, "replicate", "taxel").values
     smoothed, finer, degree = smooth(x, samples)
     steepest = _steepest(x, smoothed)
-    magnitude = steepest.samples * steepest.signs
     finer_steepest = _steepest(x, finer)
-    change = (finer_steepest.samples * finer_steepest.signs).mean() - magnitude.mean()
+    change = finer_steepest.magnitude.mean() - steepest.magnitude.mean()
     step, taxel = divmod(int(steepest.place[0]), samples.shape[2])
     mean = at_largest(_mean_slope(x, smoothed).T[:, :, None])
     mean_change = (_mean_slope(x, finer) - _mean_slope(x, smoothed)).mean(axis=0)[mean.place[0]]
     return Sensitivity(
-        float(magnitude.mean()),
-        float(np.hypot(error_at_largest(magnitude, steepest.moved)[0], change)),
+        float(steepest.magnitude.mean()),
+        float(np.hypot(steepest.error_of(steepest.magnitude)[0], change)),
         float(x[step] + x[step + 1]) / 2,
         int(study.taxel.values[taxel]),
-        float(mean.samples.mean()),
-        float(np.hypot(error_at_largest(mean.samples, mean.moved)[0], mean_change)),
+        float(mean.value[0]),
+        float(np.hypot(mean.error_of(mean.magnitude)[0], mean_change)),
         degree,
         float(np.abs(_steps(x, samples).mean(axis=1)).max()),
     )

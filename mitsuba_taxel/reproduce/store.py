@@ -10,9 +10,10 @@ from typing import Any
 
 import xarray as xr
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.dataset import stage_totals
-from mitsuba_taxel.studies.files import make_folder, replacing
+from mitsuba_taxel.studies.files import make_folder
 
 
 class MissingStudy(LookupError):

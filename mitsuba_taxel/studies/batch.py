@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mitsuba_taxel.arguments import is_number, table_of
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Scene, find_scene
 from mitsuba_taxel.optics.readings import check_request
@@ -103,7 +103,7 @@ def make_batch(
         raise InputError(f"a scene of type {kind} is not allowed in a study: path or name of an XML file is needed.")
     beside = folder / source
     file = find_scene(beside if is_file(beside) else source).resolve()
-    fixed = {name: str(value) for name, value in (defines or {}).items()}
+    fixed = {name: str(value) for name, value in table_of("defines", defines, "values").items()}
     axes = make_axes(vary, together, folder)
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
@@ -111,7 +111,7 @@ def make_batch(
     check_request(target_error, points, seed, time_budget)
     if points is not None and time_budget is not None:
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
-    if mesh_size is not None and not (isinstance(mesh_size, (int, float)) and 0 < mesh_size < math.inf):
+    if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
     if not isinstance(maps, bool):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
@@ -129,7 +129,7 @@ def read_study(file: str | Path) -> dict[str, Any]:
         if it cannot be read, or holds what no study has.
     """
     try:
-        text = Path(file).read_bytes().decode()
+        text = Path(file).read_bytes().decode("utf-8-sig")
         if CHAIN.search(text):
             raise RecursionError
         content = tomllib.loads(text)

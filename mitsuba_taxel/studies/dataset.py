@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,13 @@ import xarray as xr
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Readings
-from mitsuba_taxel.optics.results import describe_mechanics, error_budget, mechanics_share, standard_error
+from mitsuba_taxel.optics.results import (
+    describe_mechanics,
+    error_budget,
+    geometry_share,
+    mechanics_share,
+    standard_error,
+)
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store import Kept
 from mitsuba_taxel.studies.units import PARAMETER_UNITS
@@ -29,7 +35,8 @@ def assemble(
     Parameters
     ----------
     results, failures : by place along the axes; where there is no result, readings are not a number
-    about : ``scene``, ``seed``, ``points``, ``mesh_size``, ``parameters``, ``versions``, ``pilot_seconds``
+    about : ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``versions``,
+        ``pilot_seconds``
 
     Raises
     ------
@@ -52,9 +59,13 @@ def assemble(
     power = replicates.mean(axis=-2)
     error = standard_error(np.moveaxis(replicates, -2, 0))
     deviation = _deviation(results, power, dims.index(curve_dimension(axes)))
-    total = np.hypot(error, power * _shares(deviation, power))
+    geometry = power * _shares(_facets(results, power, dims.index(curve_dimension(axes))), power, geometry_share)
+    total = np.hypot(np.hypot(error, power * _shares(deviation, power, mechanics_share)), geometry)
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
-    about_total = {"units": "W", "long_name": "error of power (light and mechanics)"}
+    about_total = {"units": "W", "long_name": "error of power (light, mechanics and geometry)"}
+    notes = _notes(results)
+    if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
+        notes.insert(0, missed)
     return xr.Dataset(
         {
             "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
@@ -63,6 +74,7 @@ def assemble(
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
             **_mechanics(dims, deviation, results),
+            **_geometry(dims, geometry),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -77,9 +89,9 @@ def assemble(
             "curve": curve_dimension(axes),
             "seed": about["seed"],
             "points": about["points"],
-            **({} if about["mesh_size"] is None else {"mesh_size": about["mesh_size"]}),
+            **{name: about[name] for name in ("target_error", "mesh_size") if about[name] is not None},
             **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
-            "notes": "\n".join(_notes(results)),
+            "notes": "\n".join(notes),
             "failures": "\n".join(_failures(axes, failures)),
         },
     )
@@ -126,18 +138,31 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
 
 
 def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
-    """(..., T) W, what the mechanics' error does to each reading; along the curve, between scenes where it was found
-    out, by straight lines of its share of the power."""
+    """(..., T) W, what the mechanics' error does to each reading."""
+
+    def found(readings: Readings) -> np.ndarray | None:
+        unloaded = readings.deviation is None and not readings.roof_errors
+        return np.zeros(len(readings.taxel)) if unloaded else readings.deviation
+
+    return _along_curves({place: found(result.readings) for place, result in results.items()}, power, curve)
+
+
+def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, what chords instead of the facets of curved walls do to each reading."""
+    facets = _along_curves({place: result.readings.facets for place, result in results.items()}, power, curve)
+    return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
+
+
+def _along_curves(changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, changes of readings; along the curve, between scenes where they were found out, by straight lines of
+    their share of the power."""
     share = np.full(power.shape, math.nan)
     open_places = np.zeros(power.shape[:-1], dtype=bool)
-    for place, result in results.items():
-        found = result.readings.deviation
-        if found is not None:
-            share[place] = np.divide(found, power[place], out=np.zeros_like(found), where=power[place] > 0)
-        elif result.readings.roof_errors:
+    for place, change in changes.items():
+        if change is None:
             open_places[place] = True
         else:
-            share[place] = 0.0
+            share[place] = np.divide(change, power[place], out=np.zeros_like(change), where=power[place] > 0)
     for line, is_open in zip(_lines_along(share, curve), _lines_along(open_places[..., None], curve), strict=True):
         known, wanted = np.isfinite(line).all(axis=1), is_open[:, 0]
         if known.any() and wanted.any():
@@ -153,9 +178,9 @@ def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
         yield lines[index]
 
 
-def _shares(deviation: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """(..., 1) relative error by the mechanics, of each scene."""
-    shares = [mechanics_share(deviation[place], power[place]) for place in np.ndindex(power.shape[:-1])]
+def _shares(change: np.ndarray, power: np.ndarray, share: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
+    """(..., 1) relative error of each scene whose readings change so."""
+    shares = [share(change[place], power[place]) for place in np.ndindex(power.shape[:-1])]
     return np.reshape(shares, (*power.shape[:-1], 1))
 
 
@@ -178,11 +203,30 @@ def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, K
     }
 
 
+def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
+    """What to say of readings (..., T) in W whose total error is beyond a target, or unknown; empty if none is."""
+    read = np.isfinite(power).all(axis=-1)
+    lit = power[read] > 0
+    shares = total[read][lit] / power[read][lit]
+    beyond = ~(shares <= target_error)
+    if not beyond.any():
+        return ""
+    worst = "unknown" if np.isnan(shares).any() else f"{shares.max():.2g}"
+    return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
+
+
+def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:
+    """The error by the facets of curved walls; nothing where there are none."""
+    about = {"units": "W", "long_name": "1 sigma of power (flat triangles of curved walls)"}
+    return {"geometry_error": ([*dims, "taxel"], geometry, about)} if np.nan_to_num(geometry).any() else {}
+
+
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
     """As that of `Readings`, for the worst of a study that is not missing."""
     power, light = study.power.values, study.standard_error.values
-    mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2, 0))
-    return error_budget(power, light, mechanics)
+    geometry = study.geometry_error.values if "geometry_error" in study else np.zeros_like(light)
+    mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2 - geometry**2, 0))
+    return error_budget(power, light, mechanics, geometry)
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:

@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import Scene, find_scene
-from mitsuba_taxel.studies.files import make_folder, replacing
+from mitsuba_taxel.studies.files import make_folder
 
 
+@in_turn
 def deform(
     source: str | Path,
     defines: Mapping[str, object],
@@ -69,6 +72,7 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
     from mitsuba_taxel.mechanics import reactions, write_vtu
 
     state = pad.state
+    board = reactions(state)
     write_mesh(pad, file)
     if vtu:
         write_vtu(file.with_suffix(".vtu"), state.mesh, state.displacement, state.pressure, state.material)
@@ -82,7 +86,9 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
         "newton_iterations": int(state.newton_iterations),
         "residual": float(state.residual),
         "stable": True if state.stability_checked else None,
-        "imbalance": float(reactions(state).imbalance),
+        "imbalance": float(board.imbalance),
+        "board_force_N": board.force.tolist(),
+        "board_force_error_N": None if np.isnan(board.force_error) else float(board.force_error),
         "roof_error_mm": None if state.error is None else state.error.displacement,
         "slope_error_degrees": None if state.error is None else state.error.slope,
     }
@@ -96,7 +102,7 @@ def deformed_pads(scene: Any) -> list[Any]:
 def write_mesh(pad: Any, file: Path) -> None:
     """Write a deformed pad as PLY (mm), with region and cell per face."""
     with replacing(file) as temporary:
-        pad.write_ply(str(temporary))
+        pad.closed().write_ply(str(temporary))
 
 
 def mesh_key(pad: Any) -> str:

@@ -1,13 +1,12 @@
-"""Results on disk: places checked before anything is computed, files that are whole or not there."""
+"""Places of results, checked before anything is computed."""
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
+from mitsuba_taxel.arguments import path_of
+from mitsuba_taxel.atomic import remove_stale
 from mitsuba_taxel.errors import InputError
 
 
@@ -19,12 +18,14 @@ def make_folder(folder: Path) -> None:
     InputError
         if it cannot be made or written to.
     """
+    path_of("output folder", folder)
     try:
         if folder.is_file():
             raise InputError(f"output folder {folder} is a file: a folder is needed.")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+        remove_stale(folder)
     except OSError as error:
         raise InputError(f"output folder {folder} cannot be written: {error.strerror or error}.") from error
 
@@ -46,6 +47,7 @@ def check_new_file(file: Path, *suffixes: str) -> None:
     """
     if file.suffix.lower() not in suffixes:
         raise InputError(f"output {file} must end in {' or '.join(suffixes)}.")
+    path_of("output", file)
     try:
         if file.is_dir():
             raise InputError(f"output {file} is a folder: a file is needed.")
@@ -53,37 +55,6 @@ def check_new_file(file: Path, *suffixes: str) -> None:
             raise InputError(f"output {file} cannot be written: there is no folder {file.parent}.")
         with tempfile.TemporaryFile(dir=file.parent):
             pass
+        remove_stale(file.parent)
     except OSError as error:
         raise InputError(f"output {file} cannot be written: {error.strerror or error}.") from error
-
-
-@contextmanager
-def replacing(file: Path) -> Iterator[Path]:
-    """A temporary path beside ``file``, which takes its place at once on success and vanishes on failure."""
-    handle, name = tempfile.mkstemp(prefix=f".{file.stem}-", suffix=file.suffix, dir=file.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        with temporary.open("rb+") as written:
-            os.fsync(written.fileno())
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(file)
-        _flush_folder(file.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _flush_folder(folder: Path) -> None:
-    """See that a renaming outlasts a power cut."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

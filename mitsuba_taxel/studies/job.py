@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mitsuba_taxel import stages
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import ComputationError, InputError, comes_from_interrupt
 from mitsuba_taxel.optics import Readings, Scene, measure
 from mitsuba_taxel.optics.runs import prepare
@@ -131,6 +132,7 @@ def describe(values: Mapping[str, str]) -> str:
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in values.items())
 
 
+@in_turn
 def _read(job: Job) -> Result:
     with stages.record() as seconds:
         ready = prepare(Scene(job.file, job.parameters, job.mesh_size))

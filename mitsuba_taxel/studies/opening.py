@@ -7,8 +7,9 @@ from typing import Any
 
 import xarray as xr
 
+from mitsuba_taxel.arguments import path_of
 from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.scene import is_file
+from mitsuba_taxel.optics.scene import hindrance_to, is_file
 from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.batch import read_study
 from mitsuba_taxel.studies.dataset import assemble
@@ -29,7 +30,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     InputError
         if the folder holds no study, or no result yet.
     """
-    folder = Path(folder)
+    folder = path_of("folder", folder)
     study = read_results(folder)
     names = [scene.get("name") for scene in study["scenes"]]
     if names != [None]:
@@ -53,7 +54,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         raise InputError(f"study {folder} holds no result yet: run it first.")
     failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
-    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
+    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"], "target_error": study.get("target_error")}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
     return assemble(axes, results, failures, {**origin, **about, **run})
 
@@ -66,6 +67,9 @@ def read_results(folder: Path) -> dict[str, Any]:
     InputError
         if there is none, or one that no run has written.
     """
+    hindrance = hindrance_to(folder / STUDY)
+    if hindrance:
+        raise InputError(f"study {folder} cannot be read: {hindrance}.")
     if not is_file(folder / STUDY):
         raise InputError(
             f"study {folder} is not allowed: the folder that a study was written to, with {STUDY}, is needed."

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics import Scene
 from mitsuba_taxel.optics.readings import LIGHT_ERROR
@@ -22,6 +23,7 @@ MOST_PILOT_CURVES = 8
 """Curves of a study, spread evenly over it, whose scenes say how many points it takes."""
 
 
+@in_turn
 def piloted_settings(batch: Batch, machines: int) -> Settings:
     """Points and mesh size by which the first, middle and last scene of some of the curves reach the target.
 
@@ -63,7 +65,7 @@ class _Pilot:
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
-            _, _, (points, self.mesh_size) = aim(scene, self.batch.target_error, self.batch.seed, allowed)
+            points, self.mesh_size = aim(scene, self.batch.target_error, self.batch.seed, allowed).settings
         if self.batch.time_budget is not None:
             self._seconds.append(self._costs(scene.with_mesh_size(self.mesh_size)))
         self.points.append(points)

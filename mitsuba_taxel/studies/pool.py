@@ -5,6 +5,7 @@ A result depends on its job alone, and not on who does it, how many there are, o
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -13,7 +14,8 @@ from contextlib import contextmanager
 from itertools import chain
 from typing import Protocol
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.arguments import is_whole, require
+from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.threads import set_thread_count
 from mitsuba_taxel.studies import processes
 from mitsuba_taxel.studies.job import Failure, Job, Result, failure_of, run
@@ -52,9 +54,10 @@ def open_pool(workers: int | None = None, scheduler: str | None = None) -> Itera
     """
     if workers is not None and scheduler is not None:
         raise InputError(f"workers = {workers} and scheduler = {scheduler!r} exclude each other: give one of them.")
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
-        raise InputError(f"workers = {workers} is not allowed: a whole number from 1 to {MOST_WORKERS} is needed.")
+    if workers is not None and not (is_whole(workers) and 1 <= workers <= MOST_WORKERS):
+        raise InputError(f"workers = {workers!r} is not allowed: a whole number from 1 to {MOST_WORKERS} is needed.")
     if scheduler is not None:
+        require("scheduler", scheduler, str, "an address, as tcp://host:8786,")
         with _cluster(scheduler) as cluster:
             yield cluster
     elif workers is not None:
@@ -163,10 +166,14 @@ def _cluster(address: str) -> Iterator[Pool]:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"scheduler = {address!r} is not allowed: no Dask scheduler answers there.") from error
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    log.setLevel(logging.CRITICAL)  # of a scheduler that is gone it writes pages
     try:
         yield _Cluster(client, address)
     finally:
         client.close()
+        log.setLevel(before)
 
 
 class _Cluster:
@@ -175,7 +182,7 @@ class _Cluster:
     def __init__(self, client, address: str) -> None:
         self.name = f"scheduler {address}"
         self.machines = max(1, len(client.scheduler_info()["workers"]))
-        self._client = client
+        self._client, self._address = client, address
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
         from distributed import as_completed
@@ -185,6 +192,10 @@ class _Cluster:
         given = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
         for future in as_completed(list(given), loop=self._client.loop):
             job = given.pop(future)
+            if future.cancelled():
+                raise ComputationError(
+                    f"the Dask scheduler at {self._address} is gone: what came is kept, and the same call goes on."
+                )
             error = future.exception()
             yield job, future.result() if error is None else failure_of(error)
             future.release()

@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from mitsuba_taxel.mechanics.threads import set_thread_count
@@ -14,7 +15,20 @@ from mitsuba_taxel.mechanics.threads import set_thread_count
 
 def start(count: int, sharing: int) -> ProcessPoolExecutor:
     """``count`` processes, of ``sharing`` that share the cores; each starts when there is work for it."""
+    _start_tracker()
     return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (sharing,))
+
+
+def _start_tracker() -> None:
+    """Start Python's process that clears up after others, deaf to what a terminal sends to all when it closes."""
+    if threading.current_thread() is not threading.main_thread():
+        resource_tracker.ensure_running()
+        return
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def end(*executors: ProcessPoolExecutor) -> None:
@@ -34,7 +48,8 @@ def share_of_cores(sharing: int) -> int:
 def _begin(sharing: int) -> None:
     import drjit as dr
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent says when to end
+        signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
     dr.set_thread_count(share_of_cores(sharing))
     set_thread_count(share_of_cores(sharing))

@@ -6,16 +6,16 @@ import hashlib
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.backend import plugin_files, report
+from mitsuba_taxel.backend import report
 from mitsuba_taxel.optics.scene import is_file
+from mitsuba_taxel.sources import code_digest
 from mitsuba_taxel.studies.batch import Batch
 
-ROOMS = ("backend", "pads", "mechanics", "optics")
-"""Where the code is that, with the plugins, decides what a reading is."""
+ROOMS = ("backend", "pads", "mechanics", "optics", "plugins", "studies")
+"""Where the code is that decides what a reading of a study is."""
 
 
 def provenance(batch: Batch) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
     words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
     return {
         "scene_content": _digest(_files_of(batch.file, set(words))),
-        "code": _code(),
+        "code": code_digest(*ROOMS)[:16],
         "versions": {name: str(version) for name, version in _versions().items()},
         "parameters": {name: value for name, value in parameters.items() if name not in first},
     }
@@ -41,13 +41,6 @@ def _versions() -> dict[str, str]:
     versions = report()["versions"]
     assert isinstance(versions, dict)
     return versions
-
-
-@lru_cache(maxsize=1)
-def _code() -> str:
-    package = Path(__file__).parent.parent
-    sources = (file for room in ROOMS for file in sorted((package / room).glob("*.py")))
-    return _digest([*sources, *plugin_files().values()])
 
 
 def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.characterise import sensitivity_table
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.report.curves import plot_curves
-from mitsuba_taxel.studies.files import replacing
 
 if TYPE_CHECKING:
     import pandas

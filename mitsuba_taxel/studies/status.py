@@ -79,7 +79,7 @@ def _is_running(folder: Path) -> bool:
 
 def _seconds_left(folder: Path, finished: int, total: int) -> float | None:
     try:
-        run = json.loads((folder / RUN).read_text())
+        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
         now, seconds = finished - run["finished_before"], time.time() - run["started"]
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not yet there, or damaged
         return None

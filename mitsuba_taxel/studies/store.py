@@ -23,12 +23,13 @@ import numpy as np
 import tomli_w
 
 from mitsuba_taxel import archive
+from mitsuba_taxel.atomic import WriteError, reason_of, replacing
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.optics import Readings
 from mitsuba_taxel.optics.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.optics.targets import Settings
-from mitsuba_taxel.studies.files import make_folder, replacing
+from mitsuba_taxel.studies.files import make_folder
 from mitsuba_taxel.studies.job import MAPS, MESHES, Failure, Job, Result
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
@@ -86,8 +87,8 @@ class Store:
             if any(not file.name.startswith(".") for file in self.folder.iterdir()):
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
             with replacing(self.folder / STUDY) as file:
-                file.write_text(HEADING + tomli_w.dumps(content))
-        before = (self.folder / STUDY).read_text(errors="replace").removeprefix(HEADING)
+                file.write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
+        before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
         difference = _difference(tomli_w.dumps(content), before)
         if difference:
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
@@ -113,7 +114,7 @@ class Store:
         """
         file = self.folder / CHOICE
         try:
-            chosen = json.loads(file.read_text())
+            chosen = json.loads(file.read_text(encoding="utf-8"))
             settings, seconds = Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
             _require(isinstance(settings.points, int) and 1 <= settings.points <= MOST_POINTS)
             _require(settings.mesh_size is None or 0 < settings.mesh_size < math.inf)
@@ -130,7 +131,7 @@ class Store:
 
     def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
         with replacing(self.folder / name) as file:
-            file.write_text(json.dumps(content))
+            file.write_text(json.dumps(content), encoding="utf-8")
 
     def done(self) -> list[int]:
         """Numbers of the jobs that a result is there of."""
@@ -152,14 +153,14 @@ class Store:
         try:
             if isinstance(outcome, Failure):
                 with replacing(self._failed(job.number)) as file:
-                    file.write_text(json.dumps(asdict(outcome)))
+                    file.write_text(json.dumps(asdict(outcome)), encoding="utf-8")
                 return
             self._keep_files(outcome.files)
             with replacing(self._job(job.number)) as file:
                 file.write_bytes(archive.pack(_arrays(keepable(outcome))))
-        except OSError as error:
+        except (OSError, WriteError) as error:
             raise StoreError(
-                f"results cannot be kept in {self.folder} ({error.strerror}): {len(self.done())} jobs are kept; "
+                f"results cannot be kept in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are kept; "
                 "the same command goes on from there."
             ) from error
 
@@ -192,6 +193,9 @@ def keepable(result: Result) -> Kept:
     return Kept(result.readings, result.seconds, list(result.files))
 
 
+_OPTIONAL = ("responsivity", "deviation", "facets")
+
+
 def _arrays(kept: Kept) -> dict[str, np.ndarray]:
     readings = kept.readings
     words = {
@@ -204,7 +208,7 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
         "seconds": kept.seconds,
         "files": kept.files,
     }
-    optional = {"responsivity": readings.responsivity, "deviation": readings.deviation}
+    optional = {name: getattr(readings, name) for name in _OPTIONAL}
     arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
     return {**arrays, **{name: array for name, array in optional.items() if array is not None}}
 
@@ -215,7 +219,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
     replicates = arrays["replicates"]
     _require(replicates.ndim == 2 and replicates.dtype == float and len(replicates) == REPLICATES)
-    for name in {"responsivity", "deviation"} & arrays.keys():
+    for name in set(_OPTIONAL) & arrays.keys():
         _require(arrays[name].shape == replicates.shape[1:] and arrays[name].dtype == float)
     _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
     readings = Readings(
@@ -223,6 +227,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         seconds=seconds,
         responsivity=arrays.get("responsivity"),
         deviation=arrays.get("deviation"),
+        facets=arrays.get("facets"),
         roof_errors=errors,
         **words,
     )
@@ -246,7 +251,7 @@ def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
 
 def _failure(file: Path) -> Failure | None:
     try:
-        failure = Failure(**json.loads(file.read_text()))
+        failure = Failure(**json.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, RecursionError):
         return None
     return failure if isinstance(failure.message, str) else None
@@ -278,4 +283,4 @@ def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
     if any(folder.iterdir()) and not (folder / STUDY).exists():
         raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
     with replacing(folder / STUDY) as file:
-        file.write_text(HEADING + tomli_w.dumps(study))
+        file.write_text(HEADING + tomli_w.dumps(study), encoding="utf-8")

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import xarray as xr
 
 from mitsuba_taxel import stages
+from mitsuba_taxel.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.errors import ComputationError, InputError
 from mitsuba_taxel.optics.targets import Settings
 from mitsuba_taxel.studies.batch import Batch, batch_from, make_batch, read_study
@@ -107,8 +108,11 @@ def sweep(
         "maps": maps,
     }
     batch = make_batch(source, vary, defines, together=together, **what)
+    folder = None if output is None else path_of("output", output)
+    check_flags(retry_failed=retry_failed, parquet=parquet)
+    check_progress(progress)
     with open_pool(workers, scheduler) as pool:
-        return run_batch(batch, pool, None if output is None else Path(output), retry_failed, parquet, progress)
+        return run_batch(batch, pool, folder, retry_failed, parquet, progress)
 
 
 def run_batch(
@@ -143,7 +147,7 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
         index, failure = next(iter(failures.items()))
         values = dict(combinations(batch.axes))[index]
         raise type(failure.error())(f"{describe(values)}: {failure.message}")
-    about = {"scene": batch.file.name, "seed": batch.seed}
+    about = {"scene": batch.file.name, "seed": batch.seed, "target_error": batch.target_error}
     run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
     return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
 
@@ -253,7 +257,10 @@ def run_study(
     ComputationError
         if no scene could be computed, or results could not be stored.
     """
-    content, here, folder = read_study(file), Path(file).resolve().parent, Path(output)
+    file, folder = path_of("file", file), path_of("output", output)
+    check_flags(retry_failed=retry_failed, parquet=parquet)
+    check_progress(progress)
+    content, here = read_study(file), file.resolve().parent
     with open_pool(workers, scheduler) as pool:
         if not content["scenes"][0].get("name"):
             return run_batch(batch_from(content, 0, here), pool, folder, retry_failed, parquet, progress)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mitsuba_taxel.arguments import path_of
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.files import check_new_file
 
@@ -168,12 +170,11 @@ def write_template(kind: str, file: str | Path) -> None:
     InputError
         if there is no such kind, or the file exists or cannot be written.
     """
-    if kind not in _TEXTS:
+    if not isinstance(kind, str) or kind not in _TEXTS:
         raise InputError(f"kind = {kind!r} is not allowed: one of {', '.join(_TEXTS)} is needed.")
-    file = Path(file)
+    file = path_of("file", file)
     check_new_file(file, SUFFIXES[kind])
-    try:
-        with file.open("x", encoding="utf-8") as new:
-            new.write(_TEXTS[kind])
-    except FileExistsError:
-        raise InputError(f"{file} exists: the name of a new file is needed.") from None
+    if file.exists():
+        raise InputError(f"{file} exists: the name of a new file is needed.")
+    with replacing(file) as new:
+        new.write_text(_TEXTS[kind], encoding="utf-8")

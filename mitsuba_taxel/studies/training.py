@@ -14,9 +14,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from mitsuba_taxel.arguments import check_flags, is_number, is_row, is_whole, path_of, require
+from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.datasheet import Making, datasheet
-from mitsuba_taxel.studies.files import make_empty_folder, replacing
+from mitsuba_taxel.studies.files import make_empty_folder
 from mitsuba_taxel.studies.units import FORCES, PARAMETER_UNITS
 
 PARTS = ("train", "validation", "test")
@@ -73,6 +75,8 @@ def training_set(
     InputError
         if a value is refused, the study holds too few forces, or the folder cannot be written to.
     """
+    folder = None if output is None else path_of("output", output)
+    check_flags(parquet=parquet)
     sigma, relative = _read_noise(noise)
     _check(split, copies, seed, sigma)
     if parquet and find_spec("pyarrow") is None:
@@ -94,10 +98,10 @@ def training_set(
     for name, table in tables.items():
         if table.empty:
             raise InputError(f"split = {tuple(split)} is not allowed: no job with readings is left for {name}.")
-    if output is not None:
+    if folder is not None:
         left_out = rows.parameters[~done]
         making = Making(f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W", sigma > 0, copies, seed)
-        _write(Path(output), tables, datasheet(studies, tables, making, left_out), parquet)
+        _write(folder, tables, datasheet(studies, tables, making, left_out), parquet)
     return tables
 
 
@@ -114,17 +118,18 @@ def _read_noise(noise: float | str) -> tuple[float, bool]:
 
 
 def _check(split: Sequence[float], copies: int, seed: int, sigma: float) -> None:
-    shares = tuple(split)
-    if not (len(shares) == len(PARTS) and all(share > 0 for share in shares) and math.isclose(sum(shares), 1)):
-        raise InputError(f"split = {shares} is not allowed: three shares above 0 that together make 1 are needed.")
-    if copies < 1 or (copies > 1 and sigma == 0):
-        raise InputError(f"copies = {copies} is not allowed: 1 or above, and above 1 only with noise, is needed.")
-    if not 0 <= seed < 1 << 32:
-        raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
+    if not (good and math.isclose(sum(split), 1)):
+        raise InputError(f"split = {split!r} is not allowed: three shares above 0 that together make 1 are needed.")
+    if not is_whole(copies) or copies < 1 or (copies > 1 and sigma == 0):
+        raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
+    if not (is_whole(seed) and 0 <= seed < 1 << 32):
+        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
 
 
 def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
     """The studies of single scenes by name, which is blank for a study of one scene; raises `InputError`."""
+    require("study", study, (xr.Dataset, xr.DataTree), "what sweep or open_study returned")
     if isinstance(study, xr.Dataset):
         scenes = {"": study}
     else:

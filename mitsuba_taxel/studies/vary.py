@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.arguments import table_of
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.studies.units import FORCES
 
@@ -58,7 +59,8 @@ def make_axes(
     InputError
         if nothing is varied, a parameter comes twice, values are not allowed, or there are too many scenes.
     """
-    rows = {name: parse_values(name, values, folder) for name, values in (together or {}).items()}
+    vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
+    rows = {name: parse_values(name, values, folder) for name, values in together.items()}
     axes = [Axis(name, {name: _distinct(name, parse_values(name, values, folder))}) for name, values in vary.items()]
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
@@ -94,7 +96,7 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
         if the range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
     """
     if not isinstance(values, str):
-        words = [str(value) for value in values]
+        words = [str(value) for value in (values if isinstance(values, Iterable) else [values])]
     elif values.startswith("@"):
         words = _lines(name, folder / values[1:])
     else:

@@ -86,6 +86,7 @@ class Wall(mi.BSDF):
         self.table: ReflectanceTable | None = None
         self.reflectance: mi.Float | None = None
         self._read_reflectance(props)
+        self.is_directed = self.scattering in ("mirror", "rough_mirror", "mixed")
         self.m_components = self.law.components
         self.m_flags = 0
         for flags in self.law.components:
@@ -138,12 +139,21 @@ class Wall(mi.BSDF):
         active = mi.Bool(active) & (si.wi.z != 0) & (drawn.density > 0)
         bs = dr.zeros(mi.BSDFSample3f)
         bs.wo = mi.Vector3f(drawn.direction.x, drawn.direction.y, dr.mulsign(drawn.direction.z, si.wi.z))
-        bs.pdf = dr.select(active, drawn.density, 0)
         bs.eta = 1
         bs.sampled_component = mi.UInt32(drawn.component)
         for i, flags in enumerate(self.law.components):
             bs.sampled_type = dr.select(bs.sampled_component == i, flags, bs.sampled_type)
-        return bs, mi.Spectrum(self._known_reflectance() * drawn.weight) & active
+        density, weight = drawn.density, drawn.weight
+        if self.is_directed:
+            mirrored, behind = _mirrored(si, bs.wo)
+            bs.wo = dr.select(behind, mirrored, bs.wo)
+            if self.scattering != "mirror":
+                value, total = self._of_both_sides(ctx, si, bs.wo)
+                specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
+                density = dr.select(specular, density, total)
+                weight = dr.select(specular, weight, dr.select(total > 0, value / total, 0))
+        bs.pdf = dr.select(active, density, 0)
+        return bs, mi.Spectrum(self._known_reflectance() * weight) & active
 
     def eval(self, ctx, si, wo, active=True):
         return self.eval_pdf(ctx, si, wo, active)[0]
@@ -152,9 +162,26 @@ class Wall(mi.BSDF):
         return self.eval_pdf(ctx, si, wo, active)[1]
 
     def eval_pdf(self, ctx, si, wo, active=True):
-        active = mi.Bool(active) & (si.wi.z * wo.z > 0)
-        value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
+        value, density = (self._of_both_sides if self.is_directed else self._of_one_side)(ctx, si, wo)
+        active = mi.Bool(active)
         return mi.Spectrum(self._known_reflectance() * value) & active, dr.select(active, density, 0)
+
+    def _of_one_side(self, ctx, si, wo):
+        """Value and density of what leaves in direction ``wo`` from the side on which the light comes in."""
+        value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
+        same = si.wi.z * wo.z > 0
+        return dr.select(same, value, 0), dr.select(same, density, 0)
+
+    def _of_both_sides(self, ctx, si, wo):
+        """As :meth:`_of_one_side`, with what would leave behind the triangle, mirrored by it."""
+        value, density = self._of_one_side(ctx, si, wo)
+        mirrored, behind = _mirrored(si, wo)
+        more, denser = self._of_one_side(ctx, si, mirrored)
+        _, back = _mirrored(si, mirrored)
+        return (
+            dr.select(behind, 0, value) + dr.select(back, more, 0),
+            dr.select(behind, 0, density) + dr.select(back, denser, 0),
+        )
 
     def eval_diffuse_reflectance(self, si, active=True):
         """Share of the light that comes back otherwise than from a mirror."""
@@ -197,6 +224,16 @@ def _read_slope(props: mi.Properties) -> float:
             "use scattering = 'mirror' for less."
         )
     return slope
+
+
+def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f, mi.Bool]:
+    """A direction mirrored by the plane of the triangle, and whether the light, coming in before it, left behind it.
+
+    Both may be where the normal of the wall is not that of the triangle. On flat walls nothing leaves behind it.
+    """
+    normal = si.to_local(si.n)
+    height = dr.dot(wo, normal)
+    return wo - 2 * height * normal, height * dr.dot(si.wi, normal) < 0
 
 
 def _above(direction: mi.Vector3f) -> mi.Vector3f:

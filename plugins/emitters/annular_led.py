@@ -201,6 +201,9 @@ class AnnularLed(mi.Emitter):
     def traverse(self, callback) -> None:
         callback.put("power", self.power, +mi.ParamFlags.Differentiable)
 
+    def parameters_changed(self, keys=()) -> None:
+        self._faces = None  # the rectangle that carries it may have been moved
+
     def to_string(self) -> str:
         size = f"{self.outline}, size = {self.side:g}, hole = {self.hole_side:g}"
         return f"AnnularLed[power = {self.power[0]:g} W at {self.wavelength:g} nm, {size}]"

@@ -50,6 +50,8 @@ class AnalogTracer(mi.CppADIntegrator):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
         return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
 
+    render_forward = render_backward = tracing.refuse_derivatives
+
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one ray from each LED of ``led_index`` lands on the phototransistor of ``index``."""

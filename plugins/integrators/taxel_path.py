@@ -9,7 +9,7 @@ from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import tracing
 from mitsuba_taxel.optics.emission import UniformPolarAngle
 from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
+from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, between, leave, release, splat
 from mitsuba_taxel.optics.walls import is_bounded_from_detector, walls_of
 
 
@@ -56,10 +56,24 @@ class TaxelPath(mi.CppADIntegrator):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
         return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
 
+    def refuse_unbounded(self, scene) -> None:
+        """Raise an InputError where a weight of a path from the detector would have no bound."""
+        if not all(map(is_bounded_from_detector, walls_of(scene))):
+            raise InputError(
+                "taxel_path: an isotropic wall gives paths from the detector a weight without bound: use taxel_tracer.",
+                self,
+            )
+        if any(isinstance(led.law, UniformPolarAngle) for led in scene.emitters()):
+            raise InputError(
+                "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer.",
+                self,
+            )
+
+    render_forward = render_backward = tracing.refuse_derivatives
+
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
-        _refuse_unbounded(scene, pair.led)
         led, sensor = pair.led, pair.sensor
         clearance = tracing.clearance_of(pair)
         carrier = mi.ShapePtr(led.get_shape())
@@ -106,7 +120,7 @@ class TaxelPath(mi.CppADIntegrator):
             intensity = led.power * led.density_of_direction(-wo)
             value, bsdf_density = bsdf.eval_pdf(context, si, si.to_local(wo), active)
             visible = active & (cosine > 0) & (intensity > 0) & (value[0] > 0)
-            visible &= ~scene.ray_test(leave(vertex, normal, wo, clearance, target), visible)
+            visible &= ~scene.ray_test(between(vertex, normal, wo, clearance, target, led.faces.frame.n), visible)
             hit = bsdf_density * led.area * cosine / distance_squared
             value = throughput * value[0] * intensity / (distance_squared * (1 + dr.square(hit)))
             result += dr.select(visible, value, 0)
@@ -134,21 +148,9 @@ class TaxelPath(mi.CppADIntegrator):
         wo = to_target * dr.rsqrt(distance_squared)
         cosine = dr.dot(wo, sensor.normal)
         visible = (cosine > 0) & (dr.dot(wo, led.faces.frame.n) < 0)
-        visible &= ~scene.ray_test(leave(y, mi.Normal3f(sensor.normal), wo, clearance, target), visible)
+        visible &= ~scene.ray_test(between(y, sensor.normal, wo, clearance, target, led.faces.frame.n), visible)
         value = led.power * led.density_of_direction(-wo) * sensor.faces.area * cosine / distance_squared
         return dr.select(visible, value * sensor.response(cosine), 0)
 
     def to_string(self) -> str:
         return f"TaxelPath[max_depth = {self.max_depth}]"
-
-
-def _refuse_unbounded(scene, led) -> None:
-    """Raise an InputError where a weight of a path from the detector would have no bound."""
-    if not all(map(is_bounded_from_detector, walls_of(scene))):
-        raise InputError(
-            "taxel_path: an isotropic wall gives paths from the detector a weight without bound: use taxel_tracer."
-        )
-    if isinstance(led.law, UniformPolarAngle):
-        raise InputError(
-            "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer."
-        )

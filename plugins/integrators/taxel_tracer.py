@@ -70,6 +70,8 @@ class TaxelTracer(mi.CppADIntegrator):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
         return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
 
+    render_forward = render_backward = tracing.refuse_derivatives
+
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
         aim = aim_for(self, scene, pair)

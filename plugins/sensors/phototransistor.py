@@ -108,6 +108,8 @@ class Phototransistor(mi.Sensor):
         self.quantum_efficiency = number(props, "quantum_efficiency", 1.0, above=0, maximum=1)
         if self.film().rfilter().radius() > 0.5 + 1e-3:
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
+        if tuple(self.film().crop_size()) != tuple(self.film().size()):
+            raise InputError("film: a crop is not allowed, as it would leave out a part of the reading.")
         self.block = tuple(int(n) for n in self.film().size())
         self._check_film(1)
         self.m_needs_sample_3 = True
@@ -237,6 +239,9 @@ class Phototransistor(mi.Sensor):
 
     def bbox(self):
         return self.get_shape().bbox()
+
+    def parameters_changed(self, keys=()) -> None:
+        self._faces = None  # the rectangle that carries it may have been moved
 
     def to_string(self) -> str:
         return f"Phototransistor[width = {self.width:g}, depth = {self.depth:g}]"

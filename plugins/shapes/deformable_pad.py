@@ -11,20 +11,19 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel import stages
-from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics import pad_parameters
 from mitsuba_taxel.optics.cell_surface import CellSurface
 from mitsuba_taxel.optics.faces import similarity_scale
-from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
+from mitsuba_taxel.optics.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
+from mitsuba_taxel.optics.pad_parameters import LEAST_FACES, check_triangles
 from mitsuba_taxel.optics.parameters import whole_number
 from mitsuba_taxel.optics.parts import make_plugin
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import REGIONS, Pad
 
-MOST_TRIANGLES = 20_000_000
-FOR_DIFFUSE, FOR_MIRRORS = 6, 24
-"""Subdivisions: readings from domes change by some 5e-4 if there are many more; mirrors show every facet."""
-LEAST_FACES = 15
-"""Of the finite elements on the surface of a cell, however large they may be."""
+SUBDIVISION = 6
+"""Of the surface of a cell, where nobody asks for another."""
+FLAT = 1e-5
+"""Distance of triangles from a wall, relative to the pad's height, that is as good as none."""
 
 
 class DeformablePad(mi.Mesh):
@@ -128,7 +127,8 @@ class DeformablePad(mi.Mesh):
 
      * - mesh_size
        - |float|
-       - Size of the finite elements, in mm. (Default: 1.25)
+       - Size of the finite elements, in mm. (Default: 1.25 for cells and walls like the default ones; it goes with the
+         scale of the pad, and with the square root of its thinnest part)
 
      * - mesh_tolerance
        - |float|
@@ -143,7 +143,7 @@ class DeformablePad(mi.Mesh):
      * - subdivision
        - |int|
        - Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep
-         theirs no longer. (Default: 6; 24 with walls that reflect in one direction, as a mirror does)
+         theirs no longer. (Default: 6)
 
      * - finish
        - |string|
@@ -225,79 +225,124 @@ class DeformablePad(mi.Mesh):
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
-        default = FOR_MIRRORS if any(map(_is_directed, walls)) else FOR_DIFFUSE
-        self.subdivision = whole_number(props, "subdivision", default, minimum=1, maximum=64)
+        self.mirrors = [code for wall in walls for code in _mirrors(wall)]
+        self.subdivision = whole_number(props, "subdivision", SUBDIVISION, minimum=1, maximum=64)
 
-        surface = self._solve()
-        initialize_mesh(self, props, _placed(surface, self.to_world), surface.triangles)
-        add_face_attribute(self, "region", surface.region)
-        add_face_attribute(self, "cell", surface.cell)
+        self.surface = self._solve()
+        triangles = self.surface.triangles
+        places = self._places(self.surface, self.surface.facing)
+        if places.normals is not None:
+            triangles = np.arange(triangles.size).reshape(-1, 3)
+        initialize_mesh(self, props, places, triangles)
+        self._add_attributes(self)
 
     def _solve(self):
-        from mitsuba_taxel.mechanics import check_finish, tessellate
+        from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
             # What cannot be made is refused before it is solved for.
             if isinstance(self.pad, Pad):
-                self._check_triangles(LEAST_FACES * len(self.read_cells or self.pad.cell_centres))
+                least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
+                check_triangles(self.subdivision, least)
             mesh = self.states([np.zeros(len(self.value))])[0].mesh
             read = np.isin(mesh.face_cell, self.read_cells) if self.read_cells else mesh.face_cell > 0
-            self._check_triangles(int(np.count_nonzero(read)))
+            check_triangles(self.subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, self.subdivision)
             self.state = self.states([self.value])[0]
-            return tessellate(self.state, self.subdivision, self.finish, self.read_cells)
+            return self._tessellated(self.state)
 
-    def _check_triangles(self, faces: int) -> None:
-        triangles = faces * self.subdivision**2
-        if triangles > MOST_TRIANGLES:
-            raise InputError(
-                f"subdivision = {self.subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
-                f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
-            )
+    def _tessellated(self, state):
+        from mitsuba_taxel.mechanics import tessellate
+
+        return tessellate(state, self.subdivision, self.finish, self.read_cells, self.pad)
+
+    def _places(self, surface, vertices) -> Places:
+        """Where the mesh's vertices are; if there are mirrors, triangles share none, and those of mirrors have normals
+        of the curved walls."""
+        places = _placed(vertices, self.to_world)
+        if not self.mirrors:
+            return Places(places, None)
+        corners = places[surface.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None].repeat(3, axis=1)
+        smooth = np.isin(surface.region, self.mirrors)
+        normals[smooth] = np.einsum("tki,ji->tkj", surface.normals[smooth], self.to_world[:3, :3])
+        normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), np.finfo(np.float32).tiny)
+        return Places(corners.reshape(-1, 3), normals.reshape(-1, 3))
 
     @property
     def undeformed(self) -> CellSurface:
         """The same triangles without a load: one object for all pads of which it is the same."""
         cells = None if self.read_cells is None else tuple(self.read_cells)
         place = tuple(map(tuple, self.to_world.tolist()))
-        return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, place)
+        return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, place)
 
-    def deviating_vertices(self):
-        """(V, 3) where the vertices would be if the pad were off by its `State.deviation`; None if that is unknown."""
-        from mitsuba_taxel.mechanics import tessellate
-
+    def deviating_places(self) -> Places | None:
+        """Where the vertices would be if the pad were off by its `State.deviation`; None if that is unknown."""
         if self.state.deviation is None:
             return None
         state = replace(self.state, displacement=self.state.displacement + self.state.deviation)
-        return _placed(tessellate(state, self.subdivision, self.finish, self.read_cells), self.to_world)
+        surface = self._tessellated(state)
+        return self._places(surface, surface.facing)
 
-    def states(self, values):
+    @property
+    def is_curved(self) -> bool:
+        """Whether triangles are off curved walls by more than what changes readings by some 1e-5."""
+        surface = self.surface
+        return bool(np.abs(surface.offsets).max() > FLAT * np.ptp(surface.vertices[:, 2]))
+
+    def chords(self) -> Places:
+        """Where the vertices would be on the curved walls themselves, so that triangles are their chords."""
+        return self._places(self.surface, self.surface.vertices)
+
+    def closed(self) -> mi.Mesh:
+        """The same surface as a mesh whose triangles share their vertices, whatever the walls."""
+        if not self.mirrors:
+            return self
+        mesh = mi.Mesh(self.id(), len(self.surface.vertices), len(self.surface.triangles))
+        give_geometry(mesh, Places(_placed(self.surface.facing, self.to_world), None), self.surface.triangles)
+        self._add_attributes(mesh)
+        return mesh
+
+    def _add_attributes(self, mesh: mi.Mesh) -> None:
+        add_face_attribute(mesh, "region", self.surface.region)
+        add_face_attribute(mesh, "cell", self.surface.cell)
+
+    def states(self, values, obstacles=None):
         """The deformed states of this pad under other values of its load; see `load_path`."""
         from mitsuba_taxel.mechanics import load_path
 
-        size, tolerance = self.mesh_size, self.mesh_tolerance
-        return load_path(self.pad, self.material, values, load=self.load, mesh_size=size, mesh_tolerance=tolerance)
+        return load_path(
+            self.pad,
+            self.material,
+            values,
+            load=self.load,
+            mesh_size=self.mesh_size,
+            mesh_tolerance=self.mesh_tolerance,
+            obstacles=obstacles,
+        )
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
 
 
-def _is_directed(bsdf: mi.BSDF) -> bool:
-    """Whether some of what a wall reflects goes, more or less, where a mirror would send it."""
-    return bool(bsdf.flags() & (mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy))
-
-
-def _placed(surface, to_world):
-    # Not as a product of matrices: threads of its own, woken for so little, take several times as long on busy cores.
-    return np.einsum("vi,ji->vj", surface.vertices, to_world[:3, :3]) + to_world[:3, 3]
+def _mirrors(bsdf: mi.BSDF) -> list[int]:
+    """Codes of the regions whose wall sends some light, more or less, where a mirror would."""
+    walls = getattr(bsdf, "walls", None) or dict.fromkeys(REGIONS, bsdf)
+    directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
+    return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]
 
 
 @lru_cache(maxsize=4)  # the pads of a study share their mesh
-def _undeformed(mesh, subdivision, finish, cells, to_world):
+def _undeformed(mesh, subdivision, finish, cells, pad, to_world):
     from mitsuba_taxel.mechanics import tessellate
 
     rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))  # all of a state that is looked at
-    surface = tessellate(rest, subdivision, finish, cells)
-    vertices = _placed(surface, np.array(to_world))
+    surface = tessellate(rest, subdivision, finish, cells, pad)
+    vertices = _placed(surface.vertices, np.array(to_world))
     return CellSurface(vertices, surface.triangles, surface.region, surface.cell)
+
+
+def _placed(vertices, to_world):
+    # Not as a product of matrices: threads of its own, woken for so little, take several times as long on busy cores.
+    return np.einsum("vi,ji->vj", vertices, to_world[:3, :3]) + to_world[:3, 3]

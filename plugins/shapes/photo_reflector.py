@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.errors import InputError
 from mitsuba_taxel.optics.faces import FaceGrid, similarity_scale
-from mitsuba_taxel.optics.mesh_adapter import add_face_attribute, initialize_mesh
+from mitsuba_taxel.optics.mesh_adapter import Places, add_face_attribute, initialize_mesh
 from mitsuba_taxel.optics.parameters import number, whole_number
 from mitsuba_taxel.optics.parts import make_plugin
 from mitsuba_taxel.optics.regions import BODY_REGIONS
@@ -108,7 +108,8 @@ class PhotoReflector(mi.Mesh):
         self._check_layout()
         _cover_the_body(props)
         vertices, triangles = _body(self.body, *self._cuts())
-        initialize_mesh(self, props, *self._repeat(vertices, triangles))
+        self.built = self._repeat(vertices, triangles)
+        initialize_mesh(self, props, Places(self.built[0], None), self.built[1])
         regions = self._regions(vertices[triangles].mean(axis=1))
         add_face_attribute(self, "region", np.tile(regions, self.rows * self.columns))
         detector.spread_film(self.rows, self.columns)
@@ -147,6 +148,12 @@ class PhotoReflector(mi.Mesh):
             raise InputError(
                 f"pitch = {self.pitch:g} is not allowed: at least {closest_pitch:g} is needed, or bodies overlap."
             )
+
+    def is_as_built(self) -> bool:
+        """Whether vertices and triangles are still those that LED and phototransistor were set into."""
+        parameters, (vertices, triangles) = mi.traverse(self), self.built
+        same = np.array_equal(parameters["faces"], triangles.ravel())
+        return same and np.array_equal(parameters["vertex_positions"], vertices.astype(np.float32).ravel())
 
     def face_grid(self, name: str) -> FaceGrid:
         """Where the faces called ``led`` or ``phototransistor`` lie."""

@@ -304,7 +304,9 @@ def test_a_pads_mechanics_and_chain_are_judged_by_small_elements(clockwork, writ
     assert steps.error < 1e-3 and math.isnan(steps.stated)
     for point in found["reading"].points:
         assert point.error < 4 * math.hypot(point.stated, point.floor)
-        assert point.stated == pytest.approx(math.hypot(*(point.shares[f"stated_{n}"] for n in ("light", "mechanics"))))
+        assert point.stated == pytest.approx(
+            math.hypot(*(point.shares[f"stated_{n}"] for n in ("light", "mechanics", "geometry")))
+        )
         assert point.shares["mechanics_error"] > 0 and point.shares["mechanics_seconds"] > 0
         assert point.error <= point.shares["light_error"] + point.shares["mechanics_error"] + 1e-12
     for point in found["slope over fz"].points:

@@ -45,7 +45,11 @@ def test_noise_that_steps_share_does_not_enter_a_slope():
 
 
 def test_stated_errors_are_the_true_ones_and_the_maximum_is_not_biased():
-    """300 studies of one slope: normalised errors have mean 0 and variance 31/29, each within 5 sigma."""
+    """300 studies of one slope: normalised errors have mean 0 and variance 31/29, each within 5 sigma.
+
+    Of the largest of slopes that are all the same, the error is stated up to 1.6 times too large: that a place was
+    chosen among equals cannot be told from one among such as the noise makes alike.
+    """
     count, scale = 300, 1e-6
     noise = np.random.default_rng(3).normal(size=(len(FORCES), REPLICATES, count)) * scale
     power = noise - 4e-5 * FORCES[:, None, None]
@@ -53,7 +57,8 @@ def test_stated_errors_are_the_true_ones_and_the_maximum_is_not_biased():
     for name in ("mean_slope", "max_slope"):
         z = (slopes[name] + 4e-5) / slopes[f"{name}_error"]
         assert abs(float(z.mean())) < 5 / np.sqrt(count), name
-        assert abs(float(z.var()) - 31 / 29) < 5 * np.sqrt(2 / count) * 1.2, name
+        low = 1 / 1.6**2 if name == "max_slope" else 1
+        assert low * 31 / 29 - 5 * np.sqrt(2 / count) * low < float(z.var()) < 31 / 29 + 5 * np.sqrt(2 / count), name
 
 
 def test_table_has_a_row_for_each_curve_and_taxel():

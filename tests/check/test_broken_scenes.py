@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene
-from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.optics.runs import prepare
 
 
 def _trees():
@@ -41,7 +41,7 @@ def assert_findings_of(file) -> None:
 def is_refused(file) -> bool:
     """Whether a scene without pads cannot be read."""
     try:
-        taxels_of(Scene.from_file(file).load())
+        prepare(Scene.from_file(file))
     except InputError:
         return True
     return False
@@ -53,8 +53,7 @@ def test_what_cannot_be_read_is_an_error(data, tmp_path):
     file = tmp_path / "scene.xml"
     file.write_bytes(trees.damaged_tree(data, trees.PLATE))
     errors = [finding for finding in check_scene(file) if finding.severity == "error"]
-    # Packages in the same place are read, but wrongly: only the check finds them.
-    assert is_refused(file) == any("lies in a face" not in finding.message for finding in errors), errors
+    assert is_refused(file) == bool(errors), errors
 
 
 @FEW

@@ -59,7 +59,7 @@ def test_render_json_is_one_object(taxel):
     answer = json.loads(done.stdout)
     assert list(answer) == JSON_KEYS
     (reading,) = answer["readings"]
-    errors = ["standard_error_W", "mechanics_error_W", "total_error_W"]
+    errors = ["standard_error_W", "mechanics_error_W", "geometry_error_W", "total_error_W"]
     assert list(reading) == ["taxel", "power_W", *errors, "photocurrent_A"] and reading["taxel"] == 1
     assert 0 < reading["standard_error_W"] < reading["power_W"] < 1
     assert {"load", "optics"} <= set(answer["seconds"])
@@ -100,6 +100,20 @@ def test_audit_and_crosstalk_in_json(taxel):
     audit = answer["audit"]
     assert sum(row["share"] for row in audit["shares"]) == pytest.approx(audit["total"]) == pytest.approx(1)
     assert all(list(row) == ["place", "share", "standard_error"] for row in audit["shares"])
+
+
+def test_a_target_that_is_not_reached_does_not_look_like_success(taxel, tmp_path):
+    """The readings are there all the same; exit code and a line on stderr say that they are not as good as asked."""
+    asked = (*PLATE, "--target-error", "0.0001%", "--time-budget", "1ms")
+    for words in (("render", *asked), ("render", *asked, "--json")):
+        done = taxel(*words)
+        assert done.returncode == 3 and done.stderr.strip().startswith("taxel: target error 1e-06 not reached")
+        assert "power" in done.stdout
+    done = taxel("sweep", *asked, "--vary", "z=0.5,1", "-o", "out")
+    assert done.returncode == 3 and "target error 1e-06 not reached: 2 of 2 readings" in done.stderr
+    assert done.stdout.count("not reached") == 1 and (tmp_path / "out" / "readings.csv").exists()
+    reached = taxel("sweep", *PLATE, "--target-error", "5%", "--vary", "z=0.5,1", "-o", "reached")
+    assert reached.returncode == 0 and "not reached" not in reached.stdout + reached.stderr
 
 
 def test_time_budget_ends_a_run(taxel):

@@ -73,7 +73,9 @@ def solved(mesh, material, load, value, start=None):
     for share in (0.5, 1.0) if start is None else (1.0,):
         solution, linearised = pad.solve(unknowns, share * value)
         unknowns = solution.unknowns
-    displacement, pressure = pad.split(unknowns - pad.correction(linearised, unknowns, value))
+    for _ in range(3):  # the tangent may be that of an earlier iterate, with which one step is not enough
+        unknowns = unknowns - pad.correction(linearised, unknowns, value)
+    displacement, pressure = pad.split(unknowns)
     return State(mesh, material, load, value, displacement, pressure, solution.min_jacobian, 0.0, 0, True, None)
 
 

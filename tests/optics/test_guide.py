@@ -8,7 +8,7 @@ import pytest
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.optics import guide
 from mitsuba_taxel.optics.guide import guide_for
-from mitsuba_taxel.optics.mesh_adapter import move_vertices
+from mitsuba_taxel.optics.mesh_adapter import move_vertices, places_of
 from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.optics.taxels import taxels_of
 
@@ -62,8 +62,7 @@ def test_members_have_the_area_of_the_surface_they_lie_on(llvm_mono, finish):
 def test_a_moved_pad_reads_as_one_loaded_so(llvm_mono, roof):
     ready, other = prepare(domed(-1.0, roof)), prepare(domed(-3.0, roof))
     first = measure(ready, points=64, seed=3, mechanics_error=False)
-    places = np.array(llvm_mono.traverse(pad_of(other.scene))["vertex_positions"]).reshape(-1, 3)
-    move_vertices(pad_of(ready.scene), places)
+    move_vertices(pad_of(ready.scene), places_of(pad_of(other.scene)))
     ready.scene.parameters_changed([])
     moved, loaded = (measure(scene, points=64, seed=3, mechanics_error=False) for scene in (ready, other))
     assert np.array_equal(moved.replicates, loaded.replicates)

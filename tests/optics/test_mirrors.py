@@ -158,3 +158,15 @@ def test_backscatter_follows_geometrical_optics(llvm_mono, rms_slope, reflectanc
         value = wall.eval(mi.BSDFContext(mode), si, si.wi)[0].numpy()
         sigma0 = reflectance / np.cos(theta) ** 4 * np.exp(-(np.tan(theta) ** 2) / (2 * s**2)) / (2 * s**2)
         assert value == pytest.approx(sigma0 / (4 * math.pi * np.cos(theta)), rel=2e-3)
+
+
+def test_another_place_of_a_mirror_compiles_nothing(llvm_mono):
+    """Nor does it leave a kernel on disk."""
+    import drjit as dr
+
+    measure(Scene("plate.xml", {"z": 0.7, "scattering": "mirror"}), points=16)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        measure(Scene("plate.xml", {"z": 0.7231, "scattering": "mirror"}), points=16)
+        kernels = [kernel for kernel in dr.kernel_history() if "cache_hit" in kernel]
+    assert kernels and all(kernel["cache_hit"] and not kernel["cache_disk"] for kernel in kernels)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from mitsuba_taxel import ComputationError, InputError, Pad, PadSensor, Scene, measure
 from mitsuba_taxel.mechanics import (
@@ -20,8 +21,11 @@ from mitsuba_taxel.mechanics import (
     silicone,
     tessellate,
 )
+from mitsuba_taxel.optics.mesh_adapter import places_of
 from mitsuba_taxel.optics.scene import Scene as OpticsScene
 from mitsuba_taxel.optics.taxels import taxels_of
+from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.studies import deform
 
 PAD = Pad("parallelepiped", rows=1, columns=1)
 SIZE = 1.2
@@ -156,18 +160,29 @@ def wall(scattering, name="walls"):
 
 
 @pytest.mark.parametrize(
-    ("words", "subdivision"),
+    ("words", "mirrors"),
     [
-        ("", 6),
-        (wall("lambertian"), 6),
-        (wall("mirror"), 24),
-        ('<bsdf type="region">' + wall("mirror", "roof") + "</bsdf>", 24),
-        ('<bsdf type="roughconductor"/>', 24),
-        (wall("mirror") + '<integer name="subdivision" value="3"/>', 3),
+        ("", []),
+        (wall("lambertian"), []),
+        (wall("mirror"), [1, 2, 3, 4, 5]),
+        ('<bsdf type="region">' + wall("mirror", "roof") + wall("isotropic", "side") + "</bsdf>", [1]),
+        ('<bsdf type="roughconductor"/>', [1, 2, 3, 4, 5]),
     ],
 )
-def test_walls_that_show_facets_are_cut_more_finely(loaded, words, subdivision):
-    assert loaded(words)[0].subdivision == subdivision
+def test_mirrors_have_the_normals_of_the_curved_walls_and_other_walls_are_flat(loaded, words, mirrors):
+    """Where normals are interpolated, diffuse walls would lose light."""
+    pad, _ = loaded('<string name="cell" value="hemispheric"/>' + words)
+    places, surface = places_of(pad), pad.surface
+    assert (places.normals is not None) == bool(mirrors)
+    if mirrors:
+        a, b, c = places.vertices.reshape(-1, 3, 3).transpose(1, 0, 2)
+        facet = np.cross(b - a, c - a)
+        facet /= np.linalg.norm(facet, axis=1, keepdims=True)
+        turned = np.abs(places.normals.reshape(-1, 3, 3) - facet[:, None]).max(axis=(1, 2))
+        assert turned[~np.isin(surface.region, mirrors)].max(initial=0) < 1e-4
+        roof = surface.region == 1
+        outward = (places.vertices.reshape(-1, 3, 3)[roof] - (0, 0, 0.5)) / 1.275
+        np.testing.assert_allclose(places.normals.reshape(-1, 3, 3)[roof], -outward, atol=4e-3)
 
 
 def test_only_cells_that_are_read_are_cut_finely(llvm_mono):
@@ -179,33 +194,58 @@ def test_only_cells_that_are_read_are_cut_finely(llvm_mono):
     assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)  # closed
 
 
-def test_a_roof_pressed_onto_the_package_is_refused_at_the_load_where_it_happens(loaded):
-    """The roof is 1.05 mm above the package; 1.02 mm above a taller one it touches early."""
-    words = '<vector name="force" value="0, 0, {}"/>'
-    tall = '<vector name="body" value="1.46, 1.06, 1.5"/>'
-    _, scene = loaded(words.format(-0.25), tall)
+TALL = '<vector name="body" value="1.46, 1.06, 1.5"/>'
+FORCE = '<vector name="force" value="{}"/>'
+
+
+def lowest_over_the_package(force):
+    """mm: least height of the roof over the package, by points of the deformed surface."""
+    (state,) = load_path(PAD, NeoHookean(), [force], mesh_size=SIZE)
+    surface = tessellate(state, 24)
+    corners = surface.vertices[surface.triangles[surface.region == REGIONS["roof"]]].reshape(-1, 3)
+    return corners[np.all(np.abs(corners[:, :2]) < (0.73, 0.53), axis=1), 2].min()
+
+
+@pytest.mark.parametrize("asked", ["0, 0, -1.35", "0, 0, -6", "0, 0, -200", "-3, 0.5, -6", "-40, 2, -1.35"])
+def test_a_roof_pressed_onto_the_package_is_refused_at_the_load_where_it_happens(loaded, asked):
+    """The same whatever is asked for, also beyond where the silicone itself gives way.
+
+    The roof is 1.05 mm above the package; 0.05 mm above a taller one it touches early.
+    """
+    _, scene = loaded(FORCE.format("0, 0, -1.25"), TALL)
     assert len(taxels_of(scene)) == 1
-    pad, scene = loaded(words.format(-6), tall)
     with pytest.raises(ComputationError, match="touches a package near .* ends at force") as caught:
-        taxels_of(scene)
-    limit = float(str(caught.value).split("(")[-1].split(")")[0].split(",")[2])
+        loaded(FORCE.format(asked), TALL)
+    limit = [float(word) for word in str(caught.value).split("(")[-1].split(")")[0].split(",")]
+    touch = brentq(lambda force: lowest_over_the_package((0, 0, force)) - 1.5, -1.5, -1.1, xtol=1e-4)
+    assert limit == [0, 0, pytest.approx(touch, rel=3e-3)]
 
-    def lowest(force):
-        state = load_path(pad.pad, pad.material, [(0, 0, force)], mesh_size=SIZE)[0]
-        surface = tessellate(state)
-        corners = surface.vertices[surface.triangles[surface.region == 1]].reshape(-1, 3)
-        over = np.all(np.abs(corners[:, :2]) < (0.73, 0.53), axis=1)
-        return corners[over, 2].min()
 
-    assert lowest(limit) == pytest.approx(1.5, abs=2e-4)
+def test_a_roof_pushed_onto_the_package_is_refused_on_its_way_aside(loaded):
+    """The package touches where the roof comes down, on the side that it is pushed to."""
+    for aside in (2.0, -2.0):
+        with pytest.raises(ComputationError, match="touches a package near") as caught:
+            loaded(FORCE.format(f"{aside}, 0, -1.25"), TALL)
+        message = str(caught.value)
+        pushed, _, pressed = (float(word) for word in message.split("(")[-1].split(")")[0].split(","))
+        assert pressed == -1.25 and 0 < pushed / aside < 1
+        assert lowest_over_the_package((pushed, 0, -1.25)) == pytest.approx(1.5, abs=2e-4)
+        assert lowest_over_the_package((pushed + 0.1 * np.sign(aside), 0, -1.25)) < 1.5
+
+
+def test_what_touches_a_package_is_not_read_by_mitsuba_s_own_integrators_or_written(tmp_path, llvm_mono):
+    file = tmp_path / "scene.xml"
+    words = SCENE.replace("taxel_tracer", "path").format(FORCE.format("0, 0, -2"), TALL)
+    file.write_text(words)
     with pytest.raises(ComputationError, match="touches a package"):
-        measure(scene, points=64)
+        measure(OpticsScene.from_file(file))
+    with pytest.raises(ComputationError, match="touches a package"):
+        deform(file, {}, tmp_path / "meshes")
 
 
 def test_a_package_in_the_silicone_is_refused_at_rest(loaded):
-    _, scene = loaded("", '<vector name="body" value="1.46, 1.06, 3"/>')
     with pytest.raises(InputError, match="the undeformed pad touches a package"):
-        taxels_of(scene)
+        loaded("", '<vector name="body" value="1.46, 1.06, 3"/>')
 
 
 def test_the_hexagonal_pad_reads_alike_in_its_outer_cells(llvm_mono, agree):

@@ -208,3 +208,14 @@ def test_importing_the_rooms_imports_no_solver_nor_mesher():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+ROUND = [("hemispheric", 3, 1.0), ("cylindrical", 3, 1.0), ("spherical", 2, 0.5)]
+
+
+@pytest.mark.parametrize(("cell", "rows", "wall"), ROUND)
+def test_smaller_elements_are_more_elements(cell, rows, wall):
+    """To a tenth, by which meshes are irregular; a distorted element once cost twice as many."""
+    pad = Pad(cell, rows, 3, pitch=2.55 + wall, wall=wall)
+    counts = np.array([len(mesh_pad(pad, size).tets) for size in (1.77, 1.49, 1.25, 1.05, 0.9, 0.83)])
+    assert np.all(counts[1:] > 0.9 * counts[:-1]) and counts[-1] > 2 * counts[0], counts

@@ -59,3 +59,13 @@ def test_what_cannot_be_made_is_refused_in_one_line(arguments, name):
 @pytest.mark.parametrize("cell", CELL_SHAPES)
 def test_a_single_cell_needs_no_pitch(cell):
     assert Pad(cell, rows=1, columns=1, pitch=0.1).extent[0] == pytest.approx(4.55)
+
+
+def test_the_default_mesh_follows_scale_and_thin_parts():
+    """1.25 mm for the paper's pads; to scale for the same at another scale; finer for thin walls, gaps and roofs."""
+    for cell in CELL_SHAPES:
+        assert Pad(cell).default_mesh_size == 1.25
+    third = Pad(rows=1, columns=1, wall=1 / 3, height=4.55 / 3, cell_size=0.85, cell_height=1.55 / 3)
+    assert third.default_mesh_size == pytest.approx(1.25 / 3, rel=1e-2)
+    thin = [Pad(wall=0.25), Pad(pitch=2.8), Pad(height=1.8)]
+    assert [pad.default_mesh_size for pad in thin] == pytest.approx([0.625] * 3, rel=1e-2)

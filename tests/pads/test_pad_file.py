@@ -169,7 +169,7 @@ def test_a_pad_is_known_by_content_and_rules(box, write_stl, tmp_path):
     write_stl(path, box(size=(5, 5, 3)))
     assert PadFile(path) != pads[0]
     with pytest.raises(InputError, match="has changed"):
-        mesh_pad_file(pads[0])
+        mesh_pad_file(pads[0], 1.0)
 
 
 @pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf, 1e-3])

@@ -42,14 +42,25 @@ def mesh(step):
     return mesh_pad_file(PadFile(step), 0.5)
 
 
-def test_regions_and_cells_are_guessed_by_whole_faces(mesh, facets):
-    triangles = facets(mesh, 6)
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    size = 0.5 * np.linalg.norm(normals, axis=1).reshape(len(mesh.faces), -1).sum(axis=1)
-    circle = math.pi * RADIUS**2
-    expected = {"roof": 4 * circle, "side": 2 * math.pi * RADIUS, "bottom": 32 - 2 * circle, "top": 32, "outer": 96}
-    for name, area in expected.items():
-        assert size[mesh.face_region == REGIONS[name]].sum() == pytest.approx(area, rel=2e-3), name
+@pytest.fixture
+def areas(facets):
+    """A function that gives the area of each region's curved faces."""
+
+    def measured(mesh):
+        triangles = facets(mesh, 6)
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        size = 0.5 * np.linalg.norm(normals, axis=1).reshape(len(mesh.faces), -1).sum(axis=1)
+        return {name: size[mesh.face_region == code].sum() for name, code in REGIONS.items()}
+
+    return measured
+
+
+CIRCLE = math.pi * RADIUS**2
+AREAS = {"roof": 4 * CIRCLE, "side": 2 * math.pi * RADIUS, "bottom": 32 - 2 * CIRCLE, "top": 32, "outer": 96}
+
+
+def test_regions_and_cells_are_guessed_by_whole_faces(mesh, areas):
+    assert areas(mesh) == pytest.approx(AREAS, rel=2e-3)
     for number, x in ((1, -2), (2, 2)):
         nodes = mesh.points[np.unique(mesh.faces[mesh.face_cell == number])]
         np.testing.assert_allclose(0.5 * (nodes[:, 0].min() + nodes[:, 0].max()), x, atol=0.01)
@@ -67,16 +78,19 @@ def test_nodes_lie_on_the_faces_of_the_solid(mesh):
     assert np.linalg.norm(mesh.points[mesh.tets[:, 4]] - middle, axis=1).max() < 0.3
 
 
-def test_faces_are_known_by_name(step, mesh):
-    named = mesh_pad_file(PadFile(step, [Rule("outer", face="shaft"), Rule("roof", face="dome")]), 0.5)
-    roof, side, outer = (REGIONS[name] for name in ("roof", "side", "outer"))
-    np.testing.assert_array_equal(named.face_region, np.where(mesh.face_region == side, outer, mesh.face_region))
-    np.testing.assert_array_equal(named.face_cell, np.where(mesh.face_region == roof, mesh.face_cell, 0))
+def test_faces_are_known_by_name(step, areas):
+    named = mesh_pad_file(PadFile(step, [Rule("outer", face="shaft"), Rule("roof", face="dome")]), 0.7)
+    expected = AREAS | {"side": 0.0, "outer": AREAS["outer"] + AREAS["side"]}
+    assert areas(named) == pytest.approx(expected, rel=2e-3)
+    roof = named.face_region == REGIONS["roof"]
+    x = named.points[named.faces[roof, :3], 0].mean(axis=1)
+    np.testing.assert_array_equal(named.face_cell[roof], np.where(x < 0, 1, 2))
+    assert not named.face_cell[~roof].any()
 
 
 def test_a_name_that_no_face_has_is_refused_with_those_there_are(step):
     with pytest.raises(InputError, match=r"^filename = .*pad.step is not allowed: it has no face named 'lid'.*dome"):
-        mesh_pad_file(PadFile(step, [Rule("roof", face="lid")]))
+        mesh_pad_file(PadFile(step, [Rule("roof", face="lid")]), 1.25)
 
 
 def test_a_mesh_too_fine_is_refused_before_it_is_made(step):
@@ -88,7 +102,7 @@ def test_a_mesh_too_fine_is_refused_before_it_is_made(step):
 def test_what_is_no_step_file_is_refused_in_one_line(tmp_path, capfd, content):
     (tmp_path / "pad.stp").write_bytes(content)
     with pytest.raises(InputError, match="^filename = .*pad.stp is not allowed") as caught:
-        mesh_pad_file(PadFile(tmp_path / "pad.stp"))
+        mesh_pad_file(PadFile(tmp_path / "pad.stp"), 1.25)
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
 
@@ -99,4 +113,4 @@ def test_two_solids_are_refused(tmp_path):
     with MESHING_LOCK:
         Compound([Box(Pnt(0, 0, 0), Pnt(1, 1, 1)), Box(Pnt(3, 0, 0), Pnt(4, 1, 1))]).WriteStep(str(tmp_path / "a.step"))
     with pytest.raises(InputError, match="2 solids"):
-        mesh_pad_file(PadFile(tmp_path / "a.step"))
+        mesh_pad_file(PadFile(tmp_path / "a.step"), 1.25)

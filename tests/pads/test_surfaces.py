@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.pads import file_meshing, tetwild
+from mitsuba_taxel.pads import file_meshing, surface_meshing, tetwild
 from mitsuba_taxel.pads.boxes import overlapping
 from mitsuba_taxel.pads.flaw import Flaw
 from mitsuba_taxel.pads.mending import faces_of, mended
@@ -227,13 +227,14 @@ def test_too_many_triangles_are_refused(box, monkeypatch):
         read_surface(stl(box()), ".stl")
 
 
-def _no_mesher(task, arrays):
+def _no_mesher(*_):
     raise ComputationError("as far as this test goes.")
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypatch):
+    monkeypatch.setattr(surface_meshing, "_meshed", _no_mesher)
     monkeypatch.setattr(tetwild, "run_apart", _no_mesher)
     content = bytearray(stl(box()))
     for _ in range(data.draw(st.integers(1, 6))):
@@ -246,5 +247,5 @@ def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypa
         content[80:84] = (28 - cut // 50).to_bytes(4, "little")
         path.write_bytes(bytes(content[: len(content) - cut]))
     with pytest.raises((InputError, ComputationError)) as caught:
-        file_meshing.mesh_pad_file(PadFile(path))
+        file_meshing.mesh_pad_file(PadFile(path), 1.25)
     assert "\n" not in str(caught.value)

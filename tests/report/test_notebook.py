@@ -154,7 +154,7 @@ def test_readings(taxels):
     assert re.search(rf"\b{taxels}\s+{re.escape(f'{power[-1]:.6e}')}\s", words)
     assert f"{0.01 * power[0]:.1e}" in words  # of two at 1 % from their mean
     assert "2 randomisations of 64 points per taxel, seed 7" in words and "<i>mind</i> this" in words
-    assert "light 1.00%, mechanics unknown, total unknown" in words
+    assert "light 1.00%, mechanics unknown, geometry 0.00%, total unknown" in words
     assert html.count("<tr>") == 1 + min(taxels, 21)
 
 
@@ -186,7 +186,7 @@ def test_study():
     words = text_of(html)
     assert "a<b>.xml" in words and "all is well" in words and "failed" not in words
     assert "mean_slope_W_per_N" in words and "-1.000e-04" in words  # -0.1 of 1 mW for each N
-    assert "light 0.43%, mechanics 0.00%, total 0.43%" in words
+    assert "light 0.43%, mechanics 0.00%, geometry 0.00%, total 0.43%" in words
 
 
 def test_study_of_several_scenes_with_failures():

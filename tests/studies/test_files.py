@@ -8,7 +8,8 @@ from contextlib import contextmanager
 import pytest
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.studies.files import check_new_file, make_empty_folder, make_folder, replacing
+from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.studies.files import check_new_file, make_empty_folder, make_folder
 
 
 def test_file_appears_only_when_it_is_whole(tmp_path):

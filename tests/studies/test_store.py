@@ -148,7 +148,7 @@ def test_another_study_is_refused(finished, change, complaint):
 
 
 def test_results_of_other_code_or_another_scene_are_refused(tmp_path, finished, monkeypatch):
-    monkeypatch.setattr(provenance, "_code", lambda: "another")
+    monkeypatch.setattr(provenance, "code_digest", lambda *rooms: "another")
     with pytest.raises(InputError, match="holds another study .*code"):
         run(finished[0])
     monkeypatch.undo()

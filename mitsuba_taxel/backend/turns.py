@@ -1,0 +1,24 @@
+"""Threads take turns with Mitsuba: what Dr.Jit records, and which plugins are registered, is state of the process."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+_LOCK = threading.RLock()
+
+
+def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Let one thread at a time be in any of the functions that this decorates; others wait."""
+
+    @wraps(function)
+    def alone(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with _LOCK:
+            return function(*args, **kwargs)
+
+    return alone

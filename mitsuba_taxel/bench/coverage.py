@@ -1,0 +1,125 @@
+"""The table of stated and true errors of readings, row by row."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+
+from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.bench.apart import measure_apart
+from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
+from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
+from mitsuba_taxel.bench.stability import chosen
+from mitsuba_taxel.bench.tables import markdown_table
+from mitsuba_taxel.convergence import ORDER
+from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.studies.files import check_new_file
+
+MOST_SECONDS = 3600.0
+
+_PAGE = """\
+# Stated and true errors
+
+Written by `taxel bench coverage --csv {csv} --markdown {page}`; do not edit by hand.
+
+Each setting is read on the default mesh, with the error that it states for the finite elements, and on elements of
+{fine:g} mm or less (at most 1 / {finer:g} of the default), extrapolated from these and from elements {coarser:.2f}
+times as large with an error that falls with the power {order:g} of their size. All readings of a setting share their
+random numbers.
+
+**{summary}**
+
+{table}
+
+- **true**, **stated**: relative error of the taxel that is worst, by the finite elements.
+- **noise**: of **true**, by the light. **truth extrapolated by**: what the finest elements are themselves off by.
+- **within twice**: readings whose true error is within twice the stated one, and twice the noise.
+- **CPU s**: time of all processors, for all three.
+"""
+
+
+def coverage(
+    only: str | None = None,
+    csv_file: Path | None = None,
+    markdown: Path | None = None,
+    starting: Callable[[int, int, str], None] | None = None,
+) -> Iterator[CoverageRow]:
+    """Rows of the table as they are measured, each in a process of its own.
+
+    Parameters
+    ----------
+    only : a part of the names of the settings wanted, in which * and ? stand for anything
+    csv_file : file of the rows measured so far: those that it holds are not measured again
+    markdown : page that is written anew with each row
+    starting : called with the number of a setting, that of all, and its name
+
+    Raises
+    ------
+    InputError
+        if no setting has such a name, a file cannot be written, or one that is there holds other rows.
+    """
+    cases = chosen(coverage_cases(), only)
+    for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
+        if file:
+            check_new_file(file, suffix)
+    before = read_rows(csv_file) if csv_file and csv_file.exists() else {}
+    known = {name: row for name, row in before.items() if not row.remark}
+    rows: list[CoverageRow] = []
+    for number, case in enumerate(cases, start=1):
+        if starting:
+            starting(number, len(cases), case.name)
+        rows.append(known.get(case.name) or measure_apart(case, MOST_SECONDS))
+        if csv_file:
+            write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
+        if markdown:
+            write_page(rows, markdown, csv_file)
+        yield rows[-1]
+
+
+def summary(rows: Sequence[CoverageRow]) -> str:
+    """How many readings are within twice their stated error, in words."""
+    told = [row for row in rows if row.within == row.within]
+    readings, within = sum(row.readings for row in told), sum(row.within for row in told)
+    untold = f"; {len(rows) - len(told)} settings could not be read" if len(told) < len(rows) else ""
+    share = f" ({within / readings:.1%})" if readings else ""
+    return f"{within:.0f} of {readings:.0f} readings{share} in {len(told)} settings are within twice{untold}."
+
+
+def read_rows(file: Path) -> dict[str, CoverageRow]:
+    """Rows that :func:`write_rows` wrote, by the names of their settings; raises `InputError`."""
+    texts = {"case", "remark"}
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            rows = [
+                CoverageRow(**{name: value if name in texts else float(value) for name, value in row.items()})  # type: ignore[arg-type]
+                for row in csv.DictReader(stream)
+            ]
+    except (OSError, TypeError, ValueError) as error:
+        raise InputError(f"{file} is not allowed: a file of rows that this command wrote is needed.") from error
+    return {row.case: row for row in rows}
+
+
+def write_rows(rows: Iterable[CoverageRow], file: Path) -> None:
+    """Write the rows with a heading, all digits; no number is ``nan``."""
+    with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, [field.name for field in fields(CoverageRow)])
+        writer.writeheader()
+        writer.writerows(map(asdict, rows))
+
+
+def write_page(rows: Sequence[CoverageRow], file: Path, csv_file: Path | None) -> None:
+    """Write the rows as a page that says what its columns mean."""
+    text = _PAGE.format(
+        csv=csv_file or "FILE.csv",
+        page=file,
+        fine=FINE,
+        finer=FINER,
+        coarser=COARSER,
+        order=ORDER,
+        summary=summary(rows),
+        table=markdown_table(HEADINGS, map(coverage_cells, rows)),
+    )
+    with replacing(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")

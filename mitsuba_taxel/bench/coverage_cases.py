@@ -1,0 +1,177 @@
+"""Settings of pads whose readings are compared with those on much finer elements, the quickest first."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.bench.coverage_row import CoverageRow
+from mitsuba_taxel.convergence import ORDER
+from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.mechanics.loads import Load, PatchForce, PlateDisplacement, PlateForce, Pressure
+from mitsuba_taxel.mechanics.roof_error import size_ratio
+from mitsuba_taxel.optics import PadSensor, Readings, Scene, measure
+from mitsuba_taxel.optics.mechanics_error import loaded_pads
+from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+
+FINE = 0.4
+"""mm, size of the elements of the truth, at most; it is extrapolated from them and from COARSER times as large ones."""
+FINER = 2.0
+"""How much smaller they are than those of the reading, at least."""
+COARSER = math.sqrt(2)
+POINTS = 1 << 14
+"""Of light for each taxel and replicate, with the same random numbers everywhere."""
+SEED = 5
+PITCH_OF_THICK_WALLS = 3.55
+FINE_OF_MANY = 0.56
+"""mm, of ten cells: on smaller elements they take more than 8 GB."""
+
+
+@dataclass(frozen=True)
+class CoverageCase:
+    """One row of the table.
+
+    Attributes
+    ----------
+    sensor : what is read on the default mesh, with its error, and on fine ones
+    file_format : ``.step`` or ``.stl`` where the pad is read from a file of its shape; its truth is that of the shape
+    fine : size of the finest elements, in mm, where those of the others would take too much memory
+    """
+
+    name: str
+    sensor: PadSensor
+    file_format: str = ""
+    fine: float | None = None
+
+    def measured(self) -> CoverageRow:
+        """The row, as this process finds it."""
+        began = time.process_time()
+        with tempfile.TemporaryDirectory() as folder:
+            scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))
+            try:
+                here, mesh = _read(scene, mechanics_error=True)
+                truth, extrapolated = self._truth()
+            except ComputationError as error:
+                return CoverageRow(self.name, str(error))
+        change = here.replicates - truth
+        true, noise = change.mean(axis=0), change.std(axis=0, ddof=1) / math.sqrt(len(change))
+        stated, power = here.mechanics_error, here.power
+        within = np.abs(true) <= 2 * np.hypot(stated, noise)
+        return CoverageRow(
+            self.name,
+            "; ".join(here.notes) if np.isnan(stated).any() else "",
+            elements=len(mesh.tets),
+            true=float(np.max(np.abs(true) / power)),
+            stated=float(np.max(stated / power)),
+            noise=float(np.max(noise / power)),
+            extrapolated=float(np.max(extrapolated / power)),
+            readings=len(power),
+            within=int(within.sum()),
+            seconds=time.process_time() - began,
+        )
+
+    def failed(self, end: str) -> CoverageRow:
+        """The row of a process that gave none."""
+        return CoverageRow(self.name, end)
+
+    def _truth(self) -> tuple[np.ndarray, np.ndarray]:
+        """(R, T) W on vanishing elements, and (T,) W by how much the finest are extrapolated."""
+        size = self.fine or min(FINE, self.sensor.pad.default_mesh_size / FINER)
+        scene = self.sensor.scene()
+        (coarse, mesh), (fine, finer) = (_read(scene.with_mesh_size(h)) for h in (COARSER * size, size))
+        further = (fine.replicates - coarse.replicates) / (size_ratio(finer, mesh) ** ORDER - 1)
+        return fine.replicates + further, np.abs(further.mean(axis=0))
+
+    def _from_file(self, folder: Path) -> Scene:
+        """The scene with its pad as a file."""
+        file = folder / f"pad{self.file_format}"
+        (_write_step if self.file_format == ".step" else _write_stl)(self.sensor.pad, file)
+        source = self.sensor.scene().source
+        assert isinstance(source, dict)
+        dimensions = ("cell", "rows", "columns", "pitch", "wall", "height", "cell_size", "cell_height")
+        pad = {name: value for name, value in source["pad"].items() if name not in dimensions}
+        return Scene({**source, "pad": {**pad, "filename": str(file)}})
+
+
+def _read(scene: Scene, mechanics_error: bool = False) -> tuple[Readings, VolumeMesh]:
+    ready = prepare(scene)
+    (pad,) = loaded_pads(ready.scene)
+    return measure(ready, points=POINTS, seed=SEED, mechanics_error=mechanics_error), pad.state.mesh
+
+
+def _write_stl(pad: Pad, file: Path) -> None:
+    """The surface of a pad that has flat faces alone."""
+    import trimesh
+
+    mesh = pad.mesh(pad.default_mesh_size)
+    trimesh.Trimesh(mesh.points, mesh.faces[:, :3]).export(file)
+
+
+def _write_step(pad: Pad, file: Path) -> None:
+    """The solid of a pad of parallelepiped cells."""
+    from netgen.occ import Box, Pnt
+
+    x, y, _ = (extent / 2 for extent in pad.extent)
+    solid, half = Box(Pnt(-x, -y, 0), Pnt(x, y, pad.height)), pad.cell_size / 2
+    for u, v in pad.cell_centres:
+        solid = solid - Box(Pnt(u - half, v - half, -1), Pnt(u + half, v + half, pad.top_of_cell))
+    solid.WriteStep(str(file))
+
+
+def coverage_cases() -> list[CoverageCase]:
+    """The rows of the table, in its order."""
+    kinds = (_one_cell, _loads, _four_cells, _files, _ten_cells)
+    return [case for kind in kinds for case in kind()]
+
+
+def _pad(cell: str, rows: int, columns: int, wall: float) -> Pad:
+    return Pad(cell, rows, columns, pitch=min(2.55 + wall, PITCH_OF_THICK_WALLS), wall=wall)
+
+
+def _one_cell() -> Iterator[CoverageCase]:
+    for cell in CELL_SHAPES:
+        for wall in (1.0, 0.7, 0.5, 0.3):
+            sensor = PadSensor(_pad(cell, 1, 1, wall), force=(0.0, 0.0, -1.0))
+            yield CoverageCase(f"{cell}, 1 x 1, wall {wall:g} mm, -1 N", sensor)
+
+
+def _loads() -> Iterator[CoverageCase]:
+    for cell, wall in zip(CELL_SHAPES, (0.5, 0.7, 1.0, 0.5), strict=True):
+        pad, where = _pad(cell, 1, 1, wall), f"{cell}, 1 x 1, wall {wall:g} mm"
+        loads: dict[str, tuple[Load, Sequence[float]]] = {
+            "plate, -1 N": (PlateForce(), (0.0, 0.0, -1.0)),
+            "plate moved by 0.1 mm": (PlateDisplacement(), (0.0, 0.0, -0.1)),
+            "pressure of 0.05 MPa": (Pressure(), (0.05,)),
+            "patch of 2 mm x 2 mm, -0.5 N": (PatchForce((0.0, 0.0), (2.0, 2.0)), (0.0, 0.0, -0.5)),
+        }
+        for name, (load, force) in loads.items():
+            yield CoverageCase(f"{where}, {name}", PadSensor(pad, force=force, load=load))
+        yield CoverageCase(f"{where}, 0.5 N along x at -0.5 N", PadSensor(pad, force=(0.5, 0.0, -0.5)))
+
+
+def _four_cells() -> Iterator[CoverageCase]:
+    for cell, wall, force in zip(CELL_SHAPES, (0.5, 0.7, 0.3, 0.5), (-3.5, -5.0, -2.0, -3.5), strict=True):
+        sensor = PadSensor(_pad(cell, 2, 2, wall), force=(0.0, 0.0, force))
+        yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N", sensor)
+
+
+def _files() -> Iterator[CoverageCase]:
+    for file_format in (".step", ".stl"):
+        for wall in (1.0, 0.5):
+            sensor = PadSensor(_pad("parallelepiped", 1, 1, wall), force=(0.0, 0.0, -1.0))
+            name = f"parallelepiped as {file_format[1:].upper()}, 1 x 1, wall {wall:g} mm, -1 N"
+            yield CoverageCase(name, sensor, file_format)
+
+
+def _ten_cells() -> Iterator[CoverageCase]:
+    for cell in ("parallelepiped", "cylindrical"):
+        sensor = PadSensor(_pad(cell, 2, 5, 0.5), force=(0.0, 0.0, -10.0))
+        yield CoverageCase(f"{cell}, 2 x 5, wall 0.5 mm, -10 N (truth: {FINE_OF_MANY} mm)", sensor, fine=FINE_OF_MANY)

@@ -1,0 +1,50 @@
+"""Pads that cannot be meshed, or only with more elements or triangles than there is room for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.pads import Pad, PadFile
+
+
+def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
+    """How many cells the pad in a file has.
+
+    A surface is read, mended and told apart into regions; only a STEP file has to be meshed for that.
+
+    Raises
+    ------
+    InputError
+        as `mesh_pad_file`.
+    """
+    from mitsuba_taxel.pads.flaw import Flaw
+    from mitsuba_taxel.pads.mending import faces_of, mended
+    from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
+    from mitsuba_taxel.pads.regions import FacedSurface, tagged
+    from mitsuba_taxel.pads.surfaces import check_mesh_size, read_surface
+    from mitsuba_taxel.pads.triangles import volume
+
+    size = mesh_size or pad.default_mesh_size
+    if pad.suffix not in SURFACE_FORMATS:
+        return int(pad.mesh(size).face_cell.max())
+    try:
+        vertices, triangles = mended(*read_surface(pad.content(), pad.suffix))
+        _, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), pad.regions)
+    except Flaw as flaw:
+        raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw
+    check_mesh_size(size, volume(vertices, triangles))
+    return int(cell.max())
+
+
+def refuse_finish(pad: Pad, mesh_size: float | None, finish: Any, subdivision: int) -> None:
+    """Raise an InputError for a finish that a pad cannot have; only its mesh tells how many triangles that would take.
+
+    A pad that cannot be meshed is not for a check to say.
+    """
+    from mitsuba_taxel.mechanics import check_finish
+
+    try:
+        check_finish(finish, pad, pad.mesh(mesh_size or pad.default_mesh_size), subdivision)
+    except ComputationError:
+        pass

@@ -1,0 +1,135 @@
+"""A check and a measurement never disagree on whether a scene can be read."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitsuba_taxel import InputError, Scene, check_scene, measure
+from mitsuba_taxel.optics.scene import shipped_scenes
+
+
+def _damage():
+    """The tests of damaged scenes that are measured, and their ways to damage one."""
+    spec = importlib.util.spec_from_file_location("damage", Path(__file__).with_name("test_broken_scenes.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+damage = _damage()
+PLATE, PAD, few = damage.PLATE, damage.PAD, damage.few
+STOCK = PLATE.replace('"taxel_tracer"', '"path"')
+OPEN = PLATE.split("<integrator")[0] + PLATE.split("</integrator>")[1]
+BACKWARDS = OPEN.replace("<shape", '<integrator type="taxel_path"/> <shape', 1)
+SMALL_PAD = PAD.replace('"wall"> <string name="scattering" value="mirror"/>', '"wall">')
+
+
+def assert_agreement(file, apart) -> None:
+    outcome = apart.measure(file)
+    refused = outcome is not None and outcome[0] == "InputError"
+    try:
+        errors = [finding for finding in check_scene(file) if finding.severity == "error"]
+    except InputError as error:
+        errors = [error]
+    assert refused == bool(errors), (outcome, errors)
+
+
+@few(120)
+@given(data=st.data(), text=st.sampled_from([PLATE, STOCK, OPEN, BACKWARDS]))
+def test_damaged_scenes(data, text, apart, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(damage.damaged_tree(data, text))
+    assert_agreement(file, apart)
+
+
+@few(30)
+@given(data=st.data())
+def test_damaged_pads(data, apart, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(damage.damaged_tree(data, SMALL_PAD))
+    assert_agreement(file, apart)
+
+
+@few(30)
+@given(data=st.data())
+def test_damaged_bytes(data, apart, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_bytes(damage.damaged_bytes(data, PLATE.encode()))
+    assert_agreement(file, apart)
+
+
+FROM_FILE = """<scene version="3.9.0"> <integrator type="taxel_tracer"/>
+<shape type="deformable_pad"> <string name="filename" value="FILE"/> EXTRA
+  <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf> </shape>
+<shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape> </scene>"""
+CELL = '<integer name="rows" value="1"/> <integer name="columns" value="1"/>'
+
+
+@pytest.fixture
+def pads(tmp_path):
+    """A folder of pads that are none."""
+    block = trimesh.creation.box(extents=(5, 5, 3))
+    block.apply_translation([0, 0, 1.5])
+    block.export(tmp_path / "without_cells.stl")
+    trimesh.Trimesh(block.vertices, block.faces[1:]).export(tmp_path / "open_without_cells.stl")
+    block.apply_translation([0, 0, 1])
+    block.export(tmp_path / "in_the_air.stl")
+    (tmp_path / "good.stl").write_bytes((shipped_scenes() / "hexagonal.stl").read_bytes())
+    pad = trimesh.load_mesh(tmp_path / "good.stl")
+    trimesh.Trimesh(pad.vertices, pad.faces[200:]).export(tmp_path / "open.stl")
+    (tmp_path / "cut.stl").write_bytes((tmp_path / "good.stl").read_bytes()[:-7])
+    (tmp_path / "broken.step").write_text("ISO-10303-21;\nHEADER;\nnonsense")
+    (tmp_path / "empty.step").touch()
+    (tmp_path / "pad.doc").write_text("a pad")
+    (tmp_path / "nobody.toml").write_text('[[rule]]\nregion = "roof"\nface = "nobody"\n')
+    (tmp_path / "ceiling.toml").write_text('[[rule]]\nregion = "ceiling"\n')
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "file, extra",
+    [
+        *((name, "") for name in ("without_cells.stl", "open_without_cells.stl", "in_the_air.stl", "open.stl")),
+        *((name, "") for name in ("cut.stl", "broken.step", "empty.step", "pad.doc", "nothing.stl")),
+        ("good.stl", '<string name="regions" value="nobody.toml"/>'),
+        ("good.stl", '<string name="regions" value="ceiling.toml"/>'),
+        ("good.stl", '<float name="mesh_size" value="1e-4"/>'),
+        (None, '<float name="mesh_size" value="1e-3"/>'),
+        (None, '<float name="height" value="1e8"/>'),
+        (None, '<integer name="subdivision" value="65"/>'),
+        (None, '<string name="finish" value="layer_steps"/> <float name="layer_height" value="1e-5"/>'),
+        (None, '<string name="finish" value="layer_steps"/> <float name="layer_height" value="3"/>'),
+    ],
+)
+def test_pads_that_cannot_be_meshed(llvm_mono, pads, file, extra):
+    """In the same words."""
+    scene = pads / "scene.xml"
+    text = FROM_FILE.replace("EXTRA", extra).replace("FILE", file or "")
+    scene.write_text(text if file else text.replace('<string name="filename" value=""/>', CELL))
+    with pytest.raises(InputError) as caught:
+        measure(Scene.from_file(scene), points=4)
+    assert str(caught.value) in [found.message for found in check_scene(scene) if found.severity == "error"]
+
+
+def test_a_value_that_puts_a_part_nowhere_is_named(llvm_mono, tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_text(PLATE)
+    for value in ("nan", "inf", "-1e9"):
+        with pytest.raises(InputError, match=rf"to_world of rectangle .* \(parameter z = {value}\)\.$") as caught:
+            Scene.from_file(file, z=value).load()
+        assert [str(caught.value)] == [found.message for found in check_scene(file, z=value)]
+
+
+def test_a_default_given_twice_is_refused(tmp_path):
+    file = tmp_path / "scene.xml"
+    file.write_text(PLATE.replace("<int", '<default name="z" value="1"/>\n<int', 1))
+    with pytest.raises(InputError, match="the <default> z is given twice: take one of them out"):
+        Scene.from_file(file)
+    (finding,) = check_scene(file)
+    assert (finding.severity, finding.line) == ("error", 3) and "z is given twice" in finding.message
