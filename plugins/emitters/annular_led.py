@@ -137,35 +137,53 @@ class AnnularLed(mi.Emitter):
         return self._lit(p) & (nearest == index)
 
     def _lit(self, p: mi.Point3f) -> mi.Bool:
+        if not self._is_nested:
+            return mi.Bool(False)
         _, offset = self.faces.locate(p)
         height = dr.abs(self.faces.frame.to_local(p - self.faces.origin).z)
         return self._annulus.contains(offset) & (height <= 1e-3 * self._annulus.outer)
 
     def _radiance(self, d: mi.Vector3f) -> mi.Spectrum:
         """Radiance [W/(mm² sr)] that leaves each lit point in world direction ``d``."""
+        if not self._is_nested:
+            return mi.Spectrum(0)
         local = self.faces.frame.to_local(d)
         value = self.power / self._annulus.area * self.law.density(local) / local.z
         return mi.Spectrum(dr.select(local.z > 0, value, 0))
 
-    # What Mitsuba's own integrators ask: all LEDs together
+    # What Mitsuba's own integrators ask: all LEDs together. Dr.Jit records such calls for every LED that is alive, also
+    # for one that no surface carries, of another scene or of none; that one emits nothing.
+
+    @property
+    def _is_nested(self) -> bool:
+        return self.get_shape() is not None
+
+    @property
+    def _density(self) -> mi.Float:
+        """Density [1/mm²] of the points that `sample_position` draws."""
+        return dr.rcp(self.faces.count * self._annulus.area) if self._is_nested else mi.Float(0)
 
     def eval(self, si, active=True):
         return self._radiance(si.to_world(si.wi)) & self._lit(si.p) & active
 
     def sample_position(self, time, sample, active=True):
+        if not self._is_nested:
+            return dr.zeros(mi.PositionSample3f), mi.Float(0)
         faces = self.faces
         index, reused = _pick(sample.x, faces.count)
         ps = dr.zeros(mi.PositionSample3f)
         ps.p = self.sample_point(index, mi.Point2f(reused, sample.y))
         ps.n = faces.frame.n
         ps.time = time
-        ps.pdf = dr.rcp(faces.count * self._annulus.area)
+        ps.pdf = self._density
         return ps, dr.select(active, faces.count * self._annulus.area, 0)
 
     def pdf_position(self, ps, active=True):
-        return dr.select(self._lit(ps.p) & active, dr.rcp(self.faces.count * self._annulus.area), 0)
+        return dr.select(self._lit(ps.p) & active, self._density, 0)
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
+        if not self._is_nested:
+            return dr.zeros(mi.Ray3f), mi.Spectrum(0)
         ps, _ = self.sample_position(time, sample2, active)
         si = mi.SurfaceInteraction3f(ps, dr.zeros(mi.Color0f))
         ray = si.spawn_ray(self.sample_direction_of_emission(sample3))
@@ -187,7 +205,7 @@ class AnnularLed(mi.Emitter):
     def pdf_direction(self, it, ds, active=True):
         cos_theta = -dr.dot(ds.d, ds.n)
         active &= (cos_theta > 0) & self._lit(ds.p)
-        return dr.select(active, dr.square(ds.dist) / (cos_theta * self.faces.count * self._annulus.area), 0)
+        return dr.select(active, dr.square(ds.dist) / cos_theta * self._density, 0)
 
     def eval_direction(self, it, ds, active=True):
         return self._radiance(-ds.d) & self._lit(ds.p) & active

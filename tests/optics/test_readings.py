@@ -107,6 +107,17 @@ def test_the_truth_lies_within_the_stated_errors(llvm_mono, z, scattering, power
 # Variants and kernels
 
 
+@pytest.mark.parametrize("integrator", ["path", "ptracer"])
+def test_an_led_that_is_alive_elsewhere_does_not_disturb(llvm_mono, integrator):
+    """Dr.Jit records a call of emitters for each of them that is alive, one that no surface carries among them."""
+    loaded = scene(box(llvm_mono, {"reflectance": 0.7}), integrator)
+    alone = measure(loaded, points=256, seed=1).power
+    stray = llvm_mono.load_dict({"type": "annular_led"})
+    again = scene(box(llvm_mono, {"reflectance": 0.7}), integrator)
+    np.testing.assert_allclose(measure(again, points=256, seed=1).power, alone, rtol=1e-5)
+    assert stray.get_shape() is None
+
+
 @pytest.mark.parametrize("integrator", [*TRACERS, "path"])
 @pytest.mark.parametrize("wall", [{"reflectance": 0.7}, {"scattering": "rough_mirror", "rms_slope": 10.0}])
 def test_mono_and_rgb_read_the_same(llvm_mono, integrator, wall):
