@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel import Scene  # before anything imports mitsuba: it chooses the LLVM
-from mitsuba_taxel.optics import find_scene
+from mitsuba_taxel.sensing import find_scene
 
 LED_SIDE = 0.25
 DETECTOR = (0.52, 0.3)

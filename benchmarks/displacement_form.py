@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.materials import NeoHookean
-from mitsuba_taxel.mechanics.solvers import make_solver
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.solvers import make_solver
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.pads.quality import shape_gradients
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 # Exact to degree 2, a quarter of the volume for each point (P. C. Hammer and A. H. Stroud, Math. Comput. 10, 1956).
 QUADRATURE_POINTS = (5 - 5**0.5) / 20 + 5**-0.5 * np.concatenate([np.zeros((1, 3)), np.eye(3)])

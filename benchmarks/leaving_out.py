@@ -43,12 +43,13 @@ def _import_everything() -> None:
         if name != "pytetwild":  # the mesher's own process alone can import it
             import_module(name)
     for room in pkgutil.walk_packages(mitsuba_taxel.__path__, "mitsuba_taxel."):
-        if not room.name.startswith(("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.worker")):
+        left_out = ("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.imported.worker")
+        if not room.name.startswith(left_out):
             import_module(room.name)
 
 
 def _solve_the_whole_pad() -> None:
-    from mitsuba_taxel.mechanics.path import _Path
+    from mitsuba_taxel.mechanics.path.load_path import _Path
 
     _Path.images = property(lambda path: {})
 
@@ -57,8 +58,8 @@ def _solve_without_load() -> None:
     """Solve for the state of rest, and trace what its error, which is 0, does to the readings."""
     import numpy as np
 
-    from mitsuba_taxel.mechanics.path import _Path
-    from mitsuba_taxel.optics import mechanics_error, targets
+    from mitsuba_taxel.mechanics.path.load_path import _Path
+    from mitsuba_taxel.sensing import mechanics_error, targets
 
     state = _Path.state
 
@@ -80,7 +81,7 @@ def _cut_everything_finely() -> None:
 
     import numpy as np
 
-    from mitsuba_taxel.mechanics import surface
+    from mitsuba_taxel.mechanics.surface import tessellation as surface
 
     cut = surface._cut
 
@@ -130,7 +131,7 @@ def additions(scene: str) -> list[list[str]]:
 
 def row(scene: str, added: list[str]) -> dict:
     """Figures of one scene, in this process."""
-    from mitsuba_taxel.optics import Scene  # before anything imports mitsuba: it chooses the LLVM
+    from mitsuba_taxel.sensing import Scene  # before anything imports mitsuba: it chooses the LLVM
 
     # isort: split
     import drjit as dr
@@ -139,8 +140,8 @@ def row(scene: str, added: list[str]) -> dict:
     mi.set_variant("llvm_ad_rgb" if "three channels traced" in added else "llvm_ad_mono")
     dr.set_flag(dr.JitFlag.KernelHistory, True)
     dr.set_thread_count(1)  # waiting threads take time as well
-    from mitsuba_taxel.optics import crosstalk, measure
-    from mitsuba_taxel.optics.runs import prepare
+    from mitsuba_taxel.sensing import crosstalk, measure
+    from mitsuba_taxel.sensing.runs import prepare
 
     for name in added:
         ALL_THE_SAME[name]()

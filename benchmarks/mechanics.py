@@ -21,13 +21,13 @@ import numpy as np
 from mechanics_peer import CELL, mean_roof_displacement
 from peers import calculix
 
-from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.mirror import MIRRORS
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
-from mitsuba_taxel.mechanics.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.locate import displacement_at
-from mitsuba_taxel.mechanics.symmetry import node_images
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.results.locate import displacement_at
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
-from mitsuba_taxel.pads.mirror import MIRRORS
 
 MATERIAL = NeoHookean(4.16, 0.49)
 FORCE = (0.0, 0.0, -20.0)

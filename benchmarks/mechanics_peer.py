@@ -15,10 +15,10 @@ import displacement_form
 import numpy as np
 from peers import calculix
 
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 PAD = Pad("parallelepiped")
 CELL = 5

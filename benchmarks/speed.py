@@ -24,10 +24,10 @@ import numpy as np
 from cases import CASES
 
 from mitsuba_taxel import Scene, measure
-from mitsuba_taxel.optics.runs import MOST_POINTS, REPLICATES
-from mitsuba_taxel.optics.taxels import taxels_of
-from mitsuba_taxel.optics.tracing import trace
+from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES
+from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
+from mitsuba_taxel.sensing.taxels import taxels_of
 
 RAYS = 1 << 22
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from displacement_form import bulk_modulus, held, nodal_forces
 
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.materials import NeoHookean
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 
 _JOB = "pad"
 

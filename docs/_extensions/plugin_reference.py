@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
 
-from mitsuba_taxel.report.plugin_pages import PluginPage, plugin_names, plugin_page
+from mitsuba_taxel.backend.plugin_pages import PluginPage, plugin_names, plugin_page
 
 KINDS = {
     "shape": "Shapes",

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.accuracy_chain import chain_curves, near_load, reading_curve, slope_limit
 from mitsuba_taxel.bench.accuracy_mechanics import (
     LoadedPad,
@@ -17,16 +18,15 @@ from mitsuba_taxel.bench.accuracy_mechanics import (
     tolerance_runs,
 )
 from mitsuba_taxel.bench.accuracy_optics import REFERENCE_TIME, optics_curves
+from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import write_csv
 from mitsuba_taxel.bench.work_precision import Curve
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.optics.mechanics_error import loaded_pads
-from mitsuba_taxel.optics.runs import prepare
-from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
-from mitsuba_taxel.report.accuracy import plot_accuracy
-from mitsuba_taxel.studies.files import make_folder
+from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.studies.plan.files import make_folder
 
 
 def accuracy(

@@ -12,18 +12,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics import leg, load_path, path
-from mitsuba_taxel.mechanics.loads import Load
-from mitsuba_taxel.mechanics.materials import Material
-from mitsuba_taxel.optics.mechanics_error import loaded_pads
-from mitsuba_taxel.optics.readings import measure
-from mitsuba_taxel.optics.results import ERROR_SHARE, Readings, standard_error
-from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.optics.targets import MOST_ELEMENTS
+from mitsuba_taxel.mechanics import load_path
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path import load_path as path
+from mitsuba_taxel.mechanics.path import load_segment as leg
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.sensing.measurement import measure
+from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings, standard_error
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
 
 COARSEST = 2 * DEFAULT_MESH_SIZE
 REFINEMENT = 2**0.5

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.readings import crosstalk, measure
-from mitsuba_taxel.optics.runs import MOST_POINTS, REPLICATES, Prepared, prepare
-from mitsuba_taxel.optics.scene import Scene
-from mitsuba_taxel.optics.walls import is_bounded_from_detector, set_wavelength, walls_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.walls import is_bounded_from_detector, set_wavelength, walls_of
+from mitsuba_taxel.sensing.measurement import crosstalk, measure
+from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, Prepared, prepare
+from mitsuba_taxel.sensing.scene import Scene
 
 LARGEST_STRAY = 1e-4
 """Of a reading, from other LEDs than the taxel's own: above it an integrator that lights all of them reads too much."""
@@ -116,8 +116,8 @@ def is_bounded(scene: Scene) -> bool:
 def offset_share(scene: Scene) -> float:
     """About the share by which readings under Mitsuba's integrators may be off for where their rays start.
 
-    That is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.optics.tracing.leave`); taken relative to what
-    half of the rays from a phototransistor go to the first wall.
+    That is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.ray_offsets.leave`); taken
+    relative to what half of the rays from a phototransistor go to the first wall.
     """
     import mitsuba as mi
 

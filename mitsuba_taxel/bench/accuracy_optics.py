@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.accuracy_methods import (
     METHODS,
     Estimate,
@@ -22,10 +23,9 @@ from mitsuba_taxel.bench.accuracy_methods import (
     stray_light,
 )
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.optics.results import standard_error
-from mitsuba_taxel.optics.runs import derived_seed
-from mitsuba_taxel.optics.scene import Scene
+from mitsuba_taxel.sensing.readings import standard_error
+from mitsuba_taxel.sensing.runs import derived_seed
+from mitsuba_taxel.sensing.scene import Scene
 
 FEWEST_SEEDS, MOST_SEEDS = 4, 16
 """Runs with each number of samples, each with a seed of its own."""

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.bench.work_precision import Curve, slope
 
 COLUMNS = (

@@ -8,9 +8,16 @@ from dataclasses import dataclass, replace
 
 from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.slivers import SliverPad
-from mitsuba_taxel.mechanics.loads import SPREAD_FORCE, Load, PatchForce, PlateDisplacement, PlateForce, Pressure
-from mitsuba_taxel.mechanics.materials import Material, MooneyRivlin, NeoHookean
-from mitsuba_taxel.mechanics.silicones import silicone
+from mitsuba_taxel.mechanics.elements.loads import (
+    SPREAD_FORCE,
+    Load,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+)
+from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean
+from mitsuba_taxel.mechanics.materials.silicones import silicone
 from mitsuba_taxel.pads.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
 
 MESH_SIZE = 2.0

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from mitsuba_taxel.atomic import replacing
-from mitsuba_taxel.bench.apart import measure_apart
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
+from mitsuba_taxel.bench.isolated_process import measure_apart
 from mitsuba_taxel.bench.stability import chosen
 from mitsuba_taxel.bench.tables import markdown_table
-from mitsuba_taxel.convergence import ORDER
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.studies.files import check_new_file
+from mitsuba_taxel.studies.plan.files import check_new_file
 
 MOST_SECONDS = 3600.0
 

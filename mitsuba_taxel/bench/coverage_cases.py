@@ -11,16 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.coverage_row import CoverageRow
-from mitsuba_taxel.convergence import ORDER
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.loads import Load, PatchForce, PlateDisplacement, PlateForce, Pressure
-from mitsuba_taxel.mechanics.roof_error import size_ratio
-from mitsuba_taxel.optics import PadSensor, Readings, Scene, measure
-from mitsuba_taxel.optics.mechanics_error import loaded_pads
-from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, PlateForce, Pressure
+from mitsuba_taxel.mechanics.results.roof_error import size_ratio
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
+from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.runs import prepare
 
 FINE = 0.4
 """mm, size of the elements of the truth, at most; it is extrapolated from them and from COARSER times as large ones."""

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.cases import Case
 from mitsuba_taxel.bench.row import CONVERGED, Row
-from mitsuba_taxel.errors import ComputationError
-from mitsuba_taxel.mechanics.balance import reactions
-from mitsuba_taxel.mechanics.equilibrium import RESIDUAL_TOLERANCE, Rejected
-from mitsuba_taxel.mechanics.leg import TICKS, Leg
-from mitsuba_taxel.mechanics.path import State, _Path, _path, load_path
-from mitsuba_taxel.mechanics.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.element_maps import map_determinants
+from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.load_path import State, _Path, _path, load_path
+from mitsuba_taxel.mechanics.path.load_segment import TICKS, Leg
+from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import REGIONS
-from mitsuba_taxel.pads.quality import map_determinants
-from mitsuba_taxel.pads.volume_mesh import VolumeMesh
 
 FINER = 1.5
 """Element size of a case, relative to that of the finer mesh that it is compared with."""

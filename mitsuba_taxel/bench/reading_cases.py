@@ -13,12 +13,12 @@ from functools import partial
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.materials import NeoHookean
-from mitsuba_taxel.optics import AnnularLed, PadSensor, PhotoReflector, Readings, Scene, Wall, measure
-from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.sensing import AnnularLed, PadSensor, PhotoReflector, Readings, Scene, Wall, measure
+from mitsuba_taxel.sensing.runs import prepare
 
 LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 """A cell whose roof is 0.35 mm above the package."""

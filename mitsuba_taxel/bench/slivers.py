@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitsuba_taxel.geometry.element_maps import jacobians
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads.pad import Pad
-from mitsuba_taxel.pads.quality import jacobians
-from mitsuba_taxel.pads.volume_mesh import TET_EDGES, VolumeMesh
 
 FLATNESS = 0.01
 """Height of a flattened element, relative to what it was."""

@@ -7,14 +7,14 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from mitsuba_taxel.bench.apart import Case, measure_apart
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import stability_cases
+from mitsuba_taxel.bench.isolated_process import Case, measure_apart
 from mitsuba_taxel.bench.reading_cases import reading_cases
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.studies.files import check_new_file
+from mitsuba_taxel.studies.plan.files import check_new_file
 
 
 class NamedCase(Case, Protocol):

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from mitsuba_taxel.atomic import replacing
-from mitsuba_taxel.bench.apart import MOST_MEMORY, MOST_SECONDS
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.bench.cases import MESH_SIZE
+from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 

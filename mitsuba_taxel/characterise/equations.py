@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.replicates import at_largest
-from mitsuba_taxel.errors import InputError
 
 
 class Deviation(NamedTuple):

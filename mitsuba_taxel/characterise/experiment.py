@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.replicates import standard_error
-from mitsuba_taxel.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

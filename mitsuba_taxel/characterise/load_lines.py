@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, parts_at_zero, since
-from mitsuba_taxel.studies.units import FORCES
 
 SAME_DIRECTION = 1e-4
 """One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, the forces being rounded."""

@@ -12,7 +12,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.errors import InputError
 
 FEWEST_ROWS = 10
 FACTORS = {"s": 1.0, "ms": 1e-3, "n": 1.0, "mn": 1e-3, "v": 1.0, "mv": 1e-3}

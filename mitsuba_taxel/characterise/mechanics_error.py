@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.convergence import ERROR_SHARE
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 
 
 def deviating(study: xr.Dataset) -> xr.Dataset:

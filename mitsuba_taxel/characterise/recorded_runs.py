@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, since
 from mitsuba_taxel.characterise.load_lines import force_name
 from mitsuba_taxel.characterise.measurement import Measurement
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.studies.units import FORCES
 
 POINTS = 40
 """Most points of a run's curve: straight lines between them are right to 1/1600 of the largest change times the

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, runs
 from mitsuba_taxel.characterise.mechanics_error import deviating, with_mechanics
 from mitsuba_taxel.characterise.slopes import Slopes, slopes
-from mitsuba_taxel.errors import InputError
 
 if TYPE_CHECKING:
     import pandas

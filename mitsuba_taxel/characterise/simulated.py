@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import xarray as xr
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.mechanics_error import deviating
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
-from mitsuba_taxel.errors import InputError
 
 ERROR = (
     "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the mechanics' error does; "

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.replicates import standard_error
-from mitsuba_taxel.errors import InputError
 
 if TYPE_CHECKING:
     import pandas

@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.optics.scene import DEEPEST, is_file
+from mitsuba_taxel.sensing.scene import DEEPEST, is_file
 
 
 @dataclass

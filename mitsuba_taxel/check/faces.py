@@ -9,9 +9,9 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import Part, Parts
-from mitsuba_taxel.errors import InputError
 
 CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 """(8, 3) corners of a cube."""

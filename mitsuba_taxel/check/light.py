@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Part, Parts
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.emission import UniformPolarAngle
-from mitsuba_taxel.optics.modelled import refuse_unmodelled
-from mitsuba_taxel.optics.parts import make_plugin
-from mitsuba_taxel.optics.regions import BODY_REGIONS
-from mitsuba_taxel.optics.walls import is_bounded_from_detector
+from mitsuba_taxel.kernels.emission import UniformPolarAngle
+from mitsuba_taxel.kernels.regions import BODY_REGIONS
+from mitsuba_taxel.kernels.walls import is_bounded_from_detector
 from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 
 _FROM_THE_LIGHT = ("ptracer",)
 """Those of Mitsuba's integrators whose paths start at the light."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.pads import Pad, PadFile
 
 
@@ -18,12 +18,12 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     InputError
         as `mesh_pad_file`.
     """
-    from mitsuba_taxel.pads.flaw import Flaw
-    from mitsuba_taxel.pads.mending import faces_of, mended
+    from mitsuba_taxel.geometry.geometry_error import Flaw
+    from mitsuba_taxel.geometry.triangles import volume
+    from mitsuba_taxel.pads.imported.mending import faces_of, mended
+    from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
+    from mitsuba_taxel.pads.imported.surfaces import check_mesh_size, read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
-    from mitsuba_taxel.pads.regions import FacedSurface, tagged
-    from mitsuba_taxel.pads.surfaces import check_mesh_size, read_surface
-    from mitsuba_taxel.pads.triangles import volume
 
     size = mesh_size or pad.default_mesh_size
     if pad.suffix not in SURFACE_FORMATS:

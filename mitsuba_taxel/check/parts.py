@@ -11,14 +11,14 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import Element, filled_in
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
 from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
 from mitsuba_taxel.check.vocabulary import KINDS, vocabularies
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.faces import similarity_scale
-from mitsuba_taxel.optics.pad_parameters import (
+from mitsuba_taxel.kernels.faces import similarity_scale
+from mitsuba_taxel.kernels.pad_parameters import (
     LEAST_FACES,
     check_triangles,
     read_cells,
@@ -28,10 +28,10 @@ from mitsuba_taxel.optics.pad_parameters import (
     read_mesh,
     read_pad,
 )
-from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.scene import NESTED_SCENE, far_transforms, guilty_parameters
+from mitsuba_taxel.kernels.parameters import whole_number
 from mitsuba_taxel.pads import PadFile
-from mitsuba_taxel.pads.meshing import check_room
+from mitsuba_taxel.pads.parametric.meshing import check_room
+from mitsuba_taxel.sensing.scene import NESTED_SCENE, far_transforms, guilty_parameters
 
 PAD = "deformable_pad"
 

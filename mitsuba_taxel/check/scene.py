@@ -17,7 +17,7 @@ from mitsuba_taxel.check.parameters import check_names, defaults_given_twice, us
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
-from mitsuba_taxel.optics.scene import Scene, find_scene, parser_config
+from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
 
 
 @in_turn

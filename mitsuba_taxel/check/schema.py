@@ -7,9 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from mitsuba_taxel.atomic import WriteError, replacing
+from mitsuba_taxel.base.atomic import WriteError, replacing
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Parameter, Vocabulary, vocabularies
-from mitsuba_taxel.errors import InputError
 
 _NUMBER = r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _PATTERNS = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Part, Parts, UndeformedPad
-from mitsuba_taxel.optics.tables import RIGHT_ANGLE
+from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
 from mitsuba_taxel.pads import Pad
 
 _LENGTHS = {"m": 1e3, "µm": 1e-3, "nm": 1e-6}

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
-from mitsuba_taxel.report.plugin_pages import plain, plugin_names, plugin_page
+from mitsuba_taxel.backend.plugin_pages import plain, plugin_names, plugin_page
 
 KINDS = (
     "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",

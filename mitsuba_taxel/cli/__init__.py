@@ -114,7 +114,7 @@ def _signals_as_interrupts() -> list[signal.Signals]:
 
 def _describe(error: Exception) -> tuple[str, int]:
     """Message and exit code of an error."""
-    kinds = sys.modules.get("mitsuba_taxel.errors")
+    kinds = sys.modules.get("mitsuba_taxel.base.errors")
     if isinstance(error, _Ended):
         return f"ended by {error.signal.name}", 128 + error.signal
     if kinds is not None and kinds.comes_from_interrupt(error):

@@ -100,7 +100,7 @@ def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds:
     from mitsuba_taxel.bench.accuracy import accuracy
     from mitsuba_taxel.bench.accuracy_mechanics import ELEMENTS
     from mitsuba_taxel.bench.accuracy_tables import HEADINGS, PEERS, cells
-    from mitsuba_taxel.optics import Scene
+    from mitsuba_taxel.sensing import Scene
 
     from .tables import print_text_table
 

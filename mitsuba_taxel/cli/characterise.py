@@ -25,10 +25,10 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     plots go beside it, or into DIR.
     """
     from mitsuba_taxel import open_study
+    from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
-    from mitsuba_taxel.errors import InputError
-    from mitsuba_taxel.report.characteristics import write_characteristics
-    from mitsuba_taxel.studies.files import make_folder
+    from mitsuba_taxel.plots.characteristics import write_characteristics
+    from mitsuba_taxel.studies.plan.files import make_folder
 
     measured = os.path.isfile(source) or (source.suffix.lower() == ".csv" and not os.path.isdir(source))
     experiments, off, maps, notes = _measured(source) if measured else simulated_experiments(open_study(source))

@@ -49,7 +49,7 @@ def command(
     All rows of one force go into the same table. The folder for the results must be empty or new.
     """
     from mitsuba_taxel.studies import open_study
-    from mitsuba_taxel.studies.training import training_set
+    from mitsuba_taxel.studies.run.training import training_set
 
     tables = training_set(
         open_study(study), folder, noise=noise, copies=copies, split=split, seed=seed, parquet=parquet

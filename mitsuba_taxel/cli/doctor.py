@@ -14,8 +14,8 @@ from .options import debug_option, json_option
 def command(ctx: click.Context, as_json: bool) -> None:
     """Print versions, LLVM, variants, plugins and solvers; check optics and mechanics."""
     from mitsuba_taxel import backend
+    from mitsuba_taxel.check.selfcheck import run_checks
     from mitsuba_taxel.mechanics import available_solvers
-    from mitsuba_taxel.selfcheck import run_checks
 
     facts = backend.report() | {"linear solvers": available_solvers()}
     checks = run_checks()

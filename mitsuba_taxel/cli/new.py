@@ -18,7 +18,7 @@ def command(kind: str, file: Path | None) -> None:
 
     A file that is there already is left as it is, and refused.
     """
-    from mitsuba_taxel.studies.templates import SUFFIXES, write_template
+    from mitsuba_taxel.studies.plan.templates import SUFFIXES, write_template
 
     file = file or Path(f"{kind}{SUFFIXES[kind]}")
     write_template(kind, file)

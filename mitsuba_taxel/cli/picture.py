@@ -64,10 +64,10 @@ def command(
     What lies in front of the cut is taken away, but for the photo-reflectors. LEDs are shown glowing, in red for their
     near infrared.
     """
-    from mitsuba_taxel.optics import Scene
-    from mitsuba_taxel.report.picture import PICTURES, render_parts, write_picture
-    from mitsuba_taxel.report.sensor_parts import shown_parts
-    from mitsuba_taxel.studies.files import check_new_file
+    from mitsuba_taxel.report.picture.drawing import PICTURES, render_parts, write_picture
+    from mitsuba_taxel.report.picture.sensor_parts import shown_parts
+    from mitsuba_taxel.sensing import Scene
+    from mitsuba_taxel.studies.plan.files import check_new_file
 
     from .tables import progress_bar
 

@@ -12,7 +12,7 @@ from .options import debug_option
 @debug_option
 def command(name: str | None) -> None:
     """List the plugins, or the parameters of plugin NAME: type, unit, meaning, default."""
-    from mitsuba_taxel.report.plugin_pages import plugin_names, plugin_page
+    from mitsuba_taxel.backend.plugin_pages import plugin_names, plugin_page
 
     from .tables import print_text_table
 

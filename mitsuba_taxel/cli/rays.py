@@ -36,9 +36,9 @@ def command(
     as_json: bool,
 ) -> None:
     """Draw light paths from the LED of one taxel of SCENE, such as reach its phototransistor and others."""
-    from mitsuba_taxel.optics import Scene, sample_paths
-    from mitsuba_taxel.report.rays import PICTURES, plot_paths, write_vtk
-    from mitsuba_taxel.studies.files import check_new_file
+    from mitsuba_taxel.report.picture.rays import PICTURES, plot_paths, write_vtk
+    from mitsuba_taxel.sensing import Scene, sample_paths
+    from mitsuba_taxel.studies.plan.files import check_new_file
 
     from .tables import progress_bar
 

@@ -45,16 +45,16 @@ def command(
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
-    from mitsuba_taxel import optics
-    from mitsuba_taxel.optics.readings import measured
-    from mitsuba_taxel.studies.files import check_new_file
+    from mitsuba_taxel import sensing
+    from mitsuba_taxel.sensing.measurement import measured
+    from mitsuba_taxel.studies.plan.files import check_new_file
 
     from . import tables
 
     if output is not None:
         check_new_file(output, ".exr")
     began = time.time()
-    description = optics.Scene.from_file(scene, **defines)
+    description = sensing.Scene.from_file(scene, **defines)
     with tables.progress_bar("pads and light"):
         readings, ready = measured(
             description,
@@ -67,17 +67,17 @@ def command(
     matrix = book = lines = None
     if crosstalk:
         with tables.progress_bar("crosstalk"):
-            matrix = optics.crosstalk(ready, points=readings.points, seed=seed)
+            matrix = sensing.crosstalk(ready, points=readings.points, seed=seed)
     if audit:
         number = {} if points is None else {"points": points}
         with tables.progress_bar("energy audit") as progress:
-            book = optics.energy_audit(ready, seed=seed, progress=progress, **number)
+            book = sensing.energy_audit(ready, seed=seed, progress=progress, **number)
     if explain:
-        from mitsuba_taxel.optics.leaving_out import left_out
+        from mitsuba_taxel.sensing.omitted_work import left_out
 
         lines = left_out(ready, irradiance=output is not None, crosstalk=crosstalk, began=began)
     if output is not None:
-        from mitsuba_taxel.report.maps import write_irradiance
+        from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 
         write_irradiance(readings, output)
     if as_json:

@@ -23,7 +23,7 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     The page needs no network and no server: it can be sent and opened as a file.
     """
     from mitsuba_taxel.report.page import write_report
-    from mitsuba_taxel.studies.files import check_new_file
+    from mitsuba_taxel.studies.plan.files import check_new_file
 
     from .tables import progress_bar
 

@@ -15,7 +15,7 @@ from .options import debug_option, json_option
 @debug_option
 def command(folder: Path, as_json: bool) -> None:
     """Say how far the study in DIR is, while it runs or after."""
-    from mitsuba_taxel.studies.status import study_status
+    from mitsuba_taxel.studies.store.status import study_status
 
     from .tables import print_table
 

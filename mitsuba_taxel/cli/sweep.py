@@ -80,7 +80,7 @@ def command(
     Tables, meshes and a plot are made of them at the end.
     """
     from mitsuba_taxel.studies import run_study, sweep
-    from mitsuba_taxel.studies.batch import columns_of
+    from mitsuba_taxel.studies.plan.batch import columns_of
 
     from .tables import end_beyond_target, study_bar
 
@@ -136,7 +136,7 @@ def _as_json(study) -> dict[str, object]:
 
 
 def _show(name: str, study) -> None:
-    from mitsuba_taxel.report.readings_words import budget_line
+    from mitsuba_taxel.sensing.wording import budget_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
     from .tables import print_table, stage_line

@@ -49,7 +49,7 @@ def _show(table: Table) -> None:
 
 def print_readings(readings) -> None:
     """Power, error and photocurrent per taxel, what they mean, the error budget and the time by stage."""
-    from mitsuba_taxel.report.readings_words import budget_line, light_error_line, readings_columns
+    from mitsuba_taxel.sensing.wording import budget_line, light_error_line, readings_columns
 
     columns = readings_columns(readings)
     print_table(list(columns), list(zip(*columns.values(), strict=True)))

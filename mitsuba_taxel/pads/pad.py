@@ -6,10 +6,11 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import InputError
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+    from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 
@@ -26,7 +27,7 @@ MIN_THICKNESS = 0.01
 
 
 @dataclass(frozen=True)
-class Pad:
+class Pad(Displayed):
     """A block of silicone with a grid of hollow cells, open towards the board (all lengths in mm).
 
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
@@ -83,11 +84,6 @@ class Pad:
         for name in ("pitch", "wall", "height", "cell_height"):
             self._check_length(name)
         self._check_fit()
-
-    def _repr_html_(self) -> str:
-        from mitsuba_taxel.report.notebook import pad_html
-
-        return pad_html(self)
 
     def _check_count(self, name: str) -> None:
         value = getattr(self, name)
@@ -165,7 +161,7 @@ class Pad:
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad`."""
-        from mitsuba_taxel.pads.meshing import mesh_pad
+        from mitsuba_taxel.pads.parametric.meshing import mesh_pad
 
         return mesh_pad(self, mesh_size)
 

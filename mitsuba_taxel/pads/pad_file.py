@@ -10,12 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.arguments import path_of, require
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.pads.rules import Rule, read_rules
+from mitsuba_taxel.base.arguments import path_of, require
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads.imported.rules import Rule, read_rules
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.pads.volume_mesh import VolumeMesh
+    from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 SURFACE_FORMATS = (".stl", ".ply", ".obj")
 STEP_FORMATS = (".step", ".stp")
@@ -23,7 +24,7 @@ MOST_BYTES = 100 * 2**20
 
 
 @dataclass(frozen=True)
-class PadFile:
+class PadFile(Displayed):
     """A pad in a file: a closed surface of triangles (STL, PLY, OBJ) or a solid (STEP), in mm, standing on z = 0.
 
     Pads with the same content and the same rules are equal, wherever the file lies.
@@ -34,7 +35,7 @@ class PadFile:
         The file; its ending says which format it is.
     regions
         Rules that name the regions of faces, or a TOML file of them (see :func:`read_rules`); the first rule that
-        a face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.regions.tagged`.
+        a face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
 
     Raises
     ------
@@ -59,11 +60,6 @@ class PadFile:
             raise InputError(f"regions = {self.regions!r} is not allowed: rules or the name of a TOML file are needed.")
         object.__setattr__(self, "regions", rules)
         object.__setattr__(self, "digest", hashlib.sha256(self._read()).hexdigest())
-
-    def _repr_html_(self) -> str:
-        from mitsuba_taxel.report.notebook import pad_file_html
-
-        return pad_file_html(self)
 
     def _read(self) -> bytes:
         try:
@@ -90,13 +86,13 @@ class PadFile:
 
         Raises `InputError` if the file holds no pad.
         """
-        from mitsuba_taxel.pads.file_meshing import default_size_of
+        from mitsuba_taxel.pads.imported.file_meshing import default_size_of
 
         return default_size_of(self)
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad_file`."""
-        from mitsuba_taxel.pads.file_meshing import mesh_pad_file
+        from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 
         return mesh_pad_file(self, mesh_size)
 

@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 from scipy.stats import chi2
 
-from mitsuba_taxel.optics import Scene, measure
-from mitsuba_taxel.optics.runs import prepare
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.scenes import CENTRE, write_scene
 from mitsuba_taxel.reproduce.store import Store
-from mitsuba_taxel.studies.files import make_folder
+from mitsuba_taxel.sensing import Scene, measure
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.studies.plan.files import make_folder
 
 RUNS = 3
 """Each gives 32 repetitions."""

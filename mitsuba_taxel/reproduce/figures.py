@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.characterise.replicates import standard_error
-from mitsuba_taxel.report.curves import COLOURS, MARKERS
+from mitsuba_taxel.plots.curves import COLOURS, MARKERS
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated
 from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.reproduce import page_choices, page_experiments, page_loads, page_noise, page_plate
 from mitsuba_taxel.reproduce.page_words import Found
 from mitsuba_taxel.reproduce.variations import NOMINAL_SPACING
-from mitsuba_taxel.studies.files import make_folder
+from mitsuba_taxel.studies.plan.files import make_folder
 
 _HEAD = """\
 # The paper, rerun

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.reproduce import analog, loading, paper, plate, variations
 from mitsuba_taxel.reproduce.shapes import ShapePart, compute_shapes
 from mitsuba_taxel.reproduce.store import MissingStudy, Store, add_seconds

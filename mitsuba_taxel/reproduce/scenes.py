@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from mitsuba_taxel.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 PITCH = 3.55

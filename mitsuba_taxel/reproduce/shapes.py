@@ -8,9 +8,9 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce.store import Store, add_seconds
-from mitsuba_taxel.studies import processes
+from mitsuba_taxel.studies.run import processes
 
 COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
 

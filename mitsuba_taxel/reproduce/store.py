@@ -10,10 +10,10 @@ from typing import Any
 
 import xarray as xr
 
-from mitsuba_taxel.atomic import replacing
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.studies.dataset import stage_totals
-from mitsuba_taxel.studies.files import make_folder
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.run.dataset import stage_totals
 
 
 class MissingStudy(LookupError):

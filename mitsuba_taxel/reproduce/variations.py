@@ -8,13 +8,13 @@ from typing import Any
 
 import xarray as xr
 
-from mitsuba_taxel.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.plate import LAWS, SPACINGS
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, moduli, write_scene
 from mitsuba_taxel.reproduce.store import Store
 from mitsuba_taxel.studies import sweep
-from mitsuba_taxel.studies.files import make_folder
+from mitsuba_taxel.studies.plan.files import make_folder
 
 POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
 """Light paths for each reading and randomisation: light that a dome sends back to itself takes more of them."""

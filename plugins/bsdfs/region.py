@@ -5,8 +5,8 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.regions import ALL_REGIONS
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.regions import ALL_REGIONS
 
 
 class Region(mi.BSDF):

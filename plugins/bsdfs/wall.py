@@ -5,10 +5,10 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.parameters import choice, number
-from mitsuba_taxel.optics.reflectance import ReflectanceTable
-from mitsuba_taxel.optics.scattering import Absorbing, Isotropic, Lambertian, Mirror, Mixed, RoughMirror, Scattering
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.parameters import choice, number
+from mitsuba_taxel.kernels.reflectance import ReflectanceTable
+from mitsuba_taxel.kernels.scattering import Absorbing, Isotropic, Lambertian, Mirror, Mixed, RoughMirror, Scattering
 
 SCATTERING = ("mirror", "lambertian", "isotropic", "absorbing", "mixed", "rough_mirror")
 SMALLEST_SLOPE = 0.01

@@ -8,10 +8,10 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.emission import read_law
-from mitsuba_taxel.optics.faces import FaceGrid, faces_on
-from mitsuba_taxel.optics.parameters import choice, number
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.emission import read_law
+from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
+from mitsuba_taxel.kernels.parameters import choice, number
 
 
 class AnnularLed(mi.Emitter):

@@ -7,9 +7,10 @@ import math
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.optics import tracing
-from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
+from mitsuba_taxel.kernels.parameters import whole_number
+from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.sensing import rendering
 
 
 class AnalogTracer(mi.CppADIntegrator):
@@ -48,15 +49,15 @@ class AnalogTracer(mi.CppADIntegrator):
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
+        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
 
-    render_forward = render_backward = tracing.refuse_derivatives
+    render_forward = render_backward = rendering.refuse_derivatives
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one ray from each LED of ``led_index`` lands on the phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
-        clearance = tracing.clearance_of(pair)
+        clearance = clearance_of(pair)
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
         random = mi.PCG32()  # given its width it would add the lane's number, and a run could not go on

@@ -5,12 +5,13 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics import tracing
-from mitsuba_taxel.optics.emission import UniformPolarAngle
-from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, between, leave, release, splat
-from mitsuba_taxel.optics.walls import is_bounded_from_detector, walls_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.emission import UniformPolarAngle
+from mitsuba_taxel.kernels.parameters import whole_number
+from mitsuba_taxel.kernels.ray_offsets import between, clearance_of, leave, release
+from mitsuba_taxel.kernels.walls import is_bounded_from_detector, walls_of
+from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.sensing import rendering
 
 
 class TaxelPath(mi.CppADIntegrator):
@@ -54,7 +55,7 @@ class TaxelPath(mi.CppADIntegrator):
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
+        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
 
     def refuse_unbounded(self, scene) -> None:
         """Raise an InputError where a weight of a path from the detector would have no bound."""
@@ -69,13 +70,13 @@ class TaxelPath(mi.CppADIntegrator):
                 self,
             )
 
-    render_forward = render_backward = tracing.refuse_derivatives
+    render_forward = render_backward = rendering.refuse_derivatives
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
-        clearance = tracing.clearance_of(pair)
+        clearance = clearance_of(pair)
         carrier = mi.ShapePtr(led.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Radiance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)

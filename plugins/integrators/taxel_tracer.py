@@ -8,12 +8,13 @@ from functools import partial
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.optics import tracing
-from mitsuba_taxel.optics.aim import aim_for
-from mitsuba_taxel.optics.guide import guide_for
-from mitsuba_taxel.optics.parameters import choice, whole_number
-from mitsuba_taxel.optics.techniques import Techniques, Vertex
-from mitsuba_taxel.optics.tracing import MOST_REFLECTIONS, leave, release, splat
+from mitsuba_taxel.kernels.emission_guiding import aim_for
+from mitsuba_taxel.kernels.guide import guide_for
+from mitsuba_taxel.kernels.parameters import choice, whole_number
+from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
+from mitsuba_taxel.kernels.techniques import Techniques, Vertex
+from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.sensing import rendering
 
 STRATEGIES = ("all", "connections", "meetings", "hits")
 
@@ -68,9 +69,9 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return tracing.render(self, scene, sensor, seed, spp, develop, evaluate)
+        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
 
-    render_forward = render_backward = tracing.refuse_derivatives
+    render_forward = render_backward = rendering.refuse_derivatives
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
@@ -81,7 +82,7 @@ class TaxelTracer(mi.CppADIntegrator):
     def sample_aimed(self, scene, pair, index, led_index, sampler, pixels, aim):
         """As :meth:`sample_paths`, with the directions of emission drawn from ``aim``, if there is one."""
         led, sensor = pair.led, pair.sensor
-        clearance = tracing.clearance_of(pair)
+        clearance = clearance_of(pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.sobol import DIMENSIONS, sobol_points
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.parameters import whole_number
+from mitsuba_taxel.kernels.sobol import DIMENSIONS, sobol_points
 
 MOST_POINTS = 1 << 20
 

@@ -9,11 +9,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.faces import FaceGrid, faces_on
-from mitsuba_taxel.optics.parameters import choice, number
-from mitsuba_taxel.optics.parts import make_plugin
-from mitsuba_taxel.optics.tables import Interpolant, read_angular_table, refine
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
+from mitsuba_taxel.kernels.parameters import choice, number
+from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
 
 RESPONSES = ("ideal", "cosine_power", "tabulated")
 MOST_PIXELS = 1 << 24

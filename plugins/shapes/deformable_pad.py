@@ -10,14 +10,14 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel import stages
-from mitsuba_taxel.optics import pad_parameters
-from mitsuba_taxel.optics.cell_surface import CellSurface
-from mitsuba_taxel.optics.faces import similarity_scale
-from mitsuba_taxel.optics.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
-from mitsuba_taxel.optics.pad_parameters import LEAST_FACES, check_triangles
-from mitsuba_taxel.optics.parameters import whole_number
-from mitsuba_taxel.optics.parts import make_plugin
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels import pad_parameters
+from mitsuba_taxel.kernels.cell_surface import CellSurface
+from mitsuba_taxel.kernels.faces import similarity_scale
+from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
+from mitsuba_taxel.kernels.pad_parameters import LEAST_FACES, check_triangles
+from mitsuba_taxel.kernels.parameters import whole_number
 from mitsuba_taxel.pads import REGIONS, Pad
 
 SUBDIVISION = 6

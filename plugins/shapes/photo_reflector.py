@@ -7,12 +7,12 @@ from itertools import pairwise
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.errors import InputError
-from mitsuba_taxel.optics.faces import FaceGrid, similarity_scale
-from mitsuba_taxel.optics.mesh_adapter import Places, add_face_attribute, initialize_mesh
-from mitsuba_taxel.optics.parameters import number, whole_number
-from mitsuba_taxel.optics.parts import make_plugin
-from mitsuba_taxel.optics.regions import BODY_REGIONS
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import FaceGrid, similarity_scale
+from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
+from mitsuba_taxel.kernels.parameters import number, whole_number
+from mitsuba_taxel.kernels.regions import BODY_REGIONS
 
 MOST_TAXELS = 100_000
 SHORTEST, LONGEST = 1e-8, 1e8

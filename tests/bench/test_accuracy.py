@@ -15,19 +15,21 @@ from PIL import Image
 from scipy import stats
 
 from mitsuba_taxel import Scene, measure
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import accuracy as bench_accuracy
 from mitsuba_taxel.bench import accuracy_chain, accuracy_mechanics, accuracy_optics
 from mitsuba_taxel.bench.accuracy import accuracy, title
 from mitsuba_taxel.bench.accuracy_chain import near_load
 from mitsuba_taxel.bench.accuracy_mechanics import from_nothing, open_pads, solve
 from mitsuba_taxel.bench.accuracy_methods import METHODS, Method, estimator, is_bounded, offset_share, stray_light
+from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import COLUMNS, HEADINGS, cells, write_csv
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, relative_rms, slope
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics import cache, leg, path
-from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path import load_path as path
+from mitsuba_taxel.mechanics.path import load_segment as leg
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.report.accuracy import plot_accuracy
+from mitsuba_taxel.sensing.runs import prepare
 
 PLATE = """<scene version="3.9.0">
     {integrator}

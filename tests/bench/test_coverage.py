@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 from taxel_cli.bench import command
 
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench import coverage as table
 from mitsuba_taxel.bench import coverage_cases
 from mitsuba_taxel.bench.coverage import coverage, read_rows, summary
 from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
-from mitsuba_taxel.errors import InputError
 
 SUBSET = (
     "parallelepiped, 1 x 1, wall 0.5 mm, -1 N",

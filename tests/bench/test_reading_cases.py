@@ -8,12 +8,12 @@ import re
 
 import pytest
 
-from mitsuba_taxel.bench import apart
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.bench import isolated_process as apart
 from mitsuba_taxel.bench.reading_cases import Compared, ReadingCase, reading_cases, running_sum_error
 from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.stability import check
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
-from mitsuba_taxel.errors import ComputationError, InputError
 
 
 def known(power, reference):

@@ -16,18 +16,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from mitsuba_taxel.bench import apart, stability
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.bench import isolated_process as apart
+from mitsuba_taxel.bench import stability
 from mitsuba_taxel.bench.cases import Case, stability_cases
 from mitsuba_taxel.bench.measure import cutbacks, flaw, mean_roof, measure, node_jacobian
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 from mitsuba_taxel.bench.slivers import FLATNESS, SliverPad
 from mitsuba_taxel.bench.stability import check, chosen
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.mechanics import NeoHookean
-from mitsuba_taxel.mechanics.leg import TICKS, Leg, Node
+from mitsuba_taxel.mechanics.path.load_segment import TICKS, Leg, Node
 from mitsuba_taxel.pads import REGIONS, Pad
-from mitsuba_taxel.pads.quality import worst_element
 
 ONE_CELL = Pad(rows=1, columns=1)
 SMALL = Case("small", ONE_CELL, value=(0.0, 0.0, -1.0), mesh_size=2.0, with_finer_mesh=True)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_taxel.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.materials import NeoHookean
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"

@@ -79,7 +79,7 @@ def test_without_a_varied_force_there_is_no_table():
 
 def test_what_the_mechanics_is_off_by_is_in_the_error_of_a_slope():
     """Readings that deviate by 1 % of their slope: of it, the share that the finite elements' order gives."""
-    from mitsuba_taxel.optics.results import ERROR_SHARE
+    from mitsuba_taxel.sensing.readings import ERROR_SHARE
 
     power = np.tile(-4e-5 * FORCES[:, None, None], (1, REPLICATES, 1))
     study = study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1])

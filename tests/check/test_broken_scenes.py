@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene
-from mitsuba_taxel.optics.runs import prepare
+from mitsuba_taxel.sensing.runs import prepare
 
 
 def _trees():

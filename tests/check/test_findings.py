@@ -7,7 +7,7 @@ import re
 import pytest
 
 from mitsuba_taxel import InputError, Pad, PadSensor, check_scene, write_template, write_xml
-from mitsuba_taxel.optics.scene import shipped_scenes
+from mitsuba_taxel.sensing.scene import shipped_scenes
 
 PAD = """<scene version="3.9.0">
 <default name="fz" value="-5"/>

@@ -9,13 +9,13 @@ import pytest
 from lxml import etree
 
 from mitsuba_taxel import InputError, Pad, PadSensor, write_template, write_xml
+from mitsuba_taxel.backend.plugin_pages import plugin_names, plugin_page
 from mitsuba_taxel.check.schema import schema, write_schema
 from mitsuba_taxel.check.vocabulary import vocabulary
+from mitsuba_taxel.kernels import emission, pad_parameters
 from mitsuba_taxel.mechanics import SILICONES
-from mitsuba_taxel.optics import emission, pad_parameters
-from mitsuba_taxel.optics.scene import shipped_scenes
 from mitsuba_taxel.pads import CELL_SHAPES
-from mitsuba_taxel.report.plugin_pages import plugin_names, plugin_page
+from mitsuba_taxel.sensing.scene import shipped_scenes
 
 ROOT = Path(__file__).parents[2]
 HEAD = '<scene version="3.9.0">{}</scene>'

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from taxel_cli.dataset import command
 
 from mitsuba_taxel import InputError, sweep
-from mitsuba_taxel.studies.training import training_set
+from mitsuba_taxel.studies.run.training import training_set
 
 # A plate stands in for the pad: the names of its parameters are those of forces, and nothing is solved.
 SCENE = """<scene version="3.9.0">

@@ -13,7 +13,7 @@ import time
 import pytest
 
 from mitsuba_taxel import InputError, open_study
-from mitsuba_taxel.optics import Scene, find_scene
+from mitsuba_taxel.sensing import Scene, find_scene
 
 LONG = ("sweep", "plate.xml", "--vary", "z=0.1:90:0.1", "--points", "4096", "-o", "out")
 

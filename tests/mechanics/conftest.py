@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.assembly import Assembly
-from mitsuba_taxel.mechanics.constraints import Numbering, number_unknowns
-from mitsuba_taxel.mechanics.pressure import pressure_forces, pressure_stiffness
-from mitsuba_taxel.mechanics.solvers import make_solver
+from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y, mirrored
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.elements.constraints import Numbering, number_unknowns
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness
+from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.pads.mirror import ACROSS_X, ACROSS_Y, mirrored
-from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -174,7 +174,7 @@ def mapped():
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """An empty cache on disk and nothing in memory; call it to forget what memory holds."""
-    from mitsuba_taxel.mechanics import path
+    from mitsuba_taxel.mechanics.path import load_path as path
 
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "cache"))
     path._path.cache_clear()

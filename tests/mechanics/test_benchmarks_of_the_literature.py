@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.mechanics import NeoHookean, PatchForce
-from mitsuba_taxel.mechanics.pressure import pressure_forces
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 
 NU, SHEAR_MODULUS = 0.4999, 80.194
 LAW = NeoHookean(2 * SHEAR_MODULUS * (1 + NU), NU)

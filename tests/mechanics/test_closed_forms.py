@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mitsuba_taxel.mechanics.elements import QUADRATURE_POINTS
-from mitsuba_taxel.mechanics.materials import MooneyRivlin, NeoHookean, Yeoh
-from mitsuba_taxel.mechanics.pressure import pressure_forces
-from mitsuba_taxel.pads.volume_mesh import TET_EDGES
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES
+from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
+from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 
 
 def mean_error(body, displacement, exact):

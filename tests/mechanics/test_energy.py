@@ -20,11 +20,11 @@ from mitsuba_taxel.mechanics import (
     load_path,
     tessellate,
 )
-from mitsuba_taxel.mechanics.assembly import Assembly
-from mitsuba_taxel.mechanics.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements import QUADRATURE_POINTS
-from mitsuba_taxel.mechanics.leg import INTERPOLATION_TOLERANCE
-from mitsuba_taxel.mechanics.pressure import pressure_forces
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.pads import REGIONS, Pad
 
 PAD, CURVED = Pad(rows=1, columns=1), Pad("hemispheric", rows=1, columns=1)

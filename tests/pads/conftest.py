@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, VolumeMesh
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 
 
 def _write_stl(path, corners):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import CELL_SHAPES, Pad
 
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.element_maps import jacobians, shape_gradients, worst_element
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
-from mitsuba_taxel.pads.file_meshing import mesh_pad_file
+from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
+from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.quality import jacobians, shape_gradients, worst_element
-from mitsuba_taxel.pads.rules import Rule
-from mitsuba_taxel.pads.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 from mitsuba_taxel.scenes import hexagonal
 
 DOME = Rule("roof", normal=(0, 0, -1), within=89.9, above=0.5)

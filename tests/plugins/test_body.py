@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Scene, measure
-from mitsuba_taxel.optics.regions import ALL_REGIONS, BODY_REGIONS
+from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
 from mitsuba_taxel.pads import REGIONS
 
 BODY = (1.46, 1.06, 0.5)

@@ -24,7 +24,7 @@ def write_table(path, rows):
 
 
 def law_of(mi, **parameters):
-    from mitsuba_taxel.optics.emission import read_law
+    from mitsuba_taxel.kernels.emission import read_law
 
     props = mi.Properties("annular_led")
     for name, value in parameters.items():

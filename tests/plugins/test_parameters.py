@@ -9,8 +9,8 @@ import pytest
 
 from mitsuba_taxel import InputError, Scene
 from mitsuba_taxel.backend import plugin_files
-from mitsuba_taxel.optics import pad_parameters
-from mitsuba_taxel.optics.regions import ALL_REGIONS
+from mitsuba_taxel.kernels import pad_parameters
+from mitsuba_taxel.kernels.regions import ALL_REGIONS
 
 READ = re.compile(r'(?:number|choice|props\.get)\(\s*(?:props, )?"(\w+)"')
 NESTED = {"film", "sampler"}

@@ -43,7 +43,7 @@ def test_emission_law(llvm_mono, tmp_path, law, parameters):
     mi = llvm_mono
     from mitsuba.chi2 import SphericalDomain
 
-    from mitsuba_taxel.optics.emission import read_law
+    from mitsuba_taxel.kernels.emission import read_law
 
     props = mi.Properties("annular_led")
     props["law"] = law
@@ -62,7 +62,7 @@ def test_uniform_polar_angle(llvm_mono, cone_angle):
     mi = llvm_mono
     from scipy import stats
 
-    from mitsuba_taxel.optics.emission import UniformPolarAngle
+    from mitsuba_taxel.kernels.emission import UniformPolarAngle
 
     law = UniformPolarAngle(cone_angle)
     sample = mi.PCG32(size=100_000)
@@ -80,7 +80,7 @@ def test_uniform_polar_angle(llvm_mono, cone_angle):
 @pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian"])
 def test_emission_laws_integrate_to_one(llvm_mono, law):
     mi = llvm_mono
-    from mitsuba_taxel.optics.emission import read_law
+    from mitsuba_taxel.kernels.emission import read_law
 
     props = mi.Properties("annular_led")
     props["law"] = law

@@ -15,10 +15,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitsuba_taxel import ComputationError, InputError, archive, open_study, sweep
-from mitsuba_taxel.pads.rules import read_rules
-from mitsuba_taxel.studies.batch import batch_from, read_study
-from mitsuba_taxel.studies.status import study_status
+from mitsuba_taxel import ComputationError, InputError, open_study, sweep
+from mitsuba_taxel.base import archive
+from mitsuba_taxel.pads.imported.rules import read_rules
+from mitsuba_taxel.studies.plan.batch import batch_from, read_study
+from mitsuba_taxel.studies.store.status import study_status
 
 STUDY = """scene = "plate.xml"
 points = 64
@@ -222,7 +223,7 @@ def test_a_damaged_study_beside_results_is_read_or_refused(data, tmp_path, finis
 
 
 def test_scenes_of_different_taxels_make_no_study(tmp_path):
-    from mitsuba_taxel.optics import find_scene
+    from mitsuba_taxel.sensing import find_scene
 
     text = find_scene("plate.xml").read_text().replace("<integrator", '<default name="rows" value="1"/> <integrator')
     scene = tmp_path / "rows.xml"

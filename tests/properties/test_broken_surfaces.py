@@ -8,10 +8,10 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitsuba_taxel.pads import boxes
-from mitsuba_taxel.pads.flaw import Flaw
-from mitsuba_taxel.pads.mending import mended
-from mitsuba_taxel.pads.surfaces import read_surface
+from mitsuba_taxel.geometry import box_pairs as boxes
+from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.pads.imported.mending import mended
+from mitsuba_taxel.pads.imported.surfaces import read_surface
 
 SEED = 20240607
 
@@ -57,7 +57,7 @@ def test_many_vertices_in_one_place_are_refused():
 )
 def test_triangles_that_all_cross_each_other_are_refused(monkeypatch, compared, message):
     monkeypatch.setattr(boxes, "MOST_PAIRS", 20_000)
-    monkeypatch.setattr("mitsuba_taxel.pads.mending.MOST_COMPARED", compared)
+    monkeypatch.setattr("mitsuba_taxel.pads.imported.mending.MOST_COMPARED", compared)
     ball = trimesh.creation.icosphere(3)
     with pytest.raises(Flaw, match=message):
         mended(np.random.default_rng(SEED).uniform(-2, 2, ball.vertices.shape), np.array(ball.faces))

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene, measure
-from mitsuba_taxel.optics.scene import shipped_scenes
+from mitsuba_taxel.sensing.scene import shipped_scenes
 
 
 def _damage():

@@ -13,8 +13,8 @@ import pytest
 import trimesh
 
 from mitsuba_taxel import InputError, open_study
+from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.pads.triangles import area_normals
 from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.markup import paragraph, table

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import measure
-from mitsuba_taxel.optics import Scene
 from mitsuba_taxel.reproduce.analog import binomial, counting_test, max_slopes, summary
+from mitsuba_taxel.sensing import Scene
 
 PLATE = """
 <scene version="3.9.0">

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import measure
-from mitsuba_taxel.optics import Scene, find_scene
 from mitsuba_taxel.reproduce import plate
+from mitsuba_taxel.sensing import Scene, find_scene
 
 HEIGHT = np.array(plate.PEAK_HEIGHTS)
 

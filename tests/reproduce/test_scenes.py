@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import MooneyRivlin, NeoHookean, measure
-from mitsuba_taxel.optics import Scene, find_scene
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, centre_of, moduli, write_scene
 from mitsuba_taxel.reproduce.variations import choices
+from mitsuba_taxel.sensing import Scene, find_scene
 
 
 def test_places_of_the_taxels():

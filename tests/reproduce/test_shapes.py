@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.shapes import COSTLIEST_FIRST, compute_shapes
 from mitsuba_taxel.reproduce.store import Store

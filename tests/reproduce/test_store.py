@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel.errors import InputError
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.reproduce.parts import PARTS, chosen
 from mitsuba_taxel.reproduce.store import MissingStudy, Store
 

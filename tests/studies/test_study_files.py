@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel import InputError, open_study, run_study, sweep
-from mitsuba_taxel.studies.batch import batch_from, read_study
-from mitsuba_taxel.studies.status import study_status
+from mitsuba_taxel.studies.plan.batch import batch_from, read_study
+from mitsuba_taxel.studies.store.status import study_status
 
 TWO = """
 points = 64

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.pads.triangles import area_normals
+from mitsuba_taxel.geometry.triangles import area_normals
 
 MOST_VERTICES = 6000
 """So many are drawn in a few hundredths of a second by any browser, and a page of 21 load steps takes some 3 MB."""

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.optics import sample_paths
-from mitsuba_taxel.optics.taxels import taxels_of
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.solids import Packing
-from mitsuba_taxel.report.rays import face_corners, shape_mesh
+from mitsuba_taxel.report.picture.rays import face_corners, shape_mesh
+from mitsuba_taxel.sensing import sample_paths
+from mitsuba_taxel.sensing.taxels import taxels_of
 
 SAMPLED, DRAWN = 200, 12
 """Light paths: the shortest of those that reach the phototransistor, and of the others, are drawn."""

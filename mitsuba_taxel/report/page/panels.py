@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page.light import Lit
 from mitsuba_taxel.report.page.solids import Packing, Surface, Topologies, read_surfaces
-from mitsuba_taxel.studies.batch import Batch
+from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
 """Of a page: more would take minutes to make, and be slow to open."""

@@ -12,10 +12,10 @@ import xarray as xr
 from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
 from mitsuba_taxel.characterise.wording import pair_rows, table_rows, with_error
-from mitsuba_taxel.report.characteristics import plot_deviations, plot_sensitivity, plot_tangential_maps
-from mitsuba_taxel.report.curves import plot_curves
+from mitsuba_taxel.plots.characteristics import plot_deviations, plot_sensitivity, plot_tangential_maps
+from mitsuba_taxel.plots.curves import plot_curves
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
-from mitsuba_taxel.report.readings_words import budget_rows
+from mitsuba_taxel.sensing.wording import budget_rows
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000

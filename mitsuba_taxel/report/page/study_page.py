@@ -14,16 +14,16 @@ from typing import Any
 
 import xarray as xr
 
-from mitsuba_taxel.atomic import replacing
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.errors import ComputationError, InputError
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page import sections
 from mitsuba_taxel.report.page.markup import paragraph
 from mitsuba_taxel.report.page.panels import MOST_PANELS, viewer_panels
 from mitsuba_taxel.studies import open_study
-from mitsuba_taxel.studies.batch import WRITTEN_KEYS, Batch, batch_from
-from mitsuba_taxel.studies.opening import read_results
-from mitsuba_taxel.studies.provenance import provenance
+from mitsuba_taxel.studies.plan.batch import WRITTEN_KEYS, Batch, batch_from
+from mitsuba_taxel.studies.run.provenance import provenance
+from mitsuba_taxel.studies.store.opening import read_results
 
 
 @in_turn

@@ -1,0 +1,110 @@
+from .base.errors import (
+    ComputationError as ComputationError,
+)
+from .base.errors import (
+    InputError as InputError,
+)
+from .check import check_scene as check_scene
+from .mechanics import (
+    Grooves as Grooves,
+)
+from .mechanics import (
+    LayerSteps as LayerSteps,
+)
+from .mechanics import (
+    MooneyRivlin as MooneyRivlin,
+)
+from .mechanics import (
+    NeoHookean as NeoHookean,
+)
+from .mechanics import (
+    PatchForce as PatchForce,
+)
+from .mechanics import (
+    PlateDisplacement as PlateDisplacement,
+)
+from .mechanics import (
+    PlateForce as PlateForce,
+)
+from .mechanics import (
+    Pressure as Pressure,
+)
+from .mechanics import (
+    RandomRoughness as RandomRoughness,
+)
+from .mechanics import (
+    SpreadForce as SpreadForce,
+)
+from .mechanics import (
+    Yeoh as Yeoh,
+)
+from .mechanics import (
+    from_shore_a as from_shore_a,
+)
+from .mechanics import (
+    linearise as linearise,
+)
+from .mechanics import (
+    load_path as load_path,
+)
+from .mechanics import (
+    silicone as silicone,
+)
+from .mechanics import (
+    tessellate as tessellate,
+)
+from .pads import (
+    Pad as Pad,
+)
+from .pads import (
+    PadFile as PadFile,
+)
+from .report.notebook.views import show as show
+from .sensing import (
+    AnnularLed as AnnularLed,
+)
+from .sensing import (
+    PadSensor as PadSensor,
+)
+from .sensing import (
+    PhotoReflector as PhotoReflector,
+)
+from .sensing import (
+    Phototransistor as Phototransistor,
+)
+from .sensing import (
+    Readings as Readings,
+)
+from .sensing import (
+    Scene as Scene,
+)
+from .sensing import (
+    Wall as Wall,
+)
+from .sensing import (
+    crosstalk as crosstalk,
+)
+from .sensing import (
+    energy_audit as energy_audit,
+)
+from .sensing import (
+    measure as measure,
+)
+from .sensing import (
+    write_xml as write_xml,
+)
+from .studies import (
+    open_study as open_study,
+)
+from .studies import (
+    run_study as run_study,
+)
+from .studies import (
+    sweep as sweep,
+)
+from .studies import (
+    training_set as training_set,
+)
+from .studies import (
+    write_template as write_template,
+)

@@ -1,0 +1,103 @@
+"""What callers hand in, checked: of the kind that is needed, or refused by name."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+
+
+def require(name: str, value: object, kinds: type | tuple[type, ...], needed: str) -> None:
+    """Raise `InputError` unless a value is of one of some kinds; True and False are no numbers."""
+    allowed = kinds if isinstance(kinds, tuple) else (kinds,)
+    if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
+        raise refusal(name, value, f"{needed} is needed")
+
+
+def refusal(name: str, value: object, needed: str) -> InputError:
+    """The error that says what was given for a parameter, and what is needed."""
+    shown = repr(value)
+    return InputError(f"{name} = {shown if len(shown) <= 100 else type(value).__name__} is not allowed: {needed}.")
+
+
+def path_of(name: str, value: object) -> Path:
+    """A path, given as one or as text; raises `InputError` where it is neither, or no file can have this name."""
+    try:
+        path = Path(os.fspath(value))  # type: ignore[call-overload]
+    except TypeError:  # neither, or bytes
+        raise refusal(name, value, "a path is needed") from None
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:  # Mitsuba takes no other names
+        raise refusal(name, str(path), "a name in UTF-8, in a locale that has its letters, is needed") from None
+    if "\0" in str(path):
+        raise refusal(name, value, "a path is needed")
+    return path
+
+
+def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
+    """A mapping from names; None stands for an empty one. Raises `InputError`."""
+    table: Any = {} if value is None else value
+    if not isinstance(table, Mapping) or not all(isinstance(key, str) for key in table):
+        raise refusal(name, value, f"a mapping of parameters' names to {what} is needed")
+    return table
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a real number that is finite in double precision; True and False are none."""
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number; True and False are none."""
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
+    """Refuse fields of a dataclass that are not what their annotations say, or of the ``kinds`` given by name.
+
+    Annotations are looked at if they are float, int or str, alone or with None.
+    """
+    for field in fields(part):
+        value = getattr(part, field.name)
+        word, _, none = str(field.type).partition(" | ")
+        if field.name in kinds:
+            require(field.name, value, *kinds[field.name])
+        elif none == "None" and value is None:
+            continue
+        elif word == "float" and not is_number(value):
+            raise refusal(field.name, value, "a finite number is needed")
+        elif word == "int" and not is_whole(value):
+            raise refusal(field.name, value, "a whole number is needed")
+        elif word == "str" and not isinstance(value, str):
+            raise refusal(field.name, value, "text is needed")
+
+
+def is_row(value: object, of: Callable[[object], bool]) -> bool:
+    """Whether a value is a sequence, or a row of an array, of such as ``of`` says; text is none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 1 and all(map(of, value))
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and all(map(of, value))
+
+
+def check_flags(**flags: object) -> None:
+    """Raise `InputError` unless all of these are True or False."""
+    for name, flag in flags.items():
+        require(name, flag, (bool, np.bool_), "True or False")
+
+
+def check_progress(progress: object) -> None:
+    """Raise `InputError` unless this is None or can be called."""
+    if not (progress is None or callable(progress)):
+        raise refusal("progress", progress, "a function is needed")

@@ -1,0 +1,107 @@
+"""Files that are whole or not there, also where a run is killed or the disk is full."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mitsuba_taxel.base.errors import ComputationError
+
+PREFIX = ".taxel-"
+_FULL = [os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)]
+
+
+class WriteError(ComputationError):
+    """A file could not be written; ``reason`` says why."""
+
+    def __init__(self, file: Path, reason: str) -> None:
+        super().__init__(f"{file} cannot be written: {reason}.")
+        self.file, self.reason = file, reason
+
+    def __reduce__(self) -> tuple[type, tuple[Path, str]]:
+        return type(self), (self.file, self.reason)
+
+
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """A temporary path beside ``file``, which takes its place at once on success and vanishes on failure.
+
+    Raises
+    ------
+    WriteError
+        where the disk does not take the file.
+    """
+    try:
+        handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=file.suffix, dir=file.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            with temporary.open("rb+") as written:
+                os.fsync(written.fileno())
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(file)
+            _flush_folder(file.parent)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except Exception as error:
+        reason = reason_of(error)
+        if reason is None:
+            raise
+        raise WriteError(file, reason) from error
+
+
+def reason_of(error: Exception) -> str | None:
+    """What keeps the disk from taking a file, if that is behind an error: compiled libraries have their own."""
+    if isinstance(error, WriteError):
+        return error.reason
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    return next((reason for reason in _FULL if reason in str(error)), None)
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove the temporary files that processes of this machine left in a folder when they were killed."""
+    for file in folder.glob(f"{PREFIX}*"):
+        owner = re.match(rf"{re.escape(PREFIX)}{re.escape(_host())}-(\d+)-", file.name)
+        if owner and not _is_alive(int(owner[1])):
+            file.unlink(missing_ok=True)
+
+
+def _prefix() -> str:
+    return f"{PREFIX}{_host()}-{os.getpid()}-"
+
+
+def _host() -> str:
+    return re.sub(r"\W", "", socket.gethostname())[:32]
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # another user's
+        pass
+    return True
+
+
+def _flush_folder(folder: Path) -> None:
+    """See that a renaming outlasts a power cut."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

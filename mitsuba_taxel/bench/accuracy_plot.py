@@ -1,0 +1,126 @@
+"""Work-precision diagrams: error against seconds, one panel for each part of the computation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.plots.curves import COLOURS, MARKERS
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.bench.work_precision import Curve, Point
+
+TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
+LABELLED = ("mechanics", "chain")
+"""Parts whose points are few, so that each says what was varied."""
+
+
+def plot_accuracy(curves: Sequence[Curve], title: str, files: Sequence[Path]) -> None:
+    """Write the diagram, in the format of each file's suffix.
+
+    A filled marker is an error that can be claimed, a hollow one lies below the error of its reference, which is a
+    dashed line. A dotted line is the error that the method itself states, where it is one of few.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    parts = [part for part in TITLES if any(curve.part == part and curve.points for curve in curves)]
+    figure, axes = pyplot.subplots(1, len(parts), figsize=(6.4 * len(parts), 7.2), squeeze=False, layout="constrained")
+    try:
+        for ax, part in zip(axes[0], parts, strict=True):
+            _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part)
+        axes[0, 0].set_ylabel("relative error (root mean square over taxels)")
+        figure.suptitle(title)
+        for file in files:
+            with replacing(file) as temporary:
+                figure.savefig(temporary, dpi=130, format=file.suffix[1:])
+    finally:
+        pyplot.close(figure)
+
+
+def _panel(ax: Any, curves: Sequence[Curve], part: str) -> None:
+    from matplotlib.ticker import NullFormatter
+
+    for number, curve in enumerate(curves):
+        _draw(ax, curve, number, part in LABELLED)
+    for number, (label, floor) in enumerate(_floors(curves, part).items()):
+        ax.axhline(floor, color="0.5", linewidth=1, linestyle=("--", "-.", ":")[number % 3], label=label)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    _widen(ax)
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_title(TITLES[part])
+    ax.set_xlabel("seconds of all processors")
+    ax.grid(which="major", alpha=0.4)
+    ax.grid(which="minor", alpha=0.12)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize=9, frameon=False)
+
+
+def _floors(curves: Sequence[Curve], part: str) -> dict[str, float]:
+    """Errors of the references by what to call them: those of the light serve many methods each."""
+    lasts = [(curve.method, curve.points[-1]) for curve in curves]
+    if part == "optics":
+        return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
+    return {f"error of the reference of {method}": last.floor for method, last in lasts if last.floor > 0}
+
+
+def _draw(ax: Any, curve: Curve, number: int, labelled: bool) -> None:
+    colour = COLOURS[number % len(COLOURS)]
+    marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
+    line = ("-", "--")[number // len(COLOURS) % 2]
+    drawn = [point for point in curve.points if point.error > 0]
+    ax.plot(
+        [point.seconds for point in drawn], [point.error for point in drawn], color=colour, linewidth=1, linestyle=line
+    )
+    for claimed in (True, False):
+        chosen = [point for point in drawn if (point.error > point.floor) is claimed]
+        ax.plot(
+            [point.seconds for point in chosen],
+            [point.error for point in chosen],
+            color=colour,
+            marker=marker,
+            markersize=6,
+            markerfacecolor=colour if claimed else "white",
+            linestyle="none",
+        )
+    ax.plot([], [], color=colour, marker=marker, markersize=6, linewidth=1, linestyle=line, label=curve.method)
+    if labelled:
+        stated = [point for point in curve.points if point.stated > 0]
+        ax.plot(
+            [point.seconds for point in stated],
+            [point.stated for point in stated],
+            color=colour,
+            linestyle=":",
+            linewidth=1.2,
+            marker=".",
+            label=f"{curve.method}, stated" if stated else None,
+        )
+        for (seconds, error), label in _labels(drawn).items():
+            ax.annotate(label, (seconds, error), xytext=(6, 5), textcoords="offset points", fontsize=8)
+
+
+def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
+    """What to write beside which place; one label for points that nearly lie on each other."""
+    labels: dict[tuple[float, float], str] = {}
+    for point in points:
+        near = [
+            place
+            for place in labels
+            if abs(math.log10(point.seconds / place[0])) < 0.2 and abs(math.log10(point.error / place[1])) < 0.05
+        ]
+        place = near[0] if near else (point.seconds, point.error)
+        labels[place] = f"{labels[place]}, {point.setting}" if near else point.setting
+    return labels
+
+
+def _widen(ax: Any) -> None:
+    """A decade of seconds at least."""
+    low, high = ax.get_xlim()
+    if high < 10 * low:
+        middle = math.sqrt(low * high)
+        ax.set_xlim(middle / math.sqrt(10), middle * math.sqrt(10))

@@ -1,0 +1,58 @@
+from .characteristics import characteristics as characteristics
+from .equations import (
+    Deviation as Deviation,
+)
+from .equations import (
+    hysteresis as hysteresis,
+)
+from .equations import (
+    nonlinearity as nonlinearity,
+)
+from .equations import (
+    repeatability as repeatability,
+)
+from .experiment import (
+    Branch as Branch,
+)
+from .experiment import (
+    Experiment as Experiment,
+)
+from .load_lines import experiments as experiments
+from .measurement import (
+    Measurement as Measurement,
+)
+from .measurement import (
+    read_measurement as read_measurement,
+)
+from .mechanics_error import deviating as deviating
+from .recorded_runs import recorded_experiment as recorded_experiment
+from .sensitivity import (
+    sensitivity as sensitivity,
+)
+from .sensitivity import (
+    sensitivity_table as sensitivity_table,
+)
+from .simulated import (
+    Simulated as Simulated,
+)
+from .simulated import (
+    simulated_experiments as simulated_experiments,
+)
+from .slopes import (
+    Slopes as Slopes,
+)
+from .slopes import (
+    slopes as slopes,
+)
+from .tangential import (
+    TangentialMap as TangentialMap,
+)
+from .tangential import (
+    symmetric_pairs as symmetric_pairs,
+)
+from .tangential import (
+    tangential_map as tangential_map,
+)
+from .tangential import (
+    tangential_maps as tangential_maps,
+)

@@ -1,0 +1,303 @@
+"""Whether curved triangles touch.
+
+A six-node triangle is a quadratic Bezier patch and lies in the convex hull of its six control points. Two patches are
+cut into pieces until a certificate shows that two pieces are apart, or they are so flat that none can be given.
+
+A pair of patches is a column of 13 points: the control points of one, those of the other, and the origin that all of
+them are relative to, so that small pieces keep their digits. Control points come in the order of the nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
+
+BATCH = 256
+"""Pairs cut at a time: the search goes deep before it goes wide, which bounds its memory."""
+FIRST_BATCH = 16384
+"""Pairs looked at together before any is cut."""
+THIN = 1e-6
+"""Twice the area of a triangle relative to its longest side squared, below which its normal is not trusted."""
+STRICT = 1e-10
+"""Distance from a common vertex's plane, relative to the patches' size, that is more than rounding."""
+
+Place = tuple[float, float, float]
+
+
+def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(3, N) control points of curved triangles (B, 6) with ``nodes`` (N, 3): those on edges are off the surface."""
+    control = nodes.T.copy()
+    for k, (i, j) in enumerate(FACE_EDGES, start=3):
+        ends = nodes[faces[:, i]] + nodes[faces[:, j]]
+        control[:, faces[:, k]] = (2 * nodes[faces[:, k]] - ends / 2).T
+    return control
+
+
+def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: float) -> Place | None:
+    """Where a patch touches its partner, or ``None`` if none does.
+
+    Parameters
+    ----------
+    one, other : (3, 6, n) control points
+    shared : what two partners have in common: "nothing", "vertex" (their first corner) or "edge" (from their first
+        to their second corner). They may not meet elsewhere.
+    tolerance : distance up to which patches count as touching, mm
+    """
+    for start in range(0, one.shape[2], FIRST_BATCH):
+        batch = slice(start, start + FIRST_BATCH)
+        origin = one[:, :1, batch]
+        pairs = np.concatenate([one[:, :, batch] - origin, other[:, :, batch] - origin, origin], axis=1)
+        place = _touch(pairs, shared, tolerance)
+        if place:
+            return place
+    return None
+
+
+def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
+    waiting = [(shared, pairs[:, :, ~_CERTIFICATES[shared](pairs, tolerance)])]
+    while waiting:
+        shared, pairs = waiting.pop()
+        if pairs.shape[2] == 0:
+            continue
+        if pairs.shape[2] > BATCH:
+            waiting.append((shared, pairs[:, :, BATCH:]))
+            pairs = pairs[:, :, :BATCH]
+        plain = _plain(pairs, shared, tolerance)
+        if plain.any():
+            return _common_point(pairs[:, :, plain.argmax()])
+        if shared == "nothing":
+            pairs = _first_to_cut(pairs, tolerance)
+        for common, matrices in _CUTS[shared].items():
+            pieces = np.tensordot(matrices, pairs, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(3, 13, -1)
+            waiting.append((common, pieces[:, :, ~_CERTIFICATES[common](pieces, tolerance)]))
+    return None
+
+
+def _common_point(pair: np.ndarray) -> Place:
+    """The point of a flat patch nearest to its partner."""
+    from scipy.optimize import nnls  # here, as a pad at rest does without
+
+    corners, others = pair[:, :3], pair[:, 6:9]
+    size = max(np.abs(corners - others[:, :1]).max(), np.finfo(float).tiny)
+    equal = np.concatenate([corners - others[:, :1], others[:, :1] - others], axis=1) / size
+    sums = np.repeat(np.eye(2), 3, axis=1)
+    weights, _ = nnls(np.concatenate([equal, sums]), np.array([0.0, 0.0, 0.0, 1.0, 1.0]))
+    x, y, z = corners @ weights[:3] + pair[:, 12]
+    return float(x), float(y), float(z)
+
+
+def bulge(patches: np.ndarray) -> np.ndarray:
+    """(n,) how far the control points of patches (3, 6, n) are from their flat triangles at most."""
+    following = patches[:, [1, 2, 0]]
+    return _length(patches[:, 3:] - (patches[:, :3] + following) / 2).max(axis=0)
+
+
+def quarters(patches: np.ndarray) -> np.ndarray:
+    """Patches (3, 6, n) cut into four each, (3, 6, 4 n)."""
+    return np.tensordot(_QUARTERS, patches, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(3, 6, -1)
+
+
+def _sides(patches: np.ndarray) -> np.ndarray:
+    return patches[:, [1, 2, 0]] - patches[:, :3]
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    x, y, z = vectors
+    return np.sqrt(x * x + y * y + z * z)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of length 1; what has no length stays 0."""
+    return vectors / np.maximum(_length(vectors), np.finfo(float).tiny)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
+    """Whether patches that no certificate holds apart touch: flat ones do, and so do those as small as a point.
+
+    Patches that share nothing may be too thin to tell. Those that share something are as flat as they need be when
+    they are so relative to their size, as an angle is at stake.
+    """
+    plain = np.ones(pairs.shape[2], dtype=bool)
+    for patches in (pairs[:, :6], pairs[:, 6:12]):
+        side = _sides(patches)
+        longest = _length(side).max(axis=0)
+        if shared == "nothing":
+            thin = _length(_cross(side[:, 0], side[:, 1])) <= THIN * longest**2
+            flat = ~thin & (bulge(patches) <= tolerance)
+        else:
+            flat = bulge(patches) <= STRICT * longest
+        plain &= flat | (longest <= tolerance)
+    return plain
+
+
+def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """The pairs with the patch that bulges more, or of two flat ones the longer one, before its partner."""
+    one, other = pairs[:, :6], pairs[:, 6:12]
+    rounder, other_rounder = bulge(one), bulge(other)
+    longer = _length(_sides(one)).max(axis=0) < _length(_sides(other)).max(axis=0)
+    flat = np.maximum(rounder, other_rounder) <= tolerance
+    swap = np.where(flat, longer, rounder < other_rounder)
+    return np.where(swap, pairs[:, [6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 12]], pairs)
+
+
+# ---- certificates that patches do not meet but in what they share ----------------------------------------------------
+
+
+def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Whether a plane holds the control points of two patches apart by more than ``tolerance``.
+
+    The normals tried are those of the separating axis theorem for flat triangles, so that no flat pair is missed.
+    """
+    apart = np.zeros(pairs.shape[2], dtype=bool)
+    for normals in (_face_normals, _side_normals):
+        left = np.flatnonzero(~apart)
+        one, other = pairs[:, :6, left], pairs[:, 6:12, left]
+        for axis in normals(one, other):
+            a, b = _dot(axis[:, None], one), _dot(axis[:, None], other)
+            gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
+            apart[left] |= gap > tolerance * _length(axis)
+    return apart
+
+
+def _face_normals(one: np.ndarray, other: np.ndarray) -> list[np.ndarray]:
+    between = other[:, :3].mean(axis=1) - one[:, :3].mean(axis=1)
+    return [*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (one, other)), between]
+
+
+def _side_normals(one: np.ndarray, other: np.ndarray) -> list[np.ndarray]:
+    sides, other_sides = _sides(one), _sides(other)
+    axes = [np.broadcast_to(axis[:, None], one.shape[::2]) for axis in np.eye(3)]
+    axes += [_cross(sides[:, i], other_sides[:, j]) for i, j in product(range(3), repeat=2)]
+    for side in (sides, other_sides):
+        normal = _cross(side[:, 0], side[:, 1])
+        axes += [_cross(normal, side[:, i]) for i in range(3)]
+    return axes
+
+
+def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Whether a plane through the common vertex holds all other control points of two patches apart."""
+    vertex = pairs[:, :1]
+    one, other = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
+    towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (one, other)]
+    apart = _divides(towards[1] - towards[0], one, other)
+    left = np.flatnonzero(~apart)
+    apart[left] = _divides(_middle_plane(one[:, :2, left], other[:, :2, left]), one[:, :, left], other[:, :, left])
+    return apart
+
+
+def _divides(normal: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Whether points lie strictly behind a plane through 0, and others before it."""
+    size = np.maximum(_length(one).max(axis=0), _length(other).max(axis=0))
+    limit = STRICT * size * _length(normal)
+    return (_dot(normal[:, None], one).max(axis=0) < -limit) & (_dot(normal[:, None], other).min(axis=0) > limit)
+
+
+def _middle_plane(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Normal of a plane amid those that hold two flat sectors (3, 2 rays, n) apart, which touch a ray or two each."""
+    one, other = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (one, other))
+    candidates = [_cross(one[:, i], other[:, j]) for i, j in product(range(2), repeat=2)]
+    for rays in (one, other):
+        normal = _unit(_cross(rays[:, 0], rays[:, 1]))
+        candidates += [normal, _cross(normal, rays[:, 0]), _cross(normal, rays[:, 1])]
+    middle = np.zeros_like(one[:, 0])
+    for candidate in map(_unit, candidates):
+        a, b = _dot(candidate[:, None], one), _dot(candidate[:, None], other)
+        forth = (a.max(axis=0) <= STRICT) & (b.min(axis=0) >= -STRICT)
+        back = (a.min(axis=0) >= -STRICT) & (b.max(axis=0) <= STRICT)
+        middle += (forth.astype(float) - back) * candidate
+    return middle
+
+
+def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
+    """Whether two patches with a common edge unfold onto a plane one to one.
+
+    They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on either side;
+    P f is one to one, P being a projection onto a plane, if its gradient has a positive definite symmetric part
+    everywhere. The gradient is linear, so that the corners tell; the quadrilateral may be as high as is best.
+    """
+    one, other = pairs[:, :6], pairs[:, 6:12]
+    along = _unit(one[:, 1] - one[:, 0])
+    away = []
+    for patch in (one, other):
+        height = patch[:, 2] - patch[:, 0]
+        away.append(_unit(height - _dot(height, along) * along))
+    across = _unit(away[0] - away[1])
+    return _unfolds(one, along, across) & _unfolds(other, along, -across)
+
+
+def _unfolds(patch: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Whether the projection of one side can be given a positive definite gradient at its three corners.
+
+    With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, that is
+    4 a d / h > (b / h + c)^2, which h = max |b| / max |c| fulfils if a d > max |b| max |c|.
+    """
+    b0, b1, b2, b01, b12, b20 = (patch[:, k] for k in range(6))
+    edge = 2 * np.stack([b01 - b0, b1 - b01, b12 - b20], axis=1)
+    rise = 2 * np.stack([b20 - b0, b12 - b01, b2 - b20], axis=1) - edge / 2
+    edge = edge / np.maximum(_length(b1 - b0), np.finfo(float).tiny)
+    along, across = along[:, None], across[:, None]
+    a, c = _dot(along, edge), _dot(across, edge)
+    b, d = _dot(along, rise), _dot(across, rise)
+    folded = (a.min(axis=0) <= 0) | (d.min(axis=0) <= STRICT * _length(rise).max(axis=0))
+    return ~folded & (a.min(axis=0) * d.min(axis=0) > np.abs(b).max(axis=0) * np.abs(c).max(axis=0))
+
+
+_CERTIFICATES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
+    "nothing": _apart,
+    "vertex": _apart_but_vertex,
+    "edge": _apart_but_edge,
+}
+
+
+# ---- cutting ---------------------------------------------------------------------------------------------------------
+
+
+def _piece(*corners: np.ndarray) -> np.ndarray:
+    """(6, 6) control points of the piece between three barycentric ``corners`` from those of the patch: its blossom."""
+    ends = [(p, p) for p in corners] + [(corners[i], corners[j]) for i, j in FACE_EDGES]
+    product_of = [np.outer(p, q) for p, q in ends]
+    return np.array([[*np.diag(m), *(m[i, j] + m[j, i] for i, j in FACE_EDGES)] for m in product_of])
+
+
+_V0, _V1, _V2 = np.eye(3)
+_M01, _M12, _M20 = (_V0 + _V1) / 2, (_V1 + _V2) / 2, (_V2 + _V0) / 2
+_QUARTERS = np.array(
+    [_piece(_V0, _M01, _M20), _piece(_V1, _M12, _M01), _piece(_V2, _M20, _M12), _piece(_M01, _M12, _M20)]
+)
+_HALVES_OF_EDGE = [_piece(_V0, _M01, _M20), _piece(_M01, _V1, _M12)]
+_ROUND_MIDDLE = [_piece(_M01, _M20, _V0), _piece(_M01, _V1, _M12), _piece(_M01, _M12, _M20)]
+
+
+def _pairs(pieces: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    return np.array([block_diag(one, other, np.eye(1)) for one, other in pieces])
+
+
+_CUTS = {
+    "nothing": {"nothing": _pairs([(piece, np.eye(6)) for piece in _QUARTERS])},
+    "vertex": {
+        "nothing": _pairs(list(product(_QUARTERS, repeat=2))[1:]),
+        "vertex": _pairs([(_QUARTERS[0], _QUARTERS[0])]),
+    },
+    "edge": {
+        "nothing": _pairs(
+            [(one, other) for i, one in enumerate(_QUARTERS) for j, other in enumerate(_QUARTERS) if 2 in (i, j)]
+        ),
+        "vertex": _pairs(
+            [(_ROUND_MIDDLE[i], _ROUND_MIDDLE[j]) for i, j in product(range(3), repeat=2) if i != j or i == 2]
+        ),
+        "edge": _pairs([(half, half) for half in _HALVES_OF_EDGE]),
+    },
+}

@@ -1,0 +1,62 @@
+"""The mirror planes that a pad may have, and meshes completed by their mirror images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+_TET_SWAP = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+_FACE_SWAP = [0, 2, 1, 5, 4, 3]
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """A vertical plane through the origin; every reflection in it is exact in floating point.
+
+    Attributes
+    ----------
+    normal : (nx, ny) of the plane, towards the side that is kept; components are -1, 0 or 1
+    """
+
+    name: str
+    normal: tuple[int, int]
+
+    def side(self, points: np.ndarray) -> np.ndarray:
+        """(...,) positive on the kept side of the plane, exactly 0 on it; points are (..., 3)."""
+        return self.normal[0] * points[..., 0] + self.normal[1] * points[..., 1]
+
+    def image(self, vectors: np.ndarray) -> np.ndarray:
+        """Vectors or points (..., 3) reflected in the plane."""
+        image = np.array(vectors, dtype=float)
+        if self.normal[0] and self.normal[1]:
+            sign = -self.normal[0] * self.normal[1]
+            image[..., 0], image[..., 1] = sign * vectors[..., 1], sign * vectors[..., 0]
+        else:
+            image[..., 0 if self.normal[0] else 1] *= -1
+        return image + 0.0  # no negative zeros
+
+
+ACROSS_X = Mirror("x", (1, 0))
+ACROSS_Y = Mirror("y", (0, 1))
+ACROSS_SECOND_DIAGONAL = Mirror("-xy", (1, 1))
+ACROSS_DIAGONAL = Mirror("xy", (1, -1))
+
+MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
+"""In an order in which reflecting a point to the kept side of one plane after the other leaves it on that of all."""
+
+
+def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
+    """The mesh and its image, joined in the nodes on the plane."""
+    on_plane = mirror.side(mesh.points) == 0
+    image = np.arange(len(mesh.points))
+    image[~on_plane] = len(mesh.points) + np.arange(np.count_nonzero(~on_plane))
+    return VolumeMesh(
+        np.concatenate([mesh.points, mirror.image(mesh.points[~on_plane])]),
+        np.concatenate([mesh.tets, image[mesh.tets[:, _TET_SWAP]]]),
+        np.concatenate([mesh.faces, image[mesh.faces[:, _FACE_SWAP]]]),
+        np.concatenate([mesh.face_region, mesh.face_region]),
+        np.concatenate([mesh.face_cell, mesh.face_cell]),
+    )

@@ -1,0 +1,54 @@
+"""Second-order elements and the boundary of a mesh of straight tetrahedra."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
+
+_EDGE_NODE = {frozenset(edge): 4 + k for k, edge in enumerate(TET_EDGES)}
+_SIDES = np.array(
+    [
+        [*corners, *(_EDGE_NODE[frozenset((corners[i], corners[j]))] for i, j in FACE_EDGES)]
+        for corners in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+    ]
+)
+"""Nodes of the sides of a tetrahedron, counter-clockwise seen from outside."""
+
+
+def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points (N, 3) that tetrahedra (M, 4) use, and these, all of positive volume."""
+    used, tets = np.unique(tets, return_inverse=True)
+    points, tets = points[used], tets.reshape(-1, 4).astype(np.int64)
+    corners = points[tets]
+    negative = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0
+    return points, np.where(negative[:, None], tets[:, [0, 2, 1, 3]], tets)
+
+
+def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes (N, 3), tetrahedra (M, 10) and boundary triangles (B, 6) as in a `VolumeMesh`, the edges still straight.
+
+    ``points`` (C, 3) are the corners of ``tets`` (M, 4), which have positive volumes; they come first.
+    """
+    edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
+    edges, number = np.unique(edges, axis=0, return_inverse=True)
+    tets = np.concatenate([tets, len(points) + number.reshape(-1, 6)], axis=1)
+    return np.concatenate([points, points[edges].mean(axis=1)]), tets, _once(tets[:, _SIDES].reshape(-1, 6))
+
+
+def boundary_triangles(tets: np.ndarray) -> np.ndarray:
+    """Corners (B, 3) of the sides that only one of ``tets`` (M, 4) has, counter-clockwise seen from outside."""
+    return _once(tets[:, _SIDES[:, :3]].reshape(-1, 3))
+
+
+def _once(sides: np.ndarray) -> np.ndarray:
+    """Those of ``sides`` (S, ...) whose first three nodes no other one has."""
+    _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    return sides[np.sort(first[count == 1])]
+
+
+def edge_ends(tets: np.ndarray) -> np.ndarray:
+    """Corners (E, 2) of each mid-edge node, in the order of these nodes, which follow the corners."""
+    nodes, first = np.unique(tets[:, 4:], return_index=True)
+    assert nodes[0] == tets[:, :4].max() + 1 and len(nodes) == nodes[-1] - nodes[0] + 1
+    return tets[:, np.array(TET_EDGES)].reshape(-1, 2)[first]

@@ -1,0 +1,118 @@
+"""Triangles of a surface: normals, edges, neighbours, nearest points."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from mitsuba_taxel.geometry.box_pairs import overlapping
+
+
+def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals (T, 3) of triangles, as long as their areas."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of length 1; 0 where the length is 0."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume inside a closed surface, negative if its triangles are clockwise seen from outside."""
+    origin = vertices.mean(axis=0)
+    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
+    return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6)
+
+
+def half_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (3 T, 2) in the direction in which their triangles run round, and the numbers (3 T,) of these triangles."""
+    return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), np.repeat(np.arange(len(triangles)), 3)
+
+
+def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (E, 2) that two triangles share, and the numbers (E, 2) of these; edges of one or of many are left out."""
+    edges, owner = half_edges(triangles)
+    edges = np.sort(edges, axis=1).astype(np.int64)
+    key = edges[:, 0] * (int(triangles.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    start = np.flatnonzero(np.diff(key[order], prepend=-1))
+    twice = start[np.diff(start, append=len(order)) == 2]
+    return edges[order[twice]], owner[np.stack([order[twice], order[twice + 1]], axis=1)]
+
+
+def components(count: int, pairs: np.ndarray) -> np.ndarray:
+    """Number (count,) of the connected part that each of ``count`` things is in, given ``pairs`` (P, 2) that touch."""
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Point (N, 3) of each triangle (N, 3, 3) closest to a point (N, 3).
+
+    It is the foot on the plane where that lies in the triangle, else the nearest of those on the three edges.
+    """
+    a, b, c = (corners[:, k] for k in range(3))
+    normal = unit(np.cross(b - a, c - a))
+    foot = points - np.einsum("ij,ij->i", points - a, normal)[:, None] * normal
+    inside = np.linalg.norm(normal, axis=1) > 0
+    best = np.full(len(points), np.inf)
+    nearest = np.empty_like(points)
+    for start, end in ((a, b), (b, c), (c, a)):
+        inside &= np.einsum("ij,ij->i", np.cross(end - start, foot - start), normal) >= 0
+        candidate = closest_on_segments(points, start, end)
+        distance = np.linalg.norm(points - candidate, axis=1)
+        nearest = np.where((distance < best)[:, None], candidate, nearest)
+        best = np.minimum(best, distance)
+    return np.where(inside[:, None], foot, nearest)
+
+
+def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Point (N, 3) of each segment from ``start`` (N, 3) to ``end`` (N, 3) closest to a point (N, 3)."""
+    along = end - start
+    square = np.einsum("ij,ij->i", along, along)
+    fraction = np.einsum("ij,ij->i", points - start, along) / np.where(square > 0, square, 1.0)
+    return start + np.clip(fraction, 0, 1)[:, None] * along
+
+
+def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs of a point (N, 3) and a triangle, segment or point (M, K, 3) whose boxes are within ``reach``."""
+    return overlapping(points - reach, points + reach, corners.min(axis=1), corners.max(axis=1))
+
+
+def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
+    """Positions of the entry of least ``cost`` (P,) for each value of ``keys`` (P,), by ascending value."""
+    order = np.lexsort((cost, keys))
+    return order[np.diff(keys[order], prepend=-1) > 0]
+
+
+def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles cut at the vertices ``middle`` (T, 3) on their edges, -1 where there is none, and what they were."""
+    cuts = (middle >= 0).sum(axis=1)
+    pieces, parents = [triangles[cuts == 0]], [np.flatnonzero(cuts == 0)]
+
+    def turned(rows: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        order = (first[:, None] + np.arange(3)) % 3
+        return np.take_along_axis(triangles[rows], order, axis=1), np.take_along_axis(middle[rows], order, axis=1)
+
+    def add(rows: np.ndarray, *new: list[np.ndarray]) -> None:
+        for corners in new:
+            pieces.append(np.stack(corners, axis=1))
+            parents.append(rows)
+
+    rows = np.flatnonzero(cuts == 1)
+    (a, b, c), (m, _, _) = (x.T for x in turned(rows, np.argmax(middle[rows] >= 0, axis=1)))
+    add(rows, [a, m, c], [m, b, c])
+    # Edges ab and bc are cut; of what is left, the shorter diagonal.
+    rows = np.flatnonzero(cuts == 2)
+    (a, b, c), (m, n, _) = (x.T for x in turned(rows, (np.argmax(middle[rows] < 0, axis=1) + 1) % 3))
+    from_a = np.linalg.norm(points[a] - points[n], axis=1) < np.linalg.norm(points[m] - points[c], axis=1)
+    add(rows, [m, b, n], [np.where(from_a, a, m), np.where(from_a, m, n), np.where(from_a, n, c)])
+    add(rows, [a, np.where(from_a, n, m), c])
+    rows = np.flatnonzero(cuts == 3)
+    (a, b, c), (m, n, o) = triangles[rows].T, middle[rows].T
+    add(rows, [a, m, o], [m, b, n], [o, n, c], [m, n, o])
+    return np.concatenate(pieces), np.concatenate(parents)

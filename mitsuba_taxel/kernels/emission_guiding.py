@@ -1,0 +1,91 @@
+"""In which directions an LED releases its rays, so that more of them come back by way of mirrors.
+
+Light that a mirror throws onto a small phototransistor is found by hits alone, and most rays miss. A pilot run learns
+from which part of the law's unit square the light that arrives has come; rays are then drawn from there more often,
+and weigh less. One ray in five is still drawn after the law alone, so that no weight exceeds five.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
+from mitsuba_taxel.kernels.walls import walls_of
+
+_DEPTH = 10  # levels of the tree: 32 x 32 cells
+_PILOT = 1 << 14
+_DEFENSIVE = 0.2
+
+
+class Aim:
+    """A piecewise constant density over the unit square for each taxel.
+
+    Parameters
+    ----------
+    density : (T, 32, 32) positive, row along the second coordinate; each mean is 1
+    """
+
+    def __init__(self, density: np.ndarray) -> None:
+        self.shares = mi.Float(shares_of_grid(density).ravel())
+        self.density = mi.Float(density.astype(np.float32).ravel())
+
+    def sample(self, taxel: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
+        """A point of the unit square, and its density."""
+        leaf, rest = descend(self.shares, _DEPTH, taxel, sample)
+        x, y = mi.UInt32(0), mi.UInt32(0)
+        for level in range(_DEPTH):  # the bits of the leaf take turns
+            bit = (leaf >> (_DEPTH - 1 - level)) & 1
+            x, y = (2 * x + bit, y) if level % 2 == 0 else (x, 2 * y + bit)
+        side = 1 << (_DEPTH // 2)
+        density = dr.gather(mi.Float, self.density, (taxel * side + y) * side + x)
+        return mi.Point2f(mi.Float(x) + rest.x, mi.Float(y) + rest.y) / side, density
+
+
+def aim_for(integrator: Any, scene: Any, pair: Any) -> Aim | None:
+    """What a pilot run teaches, in a scene with mirrors; without them there is nothing to learn.
+
+    The pilot's random numbers are always the same and enter no result. What it taught is kept with the phototransistor:
+    if the scene is changed, the density is still right, only less apt.
+    """
+    mirrors = ("mirror", "mixed", "rough_mirror")
+    if not any(getattr(wall, "scattering", "") in mirrors for wall in walls_of(scene)):
+        return None
+    if not hasattr(pair.sensor, "aim"):
+        pair.sensor.aim = Aim(_learn(integrator, scene, pair))
+    return pair.sensor.aim
+
+
+def _learn(integrator: Any, scene: Any, pair: Any) -> np.ndarray:
+    sampler = pair.sensor.sampler().fork()
+    sampler.set_sample_count(_PILOT)
+    lanes = pair.count * _PILOT
+    sampler.seed(0, lanes)
+    taxel = mi.UInt32(sampler.sequence)
+    power = integrator.sample_aimed(scene, pair, taxel, taxel, sampler, None, None).numpy()
+    sampler.seed(0, lanes)
+    sampler.next_2d()
+    u = np.array(sampler.next_2d())
+    side = 1 << (_DEPTH // 2)
+    column, row = np.minimum((u * side).astype(int), side - 1)
+    cell = (np.arange(lanes) // _PILOT * side + row) * side + column
+    square = np.bincount(cell, power.astype(float) ** 2, pair.count * side**2).reshape(-1, side, side)
+    return _density(square)
+
+
+def _density(square: np.ndarray) -> np.ndarray:
+    """The density that a sum of squared powers in each cell asks for, spread to the neighbours of each cell."""
+    # The second coordinate is an angle for every law, so it wraps; the first does not.
+    wrapped = np.pad(np.pad(square, ((0, 0), (1, 1), (0, 0)), mode="wrap"), ((0, 0), (0, 0), (1, 1)))
+    near = sum(
+        wrapped[:, i : i + square.shape[1], j : j + square.shape[2]] * (1.0 if i == j == 1 else 0.25)
+        for i in range(3)
+        for j in range(3)
+    )
+    wish = np.sqrt(near)
+    mean = wish.mean(axis=(1, 2), keepdims=True)
+    wish = np.divide(wish, mean, out=np.ones_like(wish), where=mean > 0)
+    return _DEFENSIVE + (1 - _DEFENSIVE) * wish

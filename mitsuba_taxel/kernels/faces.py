@@ -1,0 +1,145 @@
+"""Where the copies of one small rectangular face (an LED or a phototransistor) lie on the shape that carries it.
+
+A `photo_reflector` carries a grid of them, a `rectangle` carries one. Both emitter and sensor ask here for points
+on a face and for the face under a point, and so share one idea of "taxel i".
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+
+PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
+"""The plugin of each face, for messages."""
+
+
+class FaceGrid:
+    """Congruent parallel rectangles on a regular grid, numbered row by row from (-x, +y).
+
+    Parameters
+    ----------
+    to_world : mi.ScalarTransform4f
+        rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
+    centre : (3,) centre of face 1 when the grid has one face, else of the grid, in the carrier's frame.
+    size : (2,) extent of a face along the carrier's x and y.
+    rows, columns, pitch : the grid; rows run from +y to -y, columns along +x.
+    """
+
+    def __init__(self, to_world, centre, size, rows: int = 1, columns: int = 1, pitch: float = 0.0) -> None:
+        matrix = np.array(to_world.matrix, dtype=float)
+        scale = similarity_scale(matrix)
+        column, row = np.meshgrid(np.arange(columns), np.arange(rows))
+        local = np.zeros((rows * columns, 3))
+        local[:, 0] = (column.ravel() - (columns - 1) / 2) * pitch
+        local[:, 1] = ((rows - 1) / 2 - row.ravel()) * pitch
+        local += np.asarray(centre, dtype=float)
+        world = local @ matrix[:3, :3].T + matrix[:3, 3]
+
+        self.rows, self.columns = rows, columns
+        self.count = rows * columns
+        self.scale = scale
+        # Only copies of numbers: a stock integrator may ask first, while it records a kernel, when none can run.
+        self.centres = mi.Point3f(*(mi.Float(_aligned(c)) for c in world.T))
+        axes = matrix[:3, :3].T / scale
+        self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
+        self.origin = _opaque(mi.Point3f, world[0])
+        self.size = _opaque(mi.Vector2f, [scale * extent for extent in size])
+        self.area = dr.opaque(mi.Float, scale**2 * size[0] * size[1])
+        self.pitch = dr.opaque(mi.Float, scale * pitch if pitch > 0 else 1.0)
+        self.last = (columns - 1, rows - 1)
+
+    def point(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point3f:
+        """World position at ``offset`` (world lengths along the face's x and y) from the centre of face ``index``."""
+        centre = dr.gather(mi.Point3f, self.centres, index)
+        return centre + self.frame.to_world(mi.Vector3f(offset.x, offset.y, 0))
+
+    def locate(self, p: mi.Point3f) -> tuple[mi.UInt32, mi.Point2f]:
+        """The face whose centre is nearest to ``p``, and the offset of ``p`` from that centre."""
+        local = self.frame.to_local(p - self.origin)
+        column = self._nearest(local.x, self.last[0])
+        row = self._nearest(-local.y, self.last[1])
+        offset = mi.Point2f(local.x - column * self.pitch, local.y + row * self.pitch)
+        return mi.UInt32(row) * self.columns + mi.UInt32(column), offset
+
+    def _nearest(self, distance: mi.Float, last: int) -> mi.Float:
+        return dr.clip(dr.round(distance / self.pitch), 0, last)
+
+
+def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
+    """The faces called ``name`` (``led`` or ``phototransistor``) of extent ``size`` that ``shape`` carries.
+
+    Raises
+    ------
+    InputError
+        if there is no shape, it is neither a `photo_reflector` nor a `rectangle`, or a face does not fit on it.
+    """
+    if shape is None:
+        raise InputError(f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector.")
+    if hasattr(shape, "face_grid"):
+        return shape.face_grid(name)
+    if shape.class_name() != "Rectangle":
+        raise InputError(
+            f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector, not in a {shape.class_name()}."
+        )
+    return _face_on_rectangle(matrix_of(shape), name, size)
+
+
+def matrix_of(shape: mi.Shape) -> np.ndarray:
+    """(4, 4) the transformation to the world of a shape that has one, as a rectangle.
+
+    Entry by entry: to gather them into one array would run a kernel, of which each place has its own, and which cannot
+    be while another is recorded.
+    """
+    rows = mi.traverse(shape)["to_world"].matrix
+    return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
+
+
+def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float]) -> FaceGrid:
+    half = np.linalg.norm(matrix[:3, :2], axis=0)
+    axes = matrix[:3, :2] / half
+    if abs(axes[:, 0] @ axes[:, 1]) > 1e-5:
+        raise InputError(f"{PLUGINS[name]}: the rectangle that carries it is sheared; its sides must be perpendicular.")
+    if any(extent > 2 * h * (1 + 1e-5) for extent, h in zip(size, half, strict=True)):
+        raise InputError(
+            f"{PLUGINS[name]}: {size[0]:g} x {size[1]:g} mm do not fit on its rectangle, "
+            f"{2 * half[0]:g} x {2 * half[1]:g} mm."
+        )
+    normal = np.linalg.inv(matrix[:3, :3]).T[:, 2]
+    normal /= np.linalg.norm(normal)
+    rigid = np.eye(4)
+    rigid[:3, 0], rigid[:3, 1], rigid[:3, 2] = axes[:, 0], np.cross(normal, axes[:, 0]), normal
+    rigid[:3, 3] = matrix[:3, 3]
+    return FaceGrid(mi.ScalarTransform4f(rigid), (0, 0, 0), size)
+
+
+def _opaque(kind: type, values) -> Any:
+    """A vector whose components are kernel parameters, not literals: other numbers need no other kernel."""
+    return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
+
+
+def similarity_scale(matrix: np.ndarray) -> float:
+    """Uniform scale of a (4, 4) rigid motion with scale.
+
+    Raises
+    ------
+    InputError
+        if the transformation shears, mirrors, or scales the axes differently.
+    """
+    linear = matrix[:3, :3]
+    scale = float(np.cbrt(np.linalg.det(linear)))
+    if not scale > 0 or not np.allclose(linear.T @ linear, scale**2 * np.eye(3), atol=1e-4 * scale**2):
+        raise InputError("to_world must be a rigid motion with at most a uniform scale (no shear, no mirror).")
+    return scale
+
+
+def _aligned(values: np.ndarray) -> np.ndarray:
+    """Single precision on a boundary of 64 bytes: Dr.Jit takes memory as it is, and its alignment into the kernel."""
+    buffer = np.empty(len(values) + 16, np.float32)
+    start = -buffer.ctypes.data % 64 // 4
+    buffer[start : start + len(values)] = values
+    return buffer[start : start + len(values)]

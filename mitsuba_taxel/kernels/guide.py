@@ -1,0 +1,275 @@
+"""Where light that a wall scatters may be scattered again: the triangles to which `taxel_tracer` guides its paths.
+
+In a domed cell about half of what the roof scatters falls on the absorbing board. Paths that are drawn from the wall
+alone end there at random, and that ends the gain of quasi-random points as well. So most of the next vertices are
+drawn from the scattering triangles of the taxel's own cell instead: for Lambertian walls uniformly over their area, as
+in a sphere each part of the wall lights every other alike; for isotropic walls with a density that falls with the
+distance, as theirs does. Any density gives an unbiased estimate; only the scatter depends on it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.cell_surface import CellSurface
+from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
+from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
+
+_SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a wall of the guide; the rest bounds the weights
+_LEAST_RETURN = 0.1  # of what the walls of the guide scatter to each other; below it a guide costs more than it gains
+_WORTHWHILE = 0.9  # of the mean square weight without a guide
+
+
+@dataclass(frozen=True)
+class Members:
+    """The triangles of a guide, in the order in which they are drawn: all of it that does not change under a load.
+
+    So that the same random numbers draw nearly the same points at neighbouring load steps, and a pad that has been
+    moved is read as one that has been loaded so.
+
+    Attributes
+    ----------
+    owner : (N,) taxel of each triangle, -1 for none
+    numbers : (M,) the triangles that have an owner
+    trees : over them, one for each taxel
+    """
+
+    owner: np.ndarray
+    numbers: np.ndarray
+    trees: MemberTrees
+
+
+class Guide:
+    """Scattering triangles of one mesh, sorted by the taxel that they belong to.
+
+    A point is drawn through a k-d tree over each taxel's triangles, halved by number and weighted by area, so that
+    neighbouring random numbers give neighbouring points.
+
+    Parameters
+    ----------
+    mesh : the ``mi.Mesh``
+    members : which of its triangles, and their order
+    near : whether near points are to be drawn more often than far ones
+    """
+
+    def __init__(self, mesh: Any, members: Members, near: bool) -> None:
+        self.mesh = mi.ShapePtr(mesh)
+        self.share = dr.opaque(mi.Float, _NEAR_SHARE if near else _SHARE)
+        self.corners = _corners(mesh)
+        self.near = near
+        owner, numbers, trees = members.owner, members.numbers, members.trees
+        a, b, c = self._corners(mi.UInt32(numbers))
+        areas = np.array(0.5 * dr.norm(dr.cross(b - a, c - a)), dtype=float)
+        shares = trees.shares(areas)
+        self.depth = trees.depth
+        self.shares = mi.Float(shares.ravel())
+        self.leaves = mi.UInt32(numbers[trees.leaves].ravel())
+        self.owner = mi.Int32(owner)
+        self.area = mi.Float(np.bincount(owner[numbers], areas, len(shares)))
+        if near:
+            boxes = np.zeros((len(owner), 4), np.float32)
+            boxes[numbers] = trees.boxes(shares)
+            self.boxes = mi.Float(boxes.ravel())
+
+    def sample(
+        self, index: mi.UInt32, place: mi.Point2f, sample: mi.Point2f, nearness: mi.Float
+    ) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point on the triangles of taxel ``index``, as seen from ``place``, and the number of its triangle.
+
+        Parameters
+        ----------
+        place : where on the unit square the ray starts, see :meth:`place`; without meaning unless ``near``
+        sample, nearness : uniform random numbers
+        """
+        if self.near:
+            sample = place + (sample - place) * dr.minimum(2 * nearness, 1)
+        return self.uniform(index, sample)
+
+    def uniform(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point uniform over the area of the triangles of taxel ``index``, and the number of its triangle."""
+        leaf, rest = descend(self.shares, self.depth, index, sample)
+        triangle = dr.gather(mi.UInt32, self.leaves, (index << self.depth) + leaf)
+        a, b, c = self._corners(triangle)
+        barycentric = mi.warp.square_to_uniform_triangle(rest)
+        return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
+
+    def place(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
+        """The point of the unit square that :meth:`uniform` takes to a hit on one of the triangles."""
+        if not self.near:
+            return mi.Point2f(0)
+        a, b, c = self._corners(si.prim_index, member)
+        u, v, w = b - a, c - a, si.p - a
+        uu, uv, vv, wu, wv = dr.dot(u, u), dr.dot(u, v), dr.dot(v, v), dr.dot(w, u), dr.dot(w, v)
+        determinant = dr.maximum(uu * vv - dr.square(uv), 1e-30)
+        barycentric = mi.Point2f(vv * wu - uv * wv, uu * wv - uv * wu) / determinant
+        x = dr.clip(1 - dr.square(1 - barycentric.x), 0, 1)
+        y = dr.clip(barycentric.y / dr.maximum(1 - barycentric.x, 1e-6), 0, 1)
+        low = [dr.gather(mi.Float, self.boxes, 4 * si.prim_index + k, member) for k in range(4)]
+        return mi.Point2f(dr.fma(x, low[2], low[0]), dr.fma(y, low[3], low[1]))
+
+    def density(self, index: mi.UInt32, place: mi.Point2f, target: mi.Point2f) -> mi.Float:
+        """Probability per area that :meth:`sample` draws the point at ``target``; both as :meth:`place` has them.
+
+        With s = min(2 nearness, 1) the density of place + s (sample - place) at a distance d from ``place`` is
+        D / (2 d), where D is the distance from ``place`` to the rim of the unit square in that direction.
+        """
+        area = dr.gather(mi.Float, self.area, index)
+        density = dr.select(area > 0, dr.rcp(area), 0)
+        if not self.near:
+            return density
+        step = target - place
+        to_rim = [dr.select(step[k] > 0, (1 - place[k]) / step[k], -place[k] / step[k]) for k in range(2)]
+        reach = dr.minimum(*(dr.select(dr.abs(step[k]) > 1e-9, to_rim[k], 1e9) for k in range(2)))
+        return density * 0.5 * dr.maximum(reach, 1)
+
+    def normal(self, triangle: mi.UInt32) -> mi.Vector3f:
+        """Unit normal of a triangle."""
+        a, b, c = self._corners(triangle)
+        return dr.normalize(dr.cross(b - a, c - a))
+
+    def _corners(self, triangle: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Point3f]:
+        return [dr.gather(mi.Point3f, self.corners, 3 * triangle + k, active) for k in range(3)]
+
+    def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
+        """Whether a hit lies on the triangles of taxel ``index``."""
+        here = active & (si.shape == self.mesh)
+        return here & (dr.gather(mi.Int32, self.owner, si.prim_index, here) == mi.Int32(index))
+
+
+def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
+    """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays.
+
+    Whether it pays is found out once, where the mesh is when it is first looked at, so that readings before and after
+    a small move share their random numbers.
+    """
+    for mesh in scene.shapes():
+        if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
+            positions = np.array(mi.traverse(mesh)["vertex_positions"])  # its variable stays the same where a pad moves
+            known, before = getattr(pair.sensor, "guide", (None, None))
+            if known is None:
+                guide = _guide_on(mesh, pair)
+                pays = guide is not None and _gain(guide, scene, pair) < _WORTHWHILE
+                pair.sensor.guide = (positions, guide if pays else None)
+            elif not np.array_equal(known, positions):
+                pair.sensor.guide = (positions, before and _guide_on(mesh, pair))
+            return pair.sensor.guide[1]
+    return None
+
+
+def _guide_on(mesh: Any, pair: Any) -> Guide | None:
+    surface = getattr(mesh, "undeformed", None) or _surface_of(mesh)
+    walls = _regions_by_wall(mesh.bsdf())
+    leds = np.array(pair.led.faces.centres).T
+    taxels = np.argmin(np.linalg.norm(surface.middles[:, None] - leds[None], axis=2), axis=1)  # nearest to each cell
+    members = _members(surface, tuple(walls["lambertian"] or walls["isotropic"]), tuple(taxels.tolist()), pair.count)
+    return None if members is None else Guide(mesh, members, near=not walls["lambertian"])
+
+
+@lru_cache(maxsize=4)  # the scenes of a study share their undeformed pads
+def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, ...], count: int) -> Members | None:
+    """The triangles in some regions of the cells that ``taxels`` look into; None if they have no area or are flat."""
+    corners, cell = surface.vertices[surface.triangles], surface.cell
+    numbers = np.flatnonzero(np.isin(surface.region, regions) & (cell > 0) & (_areas(corners) > 0))
+    if not len(numbers) or _is_flat(corners[numbers], cell[numbers]):
+        return None
+    taxel = np.array(taxels)[cell[numbers]]
+    owner = np.full(len(cell), -1, dtype=np.int32)
+    owner[numbers] = taxel
+    trees = MemberTrees(_unrolled(corners[numbers].mean(axis=1), taxel), taxel, count)
+    return Members(owner, numbers.astype(np.uint32), trees)
+
+
+def _surface_of(mesh: Any) -> CellSurface:
+    """The surface of a mesh that is no `deformable_pad`, and therefore deforms only where a user moves it."""
+    parameters = mi.traverse(mesh)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    region, cell = (np.rint(np.array(parameters[f"face_{name}"])).astype(int) for name in ("region", "cell"))
+    return CellSurface(vertices, np.array(parameters["faces"]).reshape(-1, 3), region, cell)
+
+
+def _corners(mesh: Any) -> mi.Float:
+    """(9 N,) coordinates of the corners of all triangles, one triangle after the other."""
+    parameters = mi.traverse(mesh)
+    faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
+    number = dr.arange(mi.UInt32, 3 * len(faces))
+    corners = dr.gather(mi.Float, positions, 3 * dr.gather(mi.UInt32, faces, number // 3) + number % 3)
+    dr.eval(corners)
+    return corners
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """(N,) areas of triangles."""
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
+def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
+    """Whether the triangles of each cell face one way, within some ten degrees: they cannot see much of each other."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    total = np.bincount(cell, np.linalg.norm(normals, axis=1))
+    resultant = np.linalg.norm([np.bincount(cell, column) for column in normals.T], axis=0)
+    return bool(np.all(resultant >= 0.98 * total))
+
+
+def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
+    """Codes of the regions that Lambertian and isotropic walls cover, under a `region` or a single `wall`."""
+    walls = getattr(bsdf, "walls", None)
+    if walls is None:
+        walls = dict.fromkeys(ALL_REGIONS, bsdf)
+    return {
+        kind: [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == kind]
+        for kind in ("lambertian", "isotropic")
+    }
+
+
+def _gain(guide: Guide, scene: mi.Scene, pair: Any) -> float:
+    """By how much the guide multiplies the mean square of the weight that a ray has after one more reflection.
+
+    Found by rays that points of the guide scatter. In a smooth dome the ratio is about a half; where walls meet in
+    corners most light goes to walls close by, which the guide misses, and the ratio exceeds 1.
+    """
+    rays = 1 << 13
+    rng = mi.PCG32(rays)
+    taxel = dr.arange(mi.UInt32, rays) % dr.opaque(mi.UInt32, pair.count)
+    from_ = mi.Point2f(rng.next_float32(), rng.next_float32())
+    p, triangle = guide.uniform(taxel, from_)
+    n = mi.Normal3f(guide.normal(triangle))
+    sample = mi.Point2f(rng.next_float32(), rng.next_float32())
+    if guide.near:
+        local, scattered = mi.warp.square_to_uniform_hemisphere(sample), mi.Float(dr.inv_two_pi)
+    else:
+        local = mi.warp.square_to_cosine_hemisphere(sample)
+        scattered = dr.inv_pi * local.z
+    d = mi.Frame3f(n).to_world(local)
+    si = scene.ray_intersect(leave(mi.Point3f(p), n, d, clearance_of(pair)))
+    seen = guide.contains(taxel, si, si.is_valid())
+    scattered *= dr.abs(dr.dot(si.n, d)) / dr.square(si.t)
+    drawn = guide.density(taxel, from_, guide.place(si, seen))
+    weight = scattered / ((1 - guide.share) * scattered + guide.share * drawn)
+    without = dr.count(seen)[0]
+    return float(dr.sum(dr.select(seen, weight, 0))[0]) / without if without > _LEAST_RETURN * rays else math.inf
+
+
+def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """(M, 2) places of points (M, 3) on a plane, such that neighbours stay neighbours.
+
+    Seen along the axis in which the points of one taxel lie narrowest, each keeps its direction from the middle, and
+    its distance from the point at the middle becomes its radius. On a sphere that is the map that keeps areas.
+    """
+    count = np.maximum(np.bincount(owner), 1)
+    centre = np.stack([np.bincount(owner, column) / count for column in points.T], axis=1)
+    deviation = points - centre[owner]
+    flat = deviation @ np.linalg.eigh(deviation.T @ deviation)[1][:, :0:-1]
+    radius = np.linalg.norm(flat, axis=1)
+    middle = np.zeros_like(centre)
+    inward = np.lexsort((-radius, owner))  # the last of each taxel is the one at its middle
+    middle[owner[inward]] = points[inward]
+    unrolled = np.linalg.norm(points - middle[owner], axis=1)
+    return flat * (unrolled / np.maximum(radius, 1e-30))[:, None]

@@ -1,0 +1,56 @@
+"""Reflectance tabulated against the wavelength."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.tables import read_columns
+
+_NAME = "reflectance_table"
+
+
+class ReflectanceTable:
+    """Reflectance against wavelength from a CSV file, which is found as Mitsuba finds a scene's other files.
+
+    Two columns: wavelength in nm, finite, above 0 and increasing; reflectance from 0 to 1. Empty lines and what follows
+    a ``#`` do not count. In between it is linear.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read or holds anything else.
+    """
+
+    def __init__(self, file: object) -> None:
+        if not isinstance(file, str):
+            raise InputError(f"{_NAME} = {file!r} is not allowed: the name of a CSV file is needed.")
+        self.file = file
+        self.wavelengths, self.reflectances = read_columns(_NAME, file, fewest=1).T
+        self._check()
+
+    def at(self, nm: float) -> float:
+        """Reflectance at a wavelength in nm.
+
+        Raises
+        ------
+        InputError
+            if the wavelength lies outside the table.
+        """
+        first, last = self.wavelengths[0], self.wavelengths[-1]
+        if not first <= nm <= last:
+            raise InputError(
+                f"{_NAME} = {self.file!r} has no reflectance at the wavelength of {nm:g} nm: "
+                f"it holds {first:g} to {last:g} nm."
+            )
+        return float(np.interp(nm, self.wavelengths, self.reflectances))
+
+    def _check(self) -> None:
+        steps = np.diff(self.wavelengths, prepend=0.0)
+        bad = ~(np.isfinite(self.wavelengths) & (steps > 0) & (self.reflectances >= 0) & (self.reflectances <= 1))
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(
+                f"{_NAME} = {self.file!r}: row {row + 1}, {self.wavelengths[row]:g}, {self.reflectances[row]:g}, "
+                "is not allowed: finite wavelengths in nm that increase and reflectances from 0 to 1 are needed."
+            )

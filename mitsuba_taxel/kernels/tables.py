@@ -1,0 +1,155 @@
+"""Tables in CSV files, and quantities tabulated against the polar angle, looked up inside kernels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+
+NODES = 4096
+"""Points of a table inside kernels, the same for every file, so that another file needs no other kernel."""
+
+SMALLEST_STEP = 1e-3
+"""Degrees between two rows: closer angles are the same in single precision, or nearly so."""
+
+RIGHT_ANGLE, NARROW = 1.571, 0.2
+"""In radians, rounded up. A table that ends between the two is taken for one in radians: hardly a part has so narrow a
+beam, in degrees, and many have one that ends there in radians, from 11 to 90 degrees."""
+
+
+class Interpolant:
+    """A function that is linear between its nodes and zero outside them.
+
+    Parameters
+    ----------
+    nodes : (NODES,) strictly increasing
+    values : (NODES,) at the nodes
+    """
+
+    def __init__(self, nodes: np.ndarray, values: np.ndarray) -> None:
+        self.nodes = mi.Float(nodes.astype(np.float32))
+        self.values = mi.Float(values.astype(np.float32))
+
+    def __call__(self, x: mi.Float) -> mi.Float:
+        cell = find_cell(self.nodes, x)
+        left, right = dr.gather(mi.Float, self.nodes, cell), dr.gather(mi.Float, self.nodes, cell + 1)
+        low, high = dr.gather(mi.Float, self.values, cell), dr.gather(mi.Float, self.values, cell + 1)
+        inside = (x >= left) & (x <= right)
+        return dr.select(inside, dr.lerp(low, high, (x - left) / (right - left)), 0)
+
+
+def find_cell(nodes: mi.Float, x: mi.Float) -> mi.UInt32:
+    """The last of the ``NODES - 1`` cells between increasing ``nodes`` that starts at or before ``x``."""
+    return dr.binary_search(1, NODES - 1, lambda i: dr.gather(mi.Float, nodes, i) <= x) - 1
+
+
+def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same function, linear between the rows of a table, at ``NODES`` angles.
+
+    All rows are kept; the rest of the nodes subdivides the intervals between them as evenly as whole numbers allow, so
+    that neighbours are at most 90 / (NODES - rows) degrees apart.
+
+    Parameters
+    ----------
+    angles, values : (n,), with n of at most ``NODES``; angles start at 0.
+
+    Returns
+    -------
+    angles, values : (NODES,)
+    """
+    rows = len(angles)
+    place = np.arange(rows) + np.floor((NODES - rows) * (angles / angles[-1]))
+    nodes = np.arange(NODES)
+    return np.interp(nodes, place, angles), np.interp(nodes, place, values)
+
+
+def read_angular_table(props: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The table in the CSV file that the parameter ``file`` names, found as Mitsuba finds a scene's other files.
+
+    Two columns: polar angle in degrees, value. Empty lines and what follows a ``#`` do not count.
+
+    Returns
+    -------
+    angles : (n,) degrees, from 0 to at most 90, strictly increasing
+    values : (n,) finite, at least 0, not all 0
+
+    Raises
+    ------
+    InputError
+        if the parameter is missing, the file cannot be read, or holds anything else.
+    """
+    file = props.get("file", None)
+    if not isinstance(file, str):
+        given = "file is missing" if file is None else f"file = {file!r} is not allowed"
+        raise InputError(f"{given}: the name of a CSV file with columns angle in degrees, value is needed.")
+    angles, values = read_columns("file", file, fewest=2).T
+    _check_angles(file, angles)
+    _check_values(file, values)
+    return angles, values
+
+
+def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
+    """The numbers in a CSV file of two columns that a parameter names, (n, 2) with n from ``fewest`` to ``NODES``."""
+    given = f"{parameter} = {file!r}"
+    try:
+        text = Path(str(mi.file_resolver().resolve(file))).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{given} is no text: a CSV file is needed.") from error
+    lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
+    try:
+        table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
+    except ValueError as error:
+        row = next(number for number, line in enumerate(lines, start=1) if not _is_pair(line))
+        raise InputError(
+            f"{given}: row {row}, {lines[row - 1][:60]!r}, is not allowed: two columns of numbers are needed."
+        ) from error
+    rows, columns = table.shape
+    if columns != 2 or not fewest <= rows <= NODES:
+        raise InputError(
+            f"{given} has {rows} rows and {columns} columns: from {fewest} to {NODES} rows and 2 columns are needed."
+        )
+    return table
+
+
+def _is_pair(line: str) -> bool:
+    try:
+        return np.loadtxt([line], delimiter=",").shape == (2,)
+    except ValueError:
+        return False
+
+
+def _check_angles(file: str, angles: np.ndarray) -> None:
+    with np.errstate(invalid="ignore"):
+        steps = np.diff(angles, prepend=-SMALLEST_STEP)
+    allowed = np.isfinite(angles) & (steps >= SMALLEST_STEP * (1 - 1e-6)) & (angles <= 90)
+    allowed[0] = angles[0] == 0
+    if not allowed.all():
+        row = int(np.argmin(allowed))
+        raise InputError(
+            f"file = {file!r}: the angle {angles[row]:g} in row {row + 1} is not allowed: angles must start at 0 and "
+            f"increase to at most 90 degrees, by at least {SMALLEST_STEP:g} from row to row."
+        )
+    if NARROW < angles[-1] <= RIGHT_ANGLE:
+        raise InputError(
+            f"file = {file!r}: the angles end at {angles[-1]:g}, and look like radians: degrees are needed (a beam as "
+            "narrow as that is described by cone_angle or exponent)."
+        )
+
+
+def _check_values(file: str, values: np.ndarray) -> None:
+    allowed = np.isfinite(values) & (values >= 0)
+    if not allowed.all():
+        row = int(np.argmin(allowed))
+        raise InputError(
+            f"file = {file!r}: the value {values[row]:g} in row {row + 1} is not allowed: finite numbers of at least 0 "
+            "are needed."
+        )
+    if not values.any():
+        raise InputError(f"file = {file!r}: all values are 0, but at least one above 0 is needed.")

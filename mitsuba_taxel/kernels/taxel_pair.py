@@ -1,0 +1,24 @@
+"""An LED array and the phototransistor array that is read against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class TaxelPair:
+    """An `annular_led` and the `phototransistor` read against it, each an array of the same number of faces."""
+
+    led: Any
+    sensor: Any
+
+    @property
+    def count(self) -> int:
+        """How many taxels the pair holds."""
+        return self.sensor.faces.count
+
+    @property
+    def coplanar(self) -> bool:
+        """Whether LEDs and phototransistors lie in one plane, so that no light goes straight across."""
+        return self.led.get_shape().ptr == self.sensor.get_shape().ptr  # wrappers in Python may differ

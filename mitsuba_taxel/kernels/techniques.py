@@ -1,0 +1,213 @@
+"""Three ways to read the light that leaves a vertex of a path, and the weights under which they may be added.
+
+A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be made as
+
+* a *connection*: x1 .. xn by scattering, y uniform on the phototransistor;
+* a *meeting*: x1 .. x(n-1) by scattering, y uniform and xn where a ray leaves y after the cosine law;
+* a *hit*: x1 .. xn and y by scattering.
+
+The three densities share the factor of x1 .. x(n-1), so their ratios, and with them the weights of the power heuristic,
+follow from what happens at xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
+chapters 9 and 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_taxel.kernels.guide import Guide
+from mitsuba_taxel.kernels.ray_offsets import between, release
+
+Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
+"""World direction -> what leaves that way per unit that arrives [1/sr, cosine included], and its density [1/sr]."""
+
+
+@dataclass
+class Vertex:
+    """Where a path is, with what it carries."""
+
+    p: mi.Point3f
+    n: mi.Normal3f
+    throughput: mi.Float  # W
+    guided: mi.Float  # chance that the guide draws the next direction
+    place: mi.Point2f  # of the vertex, as the guide has it
+    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no meeting could have made it
+
+
+@dataclass
+class View:
+    """A point of the phototransistor and what it sees along one ray."""
+
+    y: mi.Point3f
+    offset: mi.Point2f  # of y from the centre of the phototransistor
+    si: mi.SurfaceInteraction3f  # the point z that it sees
+    bsdf: mi.BSDFPtr
+    valid: mi.Bool
+    response: mi.Float
+    to_y: mi.Vector3f  # direction from z to y, in the frame of z
+    cosine: mi.Float  # at z
+    density: mi.Float  # 1/mm²: of z
+    solid_angle: mi.Float  # of the phototransistor, seen from z
+    member: mi.Bool  # whether the guide could have drawn z
+    guided: mi.Float  # chance that the guide draws the direction that leaves z
+    place: mi.Point2f  # of z, as the guide has it
+
+
+class Techniques:
+    """The techniques on one scene, for the phototransistors of ``index``.
+
+    Parameters
+    ----------
+    strategy : ``all``, or the one technique to use: ``connections``, ``meetings`` or ``hits``
+    clearance : see :func:`mitsuba_taxel.kernels.ray_offsets.leave`
+    """
+
+    def __init__(
+        self, strategy: str, scene: Any, sensor: Any, index: mi.UInt32, guide: Guide | None, clearance: mi.Float
+    ) -> None:
+        self.connections, self.meetings, self.hits = (
+            strategy in ("all", name) for name in ("connections", "meetings", "hits")
+        )
+        self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
+        self.area = sensor.faces.area
+        self.detector = mi.ShapePtr(sensor.get_shape())
+        dr.make_opaque(self.detector)  # another phototransistor needs no other kernel
+        self.context = mi.BSDFContext(mi.TransportMode.Importance)
+
+    def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
+        """What one point of each phototransistor sees in one direction, drawn after the cosine law."""
+        y, offset = self.sensor.sample_point(self.index, position)
+        local = mi.warp.square_to_cosine_hemisphere(direction)
+        d = self.sensor.faces.frame.to_world(local)
+        if not self.meetings:
+            nothing = dr.zeros(mi.SurfaceInteraction3f)
+            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
+        ray = release(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
+        si = self.scene.ray_intersect(ray)
+        valid = si.is_valid() & (local.z > 0)
+        distance_squared = dr.squared_norm(si.p - y)
+        cosine = dr.abs(dr.dot(si.n, d))
+        member, guided, place = self.guidance(si, valid)
+        return View(
+            y,
+            offset,
+            si,
+            si.bsdf(mi.RayDifferential3f(ray)),
+            valid & (cosine > 0),
+            self.sensor.response(local.z),
+            si.to_local(-d),
+            cosine,
+            dr.inv_pi * local.z * cosine / distance_squared,
+            self.area * local.z / distance_squared,
+            member,
+            guided,
+            place,
+        )
+
+    def connect(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
+        """Power [W] by way of a connection from ``here`` to the point of ``view``."""
+        if not self.connections:
+            return mi.Float(0)
+        to_y = view.y - here.p
+        distance_squared = dr.squared_norm(to_y)
+        wo = to_y * dr.rsqrt(distance_squared)
+        cosine = -dr.dot(wo, self.sensor.normal)
+        active = active & (cosine > 0) & (distance_squared > 0)
+        value, density = scatter(wo)
+        active &= value > 0
+        ray = between(here.p, here.n, wo, self.clearance, view.y, self.sensor.normal)
+        active &= ~self.scene.ray_test(ray, active)
+        solid_angle = self.area * cosine / distance_squared
+        hit = (1 - here.guided) * density * solid_angle
+        meeting = dr.inv_pi * cosine * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
+        weight = self._weight((self.hits, hit), (self.meetings, meeting))
+        value *= here.throughput * solid_angle * self.sensor.response(cosine) * weight
+        return dr.select(active, value, 0)
+
+    def meet(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
+        """Power [W] by way of the point that ``view`` sees: from ``here`` to there, and on to the phototransistor."""
+        if not self.meetings:
+            return mi.Float(0)
+        to_z = view.si.p - here.p
+        distance_squared = dr.squared_norm(to_z)
+        wo = to_z * dr.rsqrt(distance_squared)
+        active = active & view.valid & (distance_squared > 0)
+        value, density = scatter(wo)
+        active &= value > 0
+        cosine = dr.abs(dr.dot(view.si.n, wo))
+        si = mi.SurfaceInteraction3f(view.si)
+        si.wi = si.to_local(-wo)
+        passed_on, onward = view.bsdf.eval_pdf(self.context, si, view.to_y, active)
+        active &= (passed_on[0] > 0) & (cosine > 0)
+        ray = between(here.p, here.n, wo, self.clearance, view.si.p, view.si.n)
+        active &= ~self.scene.ray_test(ray, active)
+
+        drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
+        connection = drawn * cosine / (distance_squared * view.density)
+        hit = connection * (1 - view.guided) * onward * view.solid_angle
+        weight = self._weight((self.connections, connection), (self.hits, hit))
+        value *= here.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
+        return dr.select(active, value * dr.pi * self.area * view.response * weight, 0)
+
+    def hit(
+        self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, before: Vertex, density: mi.Float, specular: mi.Bool
+    ) -> tuple[mi.Float, mi.Point2f]:
+        """Power [W] of rays that have come to ``si`` in direction ``d``, and where on the phototransistor.
+
+        Parameters
+        ----------
+        before : the vertex that the ray left; its throughput is what the ray carries now
+        density : of the direction ``d`` [1/sr]; without meaning where ``specular``
+        """
+        inside, offset = self.sensor.contains(self.index, si.p)
+        if not self.hits:
+            return mi.Float(0), offset
+        cosine = -dr.dot(d, self.sensor.normal)
+        here = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
+        distance_squared = dr.squared_norm(si.p - before.p)
+        connection = distance_squared / (density * self.area * cosine)
+        meeting = connection * before.inverse * dr.inv_pi * cosine * dr.abs(dr.dot(before.n, d)) / distance_squared
+        weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.meetings, meeting)))
+        return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
+
+    def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
+        """Whether the guide could have drawn ``si``, the chance that it draws what leaves there, and its place."""
+        if self.guide is None:
+            return mi.Bool(False), mi.Float(0), mi.Point2f(0)
+        member = self.guide.contains(self.index, si, active)
+        return member, dr.select(member, self.guide.share, 0), self.guide.place(si, member)
+
+    def draw(self, here: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
+        """A point that the guide draws, and the triangle that it lies on."""
+        assert self.guide is not None
+        return self.guide.sample(self.index, here.place, sample, nearness)
+
+    def drawn(
+        self, density: mi.Float, before: Vertex, member: mi.Bool, place: mi.Point2f, area_per_angle: mi.Float
+    ) -> mi.Float:
+        """Density [1/sr] of a ray from ``before``, which scattering draws with ``density``, and the guide as well.
+
+        Parameters
+        ----------
+        member, place : of the point that the ray meets
+        area_per_angle : distance squared over cosine there, mm²
+        """
+        total = (1 - before.guided) * density
+        if self.guide is not None:
+            guide_density = self.guide.density(self.index, before.place, place) * area_per_angle
+            total += dr.select(member, before.guided * guide_density, 0)
+        return total
+
+    @staticmethod
+    def _weight(*others: tuple[bool, mi.Float]) -> mi.Float:
+        """Weight of a technique, from the densities of the others that are in use, relative to its own."""
+        total = mi.Float(1)
+        for in_use, ratio in others:
+            if in_use:
+                total += dr.square(ratio)
+        return dr.rcp(total)

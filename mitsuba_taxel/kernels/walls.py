@@ -1,0 +1,62 @@
+"""The walls of a loaded scene, as Python objects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+
+
+def walls_of(scene: Any) -> Iterator[Any]:
+    """Each BSDF of each shape, those nested in a `region` one by one."""
+    for shape in scene.shapes():
+        bsdf = shape.bsdf()
+        yield from getattr(bsdf, "walls", {"": bsdf}).values()
+
+
+def set_wavelength(scene: Any, leds: list[Any]) -> None:
+    """Tell the walls with a table of reflectance the wavelength of LEDs that all have the same."""
+    for wall in _walls_with_table(scene):
+        wall.set_wavelength(leds[0].wavelength)
+
+
+def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
+    """Raise where a table of reflectance does not say what a wall reflects.
+
+    Parameters
+    ----------
+    one_by_one : whether LEDs are traced one by one, and so may have several wavelengths
+
+    Raises
+    ------
+    InputError
+        if LEDs of several wavelengths light such a wall at once, an emitter has none, or a table does not reach it.
+    """
+    walls = list(_walls_with_table(scene))
+    if not walls:
+        return
+    if not all(hasattr(emitter, "wavelength") for emitter in scene.emitters()):
+        raise InputError("wall: a reflectance_table needs the wavelength of an annular_led, and other emitters shine.")
+    wavelengths = sorted({led.wavelength for led in scene.emitters()})
+    if len(wavelengths) > 1 and not one_by_one:
+        raise InputError(
+            f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm shine at once on a wall with a "
+            "reflectance_table: only taxel_tracer, taxel_path and analog_tracer take them one by one."
+        )
+    for wall in walls:
+        for nm in wavelengths:
+            wall.table.at(nm)
+
+
+def _walls_with_table(scene: Any) -> Iterator[Any]:
+    return (wall for wall in walls_of(scene) if getattr(wall, "needs_wavelength", False))
+
+
+def is_bounded_from_detector(wall: Any) -> bool:
+    """Whether the weight of a path that comes from the detector stays bounded at this wall.
+
+    An isotropic wall is not reciprocal: from the detector it carries 1 / (2 cos(theta)), see `wall`.
+    """
+    scattering = getattr(wall, "scattering", "")
+    return scattering != "isotropic" and not (scattering == "mixed" and float(wall.law.shares[2][0]) > 0)

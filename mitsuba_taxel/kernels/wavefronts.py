@@ -1,0 +1,93 @@
+"""Paths of many readings and replicates traced at once, and sums whose order never varies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+
+LARGEST_WAVEFRONT = 1 << 22
+"""Paths that are traced at once."""
+MOST_REFLECTIONS = 1 << 17
+"""Reflections after which a path that nothing absorbs is left."""
+
+
+def trace(
+    integrator: Any,
+    scene: mi.Scene,
+    pair: TaxelPair,
+    points: int,
+    seed: int,
+    replicates: int = 1,
+    *,
+    first: int = 0,
+    image: bool = False,
+    crosstalk: bool = False,
+):
+    """Power on each phototransistor of a pair of LED and phototransistor arrays.
+
+    Parameters
+    ----------
+    integrator : has ``sample_paths(scene, pair, index, led_index, sampler, pixels)``, the power that one path from
+        each LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``
+    points : paths for each reading and replicate; rounded up to a power of two
+    first : number of the first of them, 0 or a multiple of ``points``: a later run goes on where one has stopped
+    replicates : independent randomisations
+    image : whether to accumulate the irradiance map as well
+    crosstalk : whether each LED is to be read on each phototransistor
+
+    Returns
+    -------
+    power : (replicates, readings) float64 array, W: one reading for each taxel, or, with ``crosstalk``, for each LED
+        and phototransistor, (replicates, LEDs, phototransistors)
+    image : (height, width) irradiance in W/mm², or None
+    points : paths for each reading and replicate, as the sampler has it
+    """
+    sampler = pair.sensor.sampler().fork()
+    sampler.set_sample_count(points)
+    points = sampler.sample_count()
+    taxels = pair.count
+    readings = taxels**2 if crosstalk else taxels
+    film_size = pair.sensor.film().crop_size()
+    collected = np.zeros(film_size[0] * film_size[1])  # in double precision, over wavefronts in single
+    sums = np.empty(readings * replicates)
+    share = max(1, LARGEST_WAVEFRONT // points)
+    for start in range(0, len(sums), share):
+        sequences = min(share, len(sums) - start)
+        sampler.place(first, start)
+        sampler.seed(seed, sequences * points)
+        reading = sampler.sequence % dr.opaque(mi.UInt32, readings)
+        index = reading % dr.opaque(mi.UInt32, taxels)
+        led_index = reading // dr.opaque(mi.UInt32, taxels) if crosstalk else index
+        pixels = dr.zeros(mi.Float, len(collected)) if image else None
+        power = integrator.sample_paths(scene, pair, index, led_index, sampler, pixels)
+        sums[start : start + sequences] = sum_blocks(power, points)
+        if pixels is not None:
+            collected += pixels.numpy()
+    power = (sums / points).reshape(replicates, *((taxels, taxels) if crosstalk else (taxels,)))
+    if not image:
+        return power, None, points
+    pixel_area = pair.sensor.faces.area * taxels / len(collected)
+    irradiance = collected / (pixel_area * points * replicates)
+    return power, irradiance.reshape(film_size[1], film_size[0]), points
+
+
+def splat(sensor: Any, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:
+    """Add ``value`` to the pixel of phototransistor ``index`` at ``offset`` from its centre, if there is a map."""
+    if pixels is not None:
+        position = mi.Point2u(sensor.pixel(index, offset))
+        dr.scatter_add(pixels, value, position.y * sensor.film().crop_size()[0] + position.x, value > 0)
+
+
+def sum_blocks(values: mi.Float, count: int) -> np.ndarray:
+    """Sums over consecutive runs of ``count`` values, in double precision and in an order that never varies.
+
+    Single-precision sums go over 256 values at most; what they lose is far below a standard error.
+    """
+    block = 256 if count % 256 == 0 else 1
+    partial = dr.block_sum(values, block) if block > 1 else values
+    return partial.numpy().astype(np.float64).reshape(-1, count // block).sum(axis=1)

@@ -1,0 +1,105 @@
+from .contact.self_contact import (
+    Contact as Contact,
+)
+from .contact.self_contact import (
+    ContactTest as ContactTest,
+)
+from .elements.loads import (
+    Load as Load,
+)
+from .elements.loads import (
+    PatchForce as PatchForce,
+)
+from .elements.loads import (
+    PlateDisplacement as PlateDisplacement,
+)
+from .elements.loads import (
+    PlateForce as PlateForce,
+)
+from .elements.loads import (
+    Pressure as Pressure,
+)
+from .elements.loads import (
+    SpreadForce as SpreadForce,
+)
+from .elements.solvers import available_solvers as available_solvers
+from .materials.laws import (
+    Material as Material,
+)
+from .materials.laws import (
+    MooneyRivlin as MooneyRivlin,
+)
+from .materials.laws import (
+    NeoHookean as NeoHookean,
+)
+from .materials.laws import (
+    Yeoh as Yeoh,
+)
+from .materials.silicones import (
+    SILICONES as SILICONES,
+)
+from .materials.silicones import (
+    Silicone as Silicone,
+)
+from .materials.silicones import (
+    from_shore_a as from_shore_a,
+)
+from .materials.silicones import (
+    silicone as silicone,
+)
+from .path.load_path import (
+    State as State,
+)
+from .path.load_path import (
+    load_path as load_path,
+)
+from .path.load_path import (
+    mesh_size_for as mesh_size_for,
+)
+from .path.sensitivities import (
+    LinearisedState as LinearisedState,
+)
+from .path.sensitivities import (
+    linearise as linearise,
+)
+from .results.balance import (
+    Reactions as Reactions,
+)
+from .results.balance import (
+    reactions as reactions,
+)
+from .results.fields import (
+    NodalFields as NodalFields,
+)
+from .results.fields import (
+    nodal_fields as nodal_fields,
+)
+from .results.locate import (
+    displacement_at as displacement_at,
+)
+from .results.locate import (
+    displacement_gradient_at as displacement_gradient_at,
+)
+from .results.roof_error import RoofError as RoofError
+from .results.vtu import write_vtu as write_vtu
+from .surface.finish import (
+    Finish as Finish,
+)
+from .surface.finish import (
+    Grooves as Grooves,
+)
+from .surface.finish import (
+    LayerSteps as LayerSteps,
+)
+from .surface.finish import (
+    RandomRoughness as RandomRoughness,
+)
+from .surface.finish import (
+    check_finish as check_finish,
+)
+from .surface.tessellation import (
+    Surface as Surface,
+)
+from .surface.tessellation import (
+    tessellate as tessellate,
+)

@@ -1,0 +1,1 @@
+"""Whether a pad touches itself or what is near it."""

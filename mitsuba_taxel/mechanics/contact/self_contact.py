@@ -1,0 +1,281 @@
+"""Whether the deformed pad touches itself, the board or a package, which the mechanics knows nothing of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, triu
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.bezier_patches import Place, bulge, control_points, first_touch, quarters
+from mitsuba_taxel.geometry.box_tree import BoxTree, Level
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
+
+TOUCHING = 1e-10
+"""Distance that counts as touching, relative to the pad's longest side: more than rounding."""
+
+RIM = 0.02
+"""Height of the strip of wall along the glued rim, relative to the pad's, that may bulge as far below the board.
+
+There the stress is singular, and ever smaller elements roll over under ever smaller loads, as the silicone does to no
+effect.
+"""
+
+CREASE = 150.0
+"""Degrees of air at an inner edge of the undeformed pad, below which a crease at the edge itself does not count.
+
+There too the stress is singular: the faces along the edge fold under ever smaller loads the smaller they are, and it is
+those beyond them that tell when walls meet.
+"""
+
+_ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
+"""Turns rays, which go along z, lest they meet the edges or corners of what is modelled along x, y and z."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A point where the pad touches something.
+
+    Attributes
+    ----------
+    what : "itself", "the board" or "a package"
+    place : mm, in the deformed pad
+    """
+
+    what: str
+    place: Place
+
+
+class ContactTest:
+    """Test of the deformed states of a mesh for contact.
+
+    The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
+    are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
+    below z = 0, or along the rim by more than `RIM`. Whether a single face runs into itself is left to the test for
+    inverted elements.
+
+    Parameters
+    ----------
+    obstacles : (K, 3, 3) corners of the triangles of closed surfaces, in mm: the packages in the cells
+
+    Raises
+    ------
+    InputError
+        if ``obstacles`` are not triangles of finite numbers.
+    """
+
+    def __init__(self, mesh: VolumeMesh, obstacles: np.ndarray | None = None) -> None:
+        self._points, self._faces = mesh.points, mesh.faces
+        self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
+        self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
+        self._obstacles = None if obstacles is None else _Obstacles(obstacles)
+
+        self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
+        rim = RIM * float(np.ptp(mesh.points[:, 2]))
+        at_rim = mesh.points[self._over_board, 2].min(axis=1) < mesh.points[:, 2].min() + rim
+        self._least_height = np.where(at_rim, -rim, self._tolerance)
+
+    def find(self, displacement: np.ndarray) -> Contact | None:
+        """A contact of the pad under a ``displacement`` (N, 3) of its nodes in mm, or ``None`` if there is none."""
+        control = control_points(self._points + displacement, self._faces)
+        place = _first_below(control[:, self._over_board.T], self._least_height, self._tolerance)
+        if place:
+            return Contact("the board", place)
+        found = self.find_package(displacement)
+        if found:
+            return found
+        place = self._on_itself(control)
+        return Contact("itself", place) if place else None
+
+    def find_package(self, displacement: np.ndarray) -> Contact | None:
+        """As :meth:`find`, but looks at ``obstacles`` alone."""
+        if not self._obstacles:
+            return None
+        patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
+        place = self._on_obstacle(self._obstacles, patches, self._levels(patches))
+        return Contact("a package", place) if place else None
+
+    @cached_property
+    def at_rest(self) -> Contact | None:
+        """A contact of the undeformed pad."""
+        return self.find(np.zeros_like(self._points))
+
+    @cached_property
+    def _neighbours(self) -> _Neighbours:
+        return _Neighbours(self._points, self._faces)
+
+    def _levels(self, patches: np.ndarray) -> list[Level]:
+        return self._tree.levels(*_boxes(patches, self._tolerance))
+
+    def _on_obstacle(self, obstacles: _Obstacles, patches: np.ndarray, boxes: list[Level]) -> Place | None:
+        one, other = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
+        place = first_touch(patches[:, :, one], obstacles.patches[:, :, other], "nothing", self._tolerance)
+        return place or obstacles.place_within(patches, self._tree)
+
+    def _on_itself(self, control: np.ndarray) -> Place | None:
+        one, other = self._neighbours.without(*self._tree.overlapping(self._levels(control[:, self._faces.T])))
+        pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
+        for shared, (nodes, other_nodes) in pairs.items():
+            place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
+            if place:
+                return place
+        return None
+
+
+class _Neighbours:
+    """Faces that share a vertex or an edge, with their nodes turned so that it comes first in both.
+
+    Those that meet at a sharp inner edge of the undeformed pad are left out, and so are others along such an edge that
+    lie beside each other.
+    """
+
+    def __init__(self, points: np.ndarray, faces: np.ndarray) -> None:
+        self._count = len(faces)
+        number = np.arange(self._count).repeat(3)
+        corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
+        shared = triu(corners @ corners.T, k=1).tocoo()
+        one, other = shared.coords[0].astype(np.int64), shared.coords[1].astype(np.int64)
+        self._keys = np.sort(one * self._count + other)
+
+        at_vertex = shared.data == 1
+        one_at, other_at = faces[one[at_vertex]], faces[other[at_vertex]]
+        i, j = _place_of_same(one_at[:, :3], other_at[:, :3])
+        vertex = _turned(one_at, i), _turned(other_at, j)
+        one_at, other_at = faces[one[~at_vertex]], faces[other[~at_vertex]]
+        i, j = _place_of_same(one_at[:, 3:], other_at[:, 3:])
+        edge = _turned(one_at, i), _turned(other_at, j)[:, [1, 0, 2, 3, 5, 4]]
+        sharp = _sharp(points, *edge)
+        sharp_nodes = np.unique(edge[0][sharp][:, [0, 1, 3]])
+        at_edge = np.isin(vertex[0][:, 0], sharp_nodes)
+        self.pairs = {
+            "vertex": (vertex[0][~at_edge], vertex[1][~at_edge]),
+            "edge": (edge[0][~sharp], edge[1][~sharp]),
+        }
+        self._at_sharp_edge = np.asarray(np.isin(faces, sharp_nodes).any(axis=1))
+        self._centre = points[faces[:, :3]].mean(axis=1)
+        self._radius = np.linalg.norm(points[faces] - self._centre[:, None], axis=2).max(axis=1)
+
+    def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those pairs of faces that share nothing."""
+        keys = np.minimum(one, other) * self._count + np.maximum(one, other)
+        strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
+        distance = np.linalg.norm(self._centre[one] - self._centre[other], axis=1)
+        beside = distance < self._radius[one] + self._radius[other]
+        strange &= ~(self._at_sharp_edge[one] & self._at_sharp_edge[other] & beside)
+        return one[strange], other[strange]
+
+
+def _sharp(points: np.ndarray, one: np.ndarray, other: np.ndarray) -> Any:
+    """Whether the undeformed air between faces (n, 6) that share their first edge is a wedge of less than `CREASE`."""
+    normals, centres = [], []
+    for faces in (one, other):
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normals.append(normal / np.linalg.norm(normal, axis=1)[:, None])
+        centres.append((a + b + c) / 3)
+    turn = np.rad2deg(np.arccos(np.clip(np.einsum("ni,ni->n", *normals), -1, 1)))
+    inner = np.einsum("ni,ni->n", normals[0], centres[1] - centres[0]) > 0
+    return inner & (180 - turn < CREASE)
+
+
+def _place_of_same(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of two (n, 3) in which the rows have the same number."""
+    i, j = np.divmod((one[:, :, None] == other[:, None]).reshape(-1, 9).argmax(axis=1), 3)
+    return i, j
+
+
+def _turned(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Faces (n, 6) with their corners and edges counted from the corner ``first`` (n,)."""
+    corners = (first[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(faces, np.concatenate([corners, 3 + corners], axis=1), axis=1)
+
+
+class _Obstacles:
+    """Closed surfaces at rest, as patches (3, 6, K) that are flat."""
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        triangles = np.asarray(triangles, dtype=float)
+        if triangles.shape[1:] != (3, 3) or not len(triangles) or not np.all(np.isfinite(triangles)):
+            raise InputError(
+                f"obstacles = an array of shape {triangles.shape} is not allowed: (K, 3, 3) finite numbers are needed."
+            )
+        corners = triangles.transpose(2, 1, 0)
+        self.patches = np.concatenate([corners, (corners + corners[:, [1, 2, 0]]) / 2], axis=1)
+        self._centres = corners.mean(axis=1)
+        self.tree = BoxTree(self._centres.T)
+        self.boxes = self.tree.levels(*_boxes(self.patches, 0.0))
+        number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+        sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
+        joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)
+        self._body = connected_components(joined, directed=False)[1][number[:, 0]]
+        count = np.bincount(self._body)
+        middles = np.stack([np.bincount(self._body, column) / count for column in self._centres[:2]])
+        outwards = np.lexsort((np.linalg.norm(self._centres[:2] - middles[:, self._body], axis=0), self._body))
+        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # one place on each body, at its middle
+
+    def place_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
+        """A place in one of the bodies that is within the pad, or in the pad if that is within a body.
+
+        Their surfaces are known not to meet, so that all triangles of a body are on the same side. They vote, as a
+        place nearer to a curved face than the flat pieces that the face is cut into may be on the wrong side of them.
+        """
+        if not _free_below(self._inner, patches).all():
+            votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
+            if votes.max() > 0.5:
+                x, y, z = self._centres[:, np.argmax(self._body == votes.argmax())]
+                return float(x), float(y), float(z)
+        corner = patches[:, :1, 0]
+        if not _free_below(corner, self.patches).all() and _within(corner, self.patches, self.tree).any():
+            x, y, z = patches[:, 0, 0]
+            return float(x), float(y), float(z)
+        return None
+
+
+def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
+    """Whether a line from each of ``points`` (3, K) down along z certainly meets no patch: it is outside of them."""
+    low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
+    x, y, z = points[:, :, None]
+    beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])
+    return (beside | (z < low[2])).all(axis=1)
+
+
+def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
+    """Whether each of ``points`` (3, K) is within the closed surface of ``patches``: a ray leaves it once more.
+
+    Each patch that the ray may meet is taken as 16 flat triangles.
+    """
+    points, patches = _ASKEW @ points, np.tensordot(_ASKEW, patches, axes=(1, 0))
+    rays = BoxTree(points.T)
+    ends = np.concatenate([points[:2], np.full((1, points.shape[1]), np.inf)])
+    met, ray = tree.overlapping_with(tree.levels(*_boxes(patches, 0.0)), rays, rays.levels(points.T, ends.T))
+    corners = quarters(quarters(patches[:, :, met]))[:, :3] - np.tile(points[:, ray], 16)[:, None]
+    x, y, z = corners
+    beside = x * y[[1, 2, 0]] - x[[1, 2, 0]] * y
+    area = beside.sum(axis=0)
+    above = (beside * z[[2, 0, 1]]).sum(axis=0) * area > 0
+    crossed = ((beside > 0).all(axis=0) | (beside < 0).all(axis=0)) & above
+    return np.bincount(np.tile(ray, 16), crossed, minlength=points.shape[1]) % 2 == 1
+
+
+def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corners (n, 3) of boxes round patches, with a margin."""
+    return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
+
+
+def _first_below(patches: np.ndarray, height: np.ndarray, tolerance: float) -> Place | None:
+    """A point of patches (3, 6, n) that is not above a ``height`` (n,), to within ``tolerance``."""
+    while patches.size:
+        below = (patches[2, :3] <= height).any(axis=0)
+        if below.any():
+            first = patches[:, :3, below.argmax()]
+            x, y, z = first[:, first[2].argmin()]
+            return float(x), float(y), float(z)
+        doubtful = (patches[2].min(axis=0) <= height) & (bulge(patches) > tolerance)
+        patches, height = quarters(patches[:, :, doubtful]), np.tile(height[doubtful], 4)
+    return None

@@ -1,0 +1,1 @@
+"""Taylor-Hood elements, their assembly, loads, constraints and linear solvers."""

@@ -1,0 +1,122 @@
+"""Residual and tangent of a meshed solid over the unknowns that its constraints leave."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.constraints import Numbering
+from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.elements.sparsity import Couplings
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+
+@dataclass(frozen=True)
+class Inside:
+    """What a solid puts up at a state.
+
+    Attributes
+    ----------
+    residual : forces and volumes over the unknowns
+    entries : of the tangent, as :class:`Couplings` lists them; None if not asked for, or an element is inverted
+    min_jacobian : least volume ratio J at any quadrature point
+    """
+
+    residual: np.ndarray
+    entries: np.ndarray | None
+    min_jacobian: float
+
+
+class Assembly:
+    """A mesh of one material, over the unknowns of a numbering.
+
+    Parameters
+    ----------
+    like : another assembly of the same mesh and material, with which it shares its elements
+    """
+
+    def __init__(
+        self, mesh: VolumeMesh, material: Material, numbering: Numbering, like: Assembly | None = None
+    ) -> None:
+        self.numbering = numbering
+        self.unknowns = numbering.displacements + numbering.pressures
+        self.elements: Elements = like.elements if like else Elements(mesh, material)
+        self._nodes, self._like = len(mesh.points), like
+
+    def of(self, material: Material) -> Assembly:
+        """The same mesh of another material."""
+        other = copy.copy(self)
+        other.elements = copy.copy(self.elements)
+        other.elements.material = material
+        return other
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """Where elements' matrices are summed, before constraints."""
+        return (
+            self._like.couplings if self._like else Couplings(self.elements.nodes, self.elements.corners, self._nodes)
+        )
+
+    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> Inside:
+        """The solid at a state; the residual is that of no load.
+
+        Parameters
+        ----------
+        displacement : (N, 3) mm
+        pressure : (corners,) MPa, positive in tension
+        """
+        state = self.elements.evaluate(displacement, pressure, with_tangent)
+        if not state.min_jacobian > 0:
+            return Inside(np.full(self.unknowns, np.nan), None, state.min_jacobian)
+        entries = None
+        if state.matrices is not None:
+            entries = self.couplings.summed(state.matrices.blocks, state.matrices.mixed, state.matrices.pressures)
+        return Inside(self._residual(state.forces, state.volumes), entries, state.min_jacobian)
+
+    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
+        """The lower triangle over the unknowns, from the entries of a state of the mesh."""
+        return self._pattern.matrix(entries)
+
+    def _residual(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
+        displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
+        corners = len(self.numbering.unknown) - 3 * self._nodes
+        pressures = np.bincount(self.elements.corners.ravel(), volumes.ravel(), corners)
+        return self.numbering.over_unknowns(np.concatenate([displacements, pressures]))
+
+    @cached_property
+    def _pattern(self) -> _Pattern:
+        return _Pattern(self.couplings, self.numbering)
+
+
+class _Pattern:
+    """Where the entries of a mesh's matrix go in the lower triangle of the sparse one over the unknowns."""
+
+    def __init__(self, couplings: Couplings, numbering: Numbering) -> None:
+        first, second = numbering.unknown[couplings.rows], numbering.unknown[couplings.columns]
+        self._size = numbering.displacements + numbering.pressures
+        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & couplings.lower)
+        first, second = first[self._kept], second[self._kept]
+        rows, columns = couplings.rows[self._kept], couplings.columns[self._kept]
+        keys = np.minimum(first, second).astype(np.int64) * self._size + np.maximum(first, second)
+        keys, target = np.unique(keys, return_inverse=True)
+        self._target = target.astype(np.int32)
+        self._indices = (keys % self._size).astype(np.int32)
+        count = np.bincount(keys // self._size, minlength=self._size)
+        self._indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+        # Two degrees of freedom that follow the same unknown meet on the diagonal, twice.
+        factor = np.where((first == second) & (rows != columns), 2.0, 1.0)
+        factor *= numbering.sign[rows] * numbering.sign[columns]
+        self._factor = None if np.all(factor == 1) else factor
+
+    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
+        kept = entries[self._kept]
+        if self._factor is not None:
+            kept *= self._factor
+        data = np.bincount(self._target, kept, len(self._indices))
+        return sparse.csc_matrix((data, self._indices, self._indptr), shape=(self._size, self._size))

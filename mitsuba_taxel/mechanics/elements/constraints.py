@@ -1,0 +1,164 @@
+"""Which unknown each degree of freedom is: held at the board, on planes of symmetry, tied to a rigid plate.
+
+All of it is a choice of numbers: a degree of freedom is held, or it is plus or minus one unknown, which others may
+share. Assembly then needs no constraint equations, and matrices stay symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+_NO_WALLS: Mapping[Mirror, int] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Numbering:
+    """The unknowns of a mesh: displacements, then pressures.
+
+    Attributes
+    ----------
+    unknown : (3 N + corners,) unknown of each displacement (x, y, z of each node) and pressure; -1 where it is 0
+    sign : (3 N + corners,) what the unknown is multiplied with
+    nodes : N
+    displacements, pressures : how many unknowns there are of each
+    plate : (3,) unknown of each component of the plate's displacement, -1 where it is 0; None without a plate
+    plate_sign : (3,)
+    """
+
+    unknown: np.ndarray
+    sign: np.ndarray
+    nodes: int
+    displacements: int
+    pressures: int
+    plate: np.ndarray | None = None
+    plate_sign: np.ndarray | None = None
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (N, 3) and pressure (corners,) of a vector of unknowns."""
+        values = np.where(self.unknown >= 0, self.sign * unknowns[self.unknown], 0.0)
+        return values[: 3 * self.nodes].reshape(-1, 3), values[3 * self.nodes :]
+
+    def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """The unknowns of a state that keeps the constraints; the opposite of :meth:`split`."""
+        unknowns = np.zeros(self.displacements + self.pressures)
+        free = self.unknown >= 0
+        values = np.concatenate([displacement.ravel(), pressure])
+        unknowns[self.unknown[free]] = (self.sign * values)[free]
+        return unknowns
+
+    def summed(self, forces: np.ndarray) -> np.ndarray:
+        """(unknowns,) what nodal forces (N, 3) do on each unknown."""
+        return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
+
+    def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
+        """(unknowns,) what forces and volumes (3 N + corners,) do on each unknown."""
+        free = self.unknown >= 0
+        total = self.displacements + self.pressures
+        return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
+
+    @property
+    def plate_unknowns(self) -> np.ndarray:
+        """(k,) the unknowns that move the plate."""
+        assert self.plate is not None
+        return np.unique(self.plate[self.plate >= 0])
+
+    def on_plate(self, force: np.ndarray) -> np.ndarray:
+        """(unknowns,) what a force (3,) on the plate does on each unknown."""
+        assert self.plate is not None and self.plate_sign is not None
+        moving = self.plate >= 0
+        weights = (self.plate_sign * force)[moving]
+        return np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
+
+    def of_plate(self, forces: np.ndarray) -> np.ndarray:
+        """(3,) the force on the plate that does ``forces`` on the unknowns; the opposite of :meth:`on_plate`."""
+        assert self.plate is not None and self.plate_sign is not None
+        shared = np.array([np.count_nonzero(self.plate == unknown) for unknown in self.plate])
+        return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / shared, 0.0)
+
+    def plate_values(self, displacement: np.ndarray) -> np.ndarray:
+        """(k,) values of :attr:`plate_unknowns` for a displacement (3,) of the plate that its constraints allow."""
+        assert self.plate is not None and self.plate_sign is not None
+        first = [int(np.flatnonzero(self.plate == unknown)[0]) for unknown in self.plate_unknowns]
+        return (self.plate_sign * displacement)[first]
+
+
+def number_unknowns(
+    mesh: VolumeMesh,
+    held: np.ndarray,
+    walls: Mapping[Mirror, int] = _NO_WALLS,
+    plate: np.ndarray | None = None,
+) -> Numbering:
+    """Number the unknowns of a mesh.
+
+    Parameters
+    ----------
+    held : (N,) whether each node stays where it is
+    walls : planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, -1 for
+        those that are its opposite, and 0 for any that have no pressure there
+    plate : nodes that move together, as on a rigid plate that does not turn
+    """
+    nodes, corners = len(mesh.points), mesh.corner_count
+    body = _Dofs(np.append(held, False), corners)  # the plate is one node more
+    for mirror in MIRRORS:  # diagonal ones last: they tie what the others may hold
+        if mirror not in walls:
+            continue
+        on_plane = np.append(mirror.side(mesh.points) == 0, True)
+        body.reflect(np.flatnonzero(on_plane), mirror, walls[mirror])
+    if plate is not None:
+        body.root[plate], body.sign[plate], body.held[plate] = body.root[nodes], body.sign[nodes], body.held[nodes]
+    return body.numbering(with_plate=plate is not None)
+
+
+class _Dofs:
+    """Per node and component: held or not, and the degree of freedom that it follows."""
+
+    def __init__(self, held: np.ndarray, corners: int) -> None:
+        self.root = np.arange(3 * len(held)).reshape(-1, 3)
+        self.sign = np.ones((len(held), 3))
+        self.held = np.repeat(held[:, None], 3, axis=1)
+        self.no_pressure = np.zeros(corners, dtype=bool)
+
+    def reflect(self, nodes: np.ndarray, mirror: Mirror, sign: int) -> None:
+        """Keep what a mirror with ``sign`` leaves of displacement and pressure at nodes on it."""
+        if sign <= 0:
+            self.no_pressure[nodes[nodes < len(self.no_pressure)]] = True
+        if sign == 0:
+            return
+        diagonal = -mirror.normal[0] * mirror.normal[1]
+        if diagonal:
+            tie = sign * diagonal  # u_y = tie * u_x
+            tied = self.root[nodes, 1] == self.root[nodes, 0]
+            clash = nodes[tied & (self.sign[nodes, 1] != tie)]
+            self.held[clash, :2] = True
+            self.root[nodes, 1], self.sign[nodes, 1] = self.root[nodes, 0], tie
+            either = self.held[nodes, 0] | self.held[nodes, 1]
+            self.held[nodes, 0] = self.held[nodes, 1] = either
+        else:
+            normal = 0 if mirror.normal[0] else 1
+            self.held[nodes, normal if sign > 0 else 1 - normal] = True
+        if sign < 0:
+            self.held[nodes, 2] = True
+
+    def numbering(self, with_plate: bool) -> Numbering:
+        used = np.zeros(self.root.size, dtype=bool)
+        followed = self.root[: None if with_plate else -1][~self.held[: None if with_plate else -1]]
+        used[followed] = True
+        number = np.where(used, np.cumsum(used) - 1, -1)
+        unknown = np.where(self.held, -1, number[self.root])
+        displacements, pressures = int(used.sum()), int((~self.no_pressure).sum())
+        pressure = np.where(self.no_pressure, -1, displacements + np.cumsum(~self.no_pressure) - 1)
+        return Numbering(
+            np.concatenate([unknown[:-1].ravel(), pressure]),
+            np.concatenate([self.sign[:-1].ravel(), np.ones(len(pressure))]),
+            len(self.root) - 1,
+            displacements,
+            pressures,
+            unknown[-1] if with_plate else None,
+            self.sign[-1] if with_plate else None,
+        )

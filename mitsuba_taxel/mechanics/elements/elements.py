@@ -1,0 +1,121 @@
+"""Taylor-Hood finite elements for finite strain: forces, volumes and matrices of elements, a few at a time.
+
+Displacements are quadratic, the pressure linear on each tetrahedron (total Lagrangian, perturbed Lagrangian)::
+
+    Pi(u, p) = int W_iso(F) + p (J - 1) - p^2 / (2 kappa) dV - f . u,    F = 1 + grad u,  J = det F
+
+(G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, section 8.3). The constitutive law is asked for its isochoric
+stress and tangent only.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.moduli import PAIRS
+
+# Eight points (F. D. Witherden and P. E. Vincent, Comput. Math. Appl. 69, 2015), exact to degree 3 as the forces of a
+# homogeneous state need on curved elements: four points, exact to degree 2, fail the patch test there.
+_NEAR_FACES, _NEAR_CORNERS = 0.3281633025163817, 0.1080472498984286
+QUADRATURE_POINTS = np.concatenate(
+    [a + (1 - 4 * a) * np.concatenate([np.zeros((1, 3)), np.eye(3)]) for a in (_NEAR_FACES, _NEAR_CORNERS)]
+)
+QUADRATURE_WEIGHTS = np.repeat([0.1362178425370874, 0.1137821574629126], 4) / 6
+_PRESSURE_SHAPES = np.concatenate([1 - QUADRATURE_POINTS.sum(axis=1, keepdims=True), QUADRATURE_POINTS], axis=1)
+
+ELEMENTS_AT_ONCE = 128
+"""As many as the processor's cache holds."""
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """Elements' tangents, as :meth:`Couplings.summed` takes them."""
+
+    blocks: np.ndarray
+    mixed: np.ndarray
+    pressures: np.ndarray
+
+
+@dataclass(frozen=True)
+class ElementState:
+    """What each of m elements puts up at a state: forces (m, 10, 3), volumes (m, 4), matrices; least volume ratio."""
+
+    forces: np.ndarray
+    volumes: np.ndarray
+    matrices: Matrices | None
+    min_jacobian: float
+
+
+class Elements:
+    """The elements of a mesh, of one material.
+
+    Attributes
+    ----------
+    nodes : (m, 10) ascending; corners : (m, 4)
+    weight : (m, q) mm³ that each quadrature point stands for
+    gradients : (m, q, 10, 3) of the shape functions of ``nodes``, 1/mm
+    """
+
+    def __init__(self, mesh: VolumeMesh, material: Material) -> None:
+        self.material = material
+        order = np.argsort(mesh.tets, axis=1)
+        self.nodes, self.corners = np.take_along_axis(mesh.tets, order, axis=1), mesh.tets[:, :4]
+        reference = shape_gradients(QUADRATURE_POINTS)
+        jacobian = np.einsum("qai,maj->mqji", reference, mesh.points[mesh.tets])
+        self.weight = np.linalg.det(jacobian) * QUADRATURE_WEIGHTS
+        gradients = np.einsum("qai,mqij->mqaj", reference, np.linalg.inv(jacobian))
+        self.gradients = np.take_along_axis(gradients, order[:, None, :, None], axis=2)
+
+    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool) -> ElementState:
+        """Elements at displacement (N, 3) and pressure (corners,); without matrices where one is turned inside out."""
+        count = len(self.nodes)
+        forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
+        matrices = (
+            Matrices(np.empty((count, len(PAIRS[0]), 9)), np.empty((count, 4, 30)), np.empty((count, 4, 4)))
+            if with_matrices
+            else None
+        )
+
+        def fill(start: int) -> None:
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            weight, gradients, p = (
+                self.weight[here],
+                self.gradients[here],
+                pressure[self.corners[here]] @ _PRESSURE_SHAPES.T,
+            )
+            gradient = np.swapaxes(displacement[self.nodes[here]], 1, 2)[:, None] @ gradients + np.eye(3)
+            cofactor = _cofactors(gradient)
+            determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
+            least[here] = determinant.min(axis=1)
+            if not determinant.min() > 0:
+                return
+            state = gradient, determinant, cofactor / determinant[..., None, None]
+            stress = self.material.stress(*state) + p[..., None, None] * cofactor
+            forces[here] = (gradients @ np.swapaxes(weight[..., None, None] * stress, -1, -2)).sum(axis=1)
+            volumes[here] = (weight * (determinant - 1 - self.material.compressibility * p)) @ _PRESSURE_SHAPES
+            if matrices is None:
+                return
+            matrices.blocks[here] = self.material.moduli(*state, p).stiffness(weight, gradients)
+            normal = gradients @ np.swapaxes(weight[..., None, None] * cofactor, -1, -2)
+            matrices.mixed[here] = _PRESSURE_SHAPES.T @ normal.reshape(len(p), -1, 30)
+            mass = (weight[:, None, :] * _PRESSURE_SHAPES.T) @ _PRESSURE_SHAPES
+            matrices.pressures[here] = -self.material.compressibility * mass
+
+        with ThreadPoolExecutor(thread_count()) as pool:  # numpy works outside Python's lock
+            list(pool.map(fill, range(0, count, ELEMENTS_AT_ONCE)))
+        lowest = float(least.min())
+        return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
+
+
+def _cofactors(matrices: np.ndarray) -> np.ndarray:
+    """Cofactors of matrices (..., 3, 3): J F^-T."""
+    down, up = matrices[..., _NEXT, :], matrices[..., _LAST, :]
+    return down[..., _NEXT] * up[..., _LAST] - down[..., _LAST] * up[..., _NEXT]

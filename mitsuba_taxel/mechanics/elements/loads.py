@@ -1,0 +1,177 @@
+"""How a pad may be loaded.
+
+A load has a ``value`` that a load path varies: the three components of a force [N] or of a displacement [mm], or one
+pressure [MPa].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.six_node import shape_functions
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+@dataclass(frozen=True)
+class SpreadForce:
+    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load)."""
+
+    quantity: ClassVar[str] = "force"
+    unit: ClassVar[str] = "N"
+    components: ClassVar[int] = 3
+    bonded_plate: ClassVar[bool] = False
+
+    def nodal(self, mesh: VolumeMesh) -> np.ndarray:
+        """(N,) mm² of the loaded area that each node stands for.
+
+        The consistent load of a flat six-node triangle lies on its mid-edge nodes, a third of the area each.
+        """
+        top = mesh.faces[mesh.face_region == REGIONS["top"]]
+        third = _areas(mesh, top) / 3
+        return np.bincount(top[:, 3:].ravel(), weights=np.repeat(third, 3), minlength=len(mesh.points))
+
+
+@dataclass(frozen=True)
+class PatchForce:
+    """A total force, spread evenly over a rectangle of the undeformed top; a dead load.
+
+    Parameters
+    ----------
+    centre : (x, y) in mm
+    size : of the rectangle along x and y, in mm; what lies beside the top carries nothing
+    """
+
+    centre: tuple[float, float]
+    size: tuple[float, float]
+
+    quantity: ClassVar[str] = "force"
+    unit: ClassVar[str] = "N"
+    components: ClassVar[int] = 3
+    bonded_plate: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("centre", "two finite numbers are"), ("size", "two finite lengths above 0 mm are")):
+            value = getattr(self, name)
+            try:
+                pair = tuple(float(component) for component in value)
+            except (TypeError, ValueError, OverflowError):
+                pair = ()
+            good = len(pair) == 2 and all(map(math.isfinite, pair)) and (name == "centre" or min(pair) > 0)
+            if not good:
+                raise InputError(f"patch {name} = {value!r} is not allowed: {allowed} needed.")
+            object.__setattr__(self, name, pair)
+
+    def nodal(self, mesh: VolumeMesh) -> np.ndarray:
+        """(N,) mm² of the loaded area that each node stands for, by exact integration over clipped triangles."""
+        top = mesh.faces[mesh.face_region == REGIONS["top"]]
+        flat = mesh.points[top[:, :3], :2]
+        middle, half = np.array(self.centre), 0.5 * np.array(self.size)
+        near = np.all((flat.min(axis=1) < middle + half) & (flat.max(axis=1) > middle - half), axis=1)
+        nodal = np.zeros(len(mesh.points))
+        for nodes, corners in zip(top[near], flat[near], strict=True):
+            np.add.at(nodal, nodes, _clipped_moments(corners, middle - half, middle + half))
+        return nodal
+
+
+@dataclass(frozen=True)
+class PlateForce:
+    """A force on a rigid plate bonded to the top, which moves but does not turn, as the flange of a robot."""
+
+    quantity: ClassVar[str] = "force"
+    unit: ClassVar[str] = "N"
+    components: ClassVar[int] = 3
+    bonded_plate: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class PlateDisplacement:
+    """A displacement of a rigid plate bonded to the top, which does not turn."""
+
+    quantity: ClassVar[str] = "displacement"
+    unit: ClassVar[str] = "mm"
+    components: ClassVar[int] = 3
+    bonded_plate: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A hydrostatic pressure on top and outside; it stays normal to the deformed surface. The cells are vented."""
+
+    quantity: ClassVar[str] = "pressure"
+    unit: ClassVar[str] = "MPa"
+    components: ClassVar[int] = 1
+    bonded_plate: ClassVar[bool] = False
+
+
+SPREAD_FORCE = SpreadForce()
+
+Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure
+
+
+def loaded_area(mesh: VolumeMesh, load: Load) -> float:
+    """Undeformed area in mm² that a load acts on.
+
+    Raises
+    ------
+    InputError
+        if a patch lies beside the top.
+    """
+    if isinstance(load, PatchForce):
+        area = float(load.nodal(mesh).sum())
+        if not area > 0:
+            raise InputError(
+                f"patch centre = {load.centre}, size = {load.size} is not allowed: it lies beside the top."
+            )
+        return area
+    return float(_areas(mesh, mesh.faces[mesh.face_region == REGIONS["top"]]).sum())
+
+
+def keeps(load: Load, mesh: VolumeMesh, image: np.ndarray) -> bool:
+    """Whether the mirror that takes nodes to their ``image`` (N,) leaves the distribution of a load as it is."""
+    if not isinstance(load, PatchForce):
+        return True  # it covers a region of the surface, as the mesh does
+    nodal = load.nodal(mesh)
+    return bool(np.allclose(nodal[image], nodal, rtol=0, atol=1e-12 * nodal.max(initial=0.0)))
+
+
+def _areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (mesh.points[faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(6,) integrals of a triangle's quadratic shape functions over its part between ``low`` and ``high`` (x, y)."""
+    polygon = corners
+    for axis in range(2):
+        for limit, sign in ((low[axis], 1), (high[axis], -1)):
+            polygon = _clipped(polygon, sign * (polygon[:, axis] - limit))
+            if len(polygon) < 3:
+                return np.zeros(6)
+    edges = corners[1:] - corners[0]
+    moments = np.zeros(6)
+    for second, third in zip(polygon[1:-1], polygon[2:], strict=True):
+        triangle = np.array([polygon[0], second, third])
+        (ux, uy), (vx, vy) = triangle[1:] - triangle[0]
+        middles = 0.5 * (triangle + np.roll(triangle, -1, axis=0))  # exact to degree two
+        local = np.linalg.solve(edges.T, (middles - corners[0]).T)
+        barycentric = np.stack([1 - local[0] - local[1], *local], axis=1)
+        moments += abs(ux * vy - uy * vx) / 6 * shape_functions(barycentric).sum(axis=0)
+    return moments
+
+
+def _clipped(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """The part of a convex polygon (n, 2) where ``inside`` (n,), linear along its edges, is not negative."""
+    kept = []
+    for k in range(len(polygon)):
+        here, there = inside[k - 1], inside[k]
+        if here * there < 0:
+            kept.append(polygon[k - 1] + here / (here - there) * (polygon[k] - polygon[k - 1]))
+        if there >= 0:
+            kept.append(polygon[k])
+    return np.array(kept).reshape(-1, 2)

@@ -1,0 +1,112 @@
+"""Residual and tangent of a loaded pad, or of the part of it that its symmetry leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.element_maps import map_determinants
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness
+from mitsuba_taxel.mechanics.elements.symmetry import Part
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A pad at a state, not necessarily one of balance.
+
+    Attributes
+    ----------
+    residual : out-of-balance forces [N] and volumes [mm³] over the unknowns
+    load : the part of it that the load makes
+    entries : of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted
+    min_jacobian : least volume ratio J at any quadrature point
+    """
+
+    residual: np.ndarray
+    load: np.ndarray
+    entries: np.ndarray | None
+    min_jacobian: float
+
+
+class Model:
+    """A part of a pad glued to the board, under a load.
+
+    Parameters
+    ----------
+    signs : at the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite,
+        0 for all that have no pressure there
+    held_plate : whether a bonded plate stays where it is, instead of being one more unknown
+    like : another model of the same part, material and load, with which it shares its elements
+    """
+
+    def __init__(
+        self,
+        part: Part,
+        material: Material,
+        load: Load,
+        signs: Mapping[Mirror, int],
+        held_plate: bool = False,
+        like: Model | None = None,
+    ) -> None:
+        self.part, self.mesh, self.load = part, part.mesh, load
+        held = np.zeros(len(self.mesh.points), dtype=bool)
+        held[self._faces("bottom")] = True
+        plate = None
+        if load.bonded_plate:
+            top = np.unique(self._faces("top"))
+            held[top] |= held_plate
+            plate = None if held_plate else top
+        self.numbering = number_unknowns(self.mesh, held, signs, plate)
+        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, like.assembly if like else None)
+
+    def evaluate(
+        self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray, with_tangent: bool = True
+    ) -> Configuration:
+        """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``."""
+        inside = self.assembly.evaluate(displacement, pressure, with_tangent)
+        if inside.entries is not None and isinstance(self.load, Pressure):
+            places = (self.mesh.points + displacement)[self._wet_faces]
+            stiffness = -value[0] * pressure_stiffness(places)
+            self.assembly.couplings.add_blocks(inside.entries, self._wet_faces, stiffness)
+        load = self.load_vector(displacement, value)
+        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
+
+    def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
+        """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
+        deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
+        return float((deformed / map_determinants(self.mesh.points, self.mesh.tets)).min())
+
+    def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """Forces of the load over the unknowns, linear in ``value``; none where the load is a displacement."""
+        if isinstance(self.load, Pressure):
+            nodal = np.zeros_like(displacement)
+            np.add.at(nodal, self._wet_faces, pressure_forces((self.mesh.points + displacement)[self._wet_faces]))
+            return value[0] * self.numbering.summed(nodal)
+        if isinstance(self.load, PlateDisplacement):
+            return np.zeros(self.assembly.unknowns)
+        if self.load.bonded_plate:
+            return self.numbering.on_plate(np.asarray(value) / self.part.copies)
+        return self.numbering.summed(self._share[:, None] * value)
+
+    def _faces(self, region: str) -> np.ndarray:
+        return self.mesh.faces[self.mesh.face_region == REGIONS[region]]
+
+    @cached_property
+    def _share(self) -> np.ndarray:
+        """(n,) share of the whole pad's force that each node of the part carries."""
+        assert isinstance(self.load, SpreadForce | PatchForce)
+        nodal = self.load.nodal(self.mesh)
+        return nodal / (self.part.copies * nodal.sum())
+
+    @cached_property
+    def _wet_faces(self) -> np.ndarray:
+        return np.concatenate([self._faces("top"), self._faces("outer")])

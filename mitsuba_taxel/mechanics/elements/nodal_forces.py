@@ -1,0 +1,29 @@
+"""Forces that it takes to keep a pad in its shape, with nothing held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+def internal_forces(mesh: VolumeMesh, material: Material, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa."""
+    nodes = len(mesh.points)
+    nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
+    inside = Assembly(mesh, material, nothing_held).evaluate(displacement, pressure, with_tangent=False)
+    return inside.residual[: 3 * nodes].reshape(-1, 3)
+
+
+def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
+    """Numbers of the nodes on a region of the surface."""
+    return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])
+
+
+def board_force(mesh: VolumeMesh, material: Material, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """(3,) N by which the board holds a pad that nothing but a plate on its top loads."""
+    return internal_forces(mesh, material, displacement, pressure)[nodes_of(mesh, "bottom")].sum(axis=0)

@@ -1,0 +1,88 @@
+"""Which degrees of freedom of a mesh meet in an element, and sums of elements' matrices over them.
+
+The same for all choices of unknowns: what is held or tied is a matter of
+:class:`~mitsuba_taxel.mechanics.elements.assembly`. Node by node there is one block of 3 x 3 for each pair, which keeps
+the search for equal pairs small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.mechanics.materials.moduli import PAIRS
+
+_UPPER = np.array([1, 2, 5])
+"""Entries of a block of a node with itself that its symmetry gives."""
+
+
+class Couplings:
+    """The lower triangle of a symmetric matrix over the degrees of freedom of a mesh, as a list of entries.
+
+    Blocks of two nodes' displacements come first, then those of a pressure and a displacement, then pressures.
+
+    Parameters
+    ----------
+    nodes : (m, 10) of each element, ascending
+    corners : (m, 4) of each element, which have a pressure
+    count : number of nodes
+
+    Attributes
+    ----------
+    rows, columns : (E,) degree of freedom of each entry: 3 of each node, then one of each corner
+    lower : (E,) whether it counts; the other half of symmetric blocks does not
+    """
+
+    def __init__(self, nodes: np.ndarray, corners: np.ndarray, count: int) -> None:
+        self._count = count
+        self._blocks = _Merged(self._block_key(nodes))
+        self._mixed = _Merged(corners[:, :, None] * count + nodes[:, None, :])
+        self._pressures = _Merged(corners[:, :, None] * count + corners[:, None, :])
+        component = np.arange(3)
+        column, row = np.divmod(self._blocks.keys, count)
+        rows = (3 * row[:, None] + np.repeat(component, 3)).ravel()
+        columns = (3 * column[:, None] + np.tile(component, 3)).ravel()
+        pressure, node = np.divmod(self._mixed.keys, count)
+        first, second = np.divmod(self._pressures.keys, count)
+        self.rows = np.concatenate([rows, np.repeat(3 * count + pressure, 3), 3 * count + first])
+        self.columns = np.concatenate([columns, (3 * node[:, None] + component).ravel(), 3 * count + second])
+        self.lower = self.rows >= self.columns
+
+    def summed(self, blocks: np.ndarray, mixed: np.ndarray, pressures: np.ndarray) -> np.ndarray:
+        """(E,) entries of the sum of elements' matrices.
+
+        Parameters
+        ----------
+        blocks : (m, pairs, 9) of displacements, for :data:`PAIRS`
+        mixed : (m, 4, 30) of pressures and displacements
+        pressures : (m, 4, 4)
+        """
+        parts = self._blocks.summed(blocks, 9), self._mixed.summed(mixed, 3), self._pressures.summed(pressures, 1)
+        return np.concatenate(parts)
+
+    def add_blocks(self, entries: np.ndarray, nodes: np.ndarray, matrices: np.ndarray) -> None:
+        """Add symmetric matrices (n, 3 k, 3 k) over the displacements of nodes (n, k) that lie in one element."""
+        order = np.argsort(nodes, axis=1)
+        nodes = np.take_along_axis(nodes, order, axis=1)
+        first, second = np.tril_indices(nodes.shape[1])
+        places = np.searchsorted(self._blocks.keys, nodes[:, second] * self._count + nodes[:, first])
+        matrices = matrices.reshape(len(nodes), nodes.shape[1], 3, nodes.shape[1], 3)
+        rows = np.arange(len(nodes))[:, None]
+        blocks = matrices[rows, order[:, first], :, order[:, second]]
+        np.add.at(entries[: 9 * len(self._blocks.keys)].reshape(-1, 3, 3), places, blocks)
+
+    def _block_key(self, nodes: np.ndarray) -> np.ndarray:
+        return nodes[:, PAIRS[1]] * self._count + nodes[:, PAIRS[0]]
+
+
+class _Merged:
+    """Equal keys as one."""
+
+    def __init__(self, keys: np.ndarray) -> None:
+        self.keys, target = np.unique(keys.ravel(), return_inverse=True)
+        ones, places = np.ones(len(target)), np.arange(len(target))
+        self._sum = sparse.csr_array((ones, (target.ravel(), places)), shape=(len(self.keys), len(target)))
+
+    def summed(self, values: np.ndarray, size: int) -> np.ndarray:
+        """Flattened sums of blocks of ``size`` values over the blocks whose keys are equal."""
+        return (self._sum @ values.reshape(-1, size)).ravel()

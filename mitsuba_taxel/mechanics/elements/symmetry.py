@@ -1,0 +1,153 @@
+"""The part of a symmetric pad that has to be solved for, and how its state gives that of the whole.
+
+Mirrors that leave pad and load as they are form a group; a stable solution can be sought among the states that they
+leave alone, on one part of the mesh between their planes. Whether it is stable against all displacements is another
+matter: the tangent of the whole falls into blocks, one for each way in which a displacement can behave under the
+group, and all of them have to be looked at (J.-P. Serre, Linear Representations of Finite Groups, chapter 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+CUT = 0
+"""In place of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
+
+
+def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
+    """The mirrors that map a mesh on itself to the last bit, each with the image (N,) of each node."""
+    images = {}
+    for mirror in MIRRORS:
+        image = _matched(mesh.points, mirror.image(mesh.points))
+        if image is not None and _maps(mesh, image):
+            images[mirror] = image
+    return images
+
+
+def _matched(points: np.ndarray, moved: np.ndarray) -> np.ndarray | None:
+    """(N,) the point that each moved point coincides with, or None if one has no partner."""
+    order, other = (np.lexsort((p + 0.0).T) for p in (points, moved))
+    if not np.array_equal(points[order], moved[other]):
+        return None
+    image = np.empty(len(points), dtype=np.int64)
+    image[other] = order
+    return image
+
+
+def _maps(mesh: VolumeMesh, image: np.ndarray) -> bool:
+    """Whether elements and tagged faces go over into elements and faces of the same region."""
+    own, moved = (_rows(nodes) for nodes in (mesh.tets[:, :4], image[mesh.tets[:, :4]]))
+    if not np.array_equal(own, moved):
+        return False
+    region = mesh.face_region[:, None]
+    faces = (np.concatenate([np.sort(nodes, axis=1), region], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
+    own, moved = (f[np.lexsort(f.T)] for f in faces)
+    return np.array_equal(own, moved)
+
+
+def _rows(nodes: np.ndarray) -> np.ndarray:
+    nodes = np.sort(nodes, axis=1)
+    return nodes[np.lexsort(nodes.T)]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The part of a mesh on the kept side of some mirrors.
+
+    Attributes
+    ----------
+    mesh : of the part
+    nodes : (n,) node of the whole that each of its nodes is; corners come first here too
+    walls : the mirrors that bound it
+    mirrors : how many make the group
+    source : (N,) node of the part that each node of the whole is an image of
+    turn : (N, 3, 3) what turns a displacement there into that of the node of the whole
+    """
+
+    mesh: VolumeMesh
+    nodes: np.ndarray
+    walls: tuple[Mirror, ...]
+    mirrors: int
+    source: np.ndarray
+    turn: np.ndarray
+
+    def restrict(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure on the part, from those of the whole."""
+        return displacement[self.nodes], pressure[self.nodes[: self.mesh.corner_count]]
+
+    def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure of the whole, from those of a state that all mirrors leave as it is."""
+        corners = self._whole_corners
+        return np.einsum("nij,nj->ni", self.turn, displacement[self.source]), pressure[self.source[:corners]]
+
+    @property
+    def copies(self) -> int:
+        """How many images of the part make the whole."""
+        return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
+
+    @property
+    def _whole_corners(self) -> int:
+        return int(np.count_nonzero(self.source < self.mesh.corner_count))
+
+
+def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> Part:
+    """The part of a symmetric mesh that ``mirrors``, a whole group of them, complete; ``images`` from node_images."""
+    corner = mesh.points[mesh.tets[:, :4]].mean(axis=1)
+    inside = np.ones(len(corner), dtype=bool)
+    for mirror in mirrors:
+        inside &= mirror.side(corner) > 0
+    nodes = np.unique(mesh.tets[inside])
+    number = np.full(len(mesh.points), -1)
+    number[nodes] = np.arange(len(nodes))
+    kept = (number[mesh.faces] >= 0).all(axis=1)
+    faces = number[mesh.faces[kept]]
+    part = VolumeMesh(
+        mesh.points[nodes], number[mesh.tets[inside]], faces, mesh.face_region[kept], mesh.face_cell[kept]
+    )
+    source, turn = np.arange(len(mesh.points)), np.broadcast_to(np.eye(3), (len(mesh.points), 3, 3)).copy()
+    position = mesh.points.copy()
+    for mirror in MIRRORS:
+        if mirror not in mirrors:
+            continue
+        beyond = mirror.side(position) < 0
+        source[beyond] = images[mirror][source[beyond]]
+        position[beyond] = mirror.image(position[beyond])
+        turn[beyond] = turn[beyond] @ mirror.image(np.eye(3))
+    return Part(part, nodes, _bounding(mirrors), len(mirrors), number[source], turn)
+
+
+def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
+    """Those of a group whose planes bound the kept part."""
+    return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
+
+
+def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
+    """The blocks of the tangent that the group's own states do not show: mirrors of a part, and signs at its walls.
+
+    A square pad's fifth block, of pairs of displacements that turn into each other, needs the part between two mirrors.
+    """
+    walls = _bounding(mirrors)
+    blocks: list[tuple[Sequence[Mirror], dict[Mirror, int]]] = []
+    for bits in range(1, 2 ** len(walls)):
+        blocks.append((mirrors, {wall: -1 if bits >> k & 1 else 1 for k, wall in enumerate(walls)}))
+    if len(mirrors) == len(MIRRORS):
+        blocks.append(((ACROSS_X, ACROSS_Y), {ACROSS_X: 1, ACROSS_Y: -1}))
+    return blocks
+
+
+def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
+    """Signs at the walls of the part, of the pieces between cuts along some of the mirrors' planes.
+
+    A displacement of the whole that has no symmetry is one of pieces that keep the mirror of the last wall, and it is
+    the sum of one that is its own image in that mirror and one that is the opposite. None where blocks are no fewer.
+    """
+    if len(mirrors) < 2:
+        return []
+    *others, kept = _bounding(mirrors)
+    return [dict.fromkeys(others, CUT) | {kept: sign} for sign in (1, -1)]

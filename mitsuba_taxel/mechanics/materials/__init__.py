@@ -1,0 +1,1 @@
+"""Strain energies, their derivatives, and measured silicones."""

@@ -1,0 +1,97 @@
+"""Silicones whose stiffness was measured, by name, and one of a given Shore hardness.
+
+The tensile curves of L. Marechal et al., Towards a Common Framework and Database of Materials for Soft Robotics, Soft
+Robotics, 2020, doi:10.1089/soro.2019.0115 (their data: github.com/LucMarechal/Soft-Robotics-Materials-Database, Open
+Database License) were taken by ASTM D412 at 450 mm/min, strain from the crosshead. The constants here are our linear
+least-squares fit of an incompressible Yeoh law with two terms to the nominal stress up to 50 % of nominal strain; a
+third term came out negative, with which the energy falls at large strain. None of the sources gives Poisson's ratio:
+it is the 0.49 of the laws' default, and ``silicone(name).changed(poisson_ratio=0.5)`` changes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean, Yeoh
+
+
+@dataclass(frozen=True)
+class Silicone(Displayed):
+    """A silicone's law, where its numbers come from, and what they hold for.
+
+    Parameters
+    ----------
+    material : the law
+    source : publication or data, and what was done with them
+    max_strain : largest nominal tensile strain of the fit; ``None`` where only a modulus at small strain is known
+    """
+
+    material: Material
+    source: str
+    max_strain: float | None = None
+
+
+def _fitted(c10: float, c20: float, misfit: float) -> Silicone:
+    """A fit to a tensile curve of the database; `misfit` is relative to the largest stress fitted."""
+    source = (
+        "Yeoh law fitted to the tensile curve of Marechal et al., Soft Robotics, 2020, doi:10.1089/soro.2019.0115, "
+        f"up to 50 % strain (root-mean-square misfit {misfit:.1%} of the stress there)"
+    )
+    return Silicone(Yeoh(c10, c20, 0.0), source, max_strain=0.5)
+
+
+SILICONES: dict[str, Silicone] = {
+    "dragon_skin_10_medium": _fitted(0.02020, 0.00454, 0.016),
+    "dragon_skin_20": _fitted(0.05364, 0.01580, 0.008),
+    "dragon_skin_30": _fitted(0.08599, 0.01367, 0.008),
+    "ecoflex_00_30": _fitted(0.00697, 0.00086, 0.022),
+    "ecoflex_00_50": _fitted(0.00958, 0.00120, 0.038),
+    "mold_star_16_fast": _fitted(0.04040, 0.00399, 0.011),
+    "mold_star_20t": _fitted(0.05352, 0.00468, 0.037),
+    "rtv_615": _fitted(0.16395, 0.01618, 0.006),
+    "sorta_clear_40": _fitted(0.13857, 0.00624, 0.005),
+    "multiphysics_pad": Silicone(
+        NeoHookean(4.16),
+        "Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor, section 2.2.2: "
+        "silicone of a material library, Young's modulus 4.16 MPa",
+    ),
+}
+"""Silicones by name."""
+
+
+def silicone(name: str) -> Material:
+    """Law of the silicone of that name in :data:`SILICONES`, which gives its source too.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if not isinstance(name, str) or name not in SILICONES:
+        raise InputError(f"silicone = {name!r} is not allowed: one of {', '.join(SILICONES)} is needed.")
+    return SILICONES[name].material
+
+
+def from_shore_a(hardness: float, poisson_ratio: float = 0.49) -> NeoHookean:
+    """A silicone known by its hardness alone: log10 E = 0.0235 S - 0.6403, with E in MPa.
+
+    Ruess's relation, as K. Larson quotes it (Can You Estimate Modulus From Durometer Hardness for Silicones?, Dow
+    white paper), for 20 <= S <= 80. It is a rough guide: Dragon Skin 20 and 30, Shore A 20 and 30 by their maker, were
+    measured to be less than half as stiff.
+
+    Parameters
+    ----------
+    hardness : S on the Shore A scale, from 20 to 80
+    poisson_ratio : nu, from 0 to 0.5
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+    if not (is_number(hardness) and 20 <= hardness <= 80):
+        raise InputError(f"hardness = {hardness} is not allowed: a number from 20 to 80 (Shore A) is needed.")
+    return NeoHookean(10 ** (0.0235 * hardness - 0.6403), poisson_ratio)

@@ -1,0 +1,1 @@
+"""Equilibrium along a load path, its stability and its derivatives."""

@@ -1,0 +1,75 @@
+"""Arrays kept on disk under a key of everything that determines them.
+
+A file is written whole under another name and renamed; one that is damaged is not used. A folder that cannot be
+written costs time, never the run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base import archive
+from mitsuba_taxel.base.atomic import WriteError, reason_of, remove_stale, replacing
+from mitsuba_taxel.base.sources import code_digest
+
+ROOMS = ("base", "geometry", "pads", "mechanics")
+"""Where the code is that decides what a solution is."""
+
+
+def folder() -> Path:
+    """``MITSUBA_TAXEL_CACHE``, or ``mitsuba_taxel`` in the user's cache folder."""
+    chosen = os.environ.get("MITSUBA_TAXEL_CACHE")
+    if chosen:
+        return Path(chosen)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mitsuba_taxel"
+
+
+def key(*parts: object) -> str:
+    """Hexadecimal digest of values that JSON can write (floats to the last bit), and of the code that uses them."""
+    text = json.dumps([code_digest(*ROOMS), *parts], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load(name: str) -> dict[str, np.ndarray] | None:
+    """The arrays stored under ``name``, or None if there are none that are whole."""
+    try:
+        content = (folder() / f"{name}.npz").read_bytes()
+    except OSError:
+        return None
+    return archive.unpack(content)
+
+
+@contextmanager
+def alone(name: str) -> Iterator[None]:
+    """Let no other process compute what is kept under ``name`` meanwhile, so that it is computed once."""
+    from filelock import FileLock
+
+    lock = FileLock(folder() / "locks" / name)
+    try:
+        Path(lock.lock_file).parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except OSError:
+        pass  # nothing can be kept there either
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def store(name: str, arrays: dict[str, np.ndarray]) -> None:
+    """Keep ``arrays`` under ``name``; warns where that is not possible."""
+    try:
+        folder().mkdir(parents=True, exist_ok=True)
+        remove_stale(folder())
+        with replacing(folder() / f"{name}.npz") as file:
+            file.write_bytes(archive.pack(arrays))
+    except (OSError, WriteError) as error:
+        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=2)

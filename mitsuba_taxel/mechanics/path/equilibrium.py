@@ -1,0 +1,340 @@
+"""Equilibrium of a pad under a load: one Newton solve, on the part of the pad that its symmetry leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
+from mitsuba_taxel.mechanics.elements.model import Configuration, Model
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.symmetry import part_between
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.stability import Unsymmetric
+
+RESIDUAL_TOLERANCE = 1e-9
+"""Largest out-of-balance force accepted, relative to the load."""
+MOST_ITERATIONS = 20
+SLOW = 0.1
+"""A factored tangent serves further iterations as long as each leaves less than this share of the error."""
+NEAR = 1e-3
+"""Distance of displacements, relative to the largest, over which a tangent serves for that of a state amid others."""
+NATURAL_STRAIN = 0.02
+"""Mean strain, about, that one step of a load path adds."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An accepted state: unknowns in balance with a load, a stable equilibrium without inverted elements.
+
+    Attributes
+    ----------
+    min_jacobian : least volume ratio J at any quadrature point and node of the elements
+    residual : largest out-of-balance force, relative to the load
+    stability_checked : whether the solver gave the inertia that stability is judged by
+    """
+
+    unknowns: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+
+
+class Rejected(Exception):
+    """A step that found no acceptable state; the message says why."""
+
+
+def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
+    """Change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`: a step of a load path."""
+    if isinstance(load, PlateDisplacement):
+        return NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
+    stress = NATURAL_STRAIN * material.youngs_modulus
+    return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
+
+
+class LoadedPad:
+    """A meshed pad glued to the board, under a load.
+
+    Parameters
+    ----------
+    mesh : of the whole pad
+    mirrors : a group of mirrors that leave pad and load as they are; only the part between them is solved for
+    images : of the nodes, from :func:`node_images`; needed with mirrors
+    solver : name of a linear solver; None takes the best there is
+    """
+
+    def __init__(
+        self,
+        mesh: VolumeMesh,
+        material: Material,
+        load: Load = SPREAD_FORCE,
+        mirrors: Sequence[Mirror] = (),
+        images: Mapping[Mirror, np.ndarray] | None = None,
+        solver: str | None = None,
+    ) -> None:
+        self.whole, self.material, self.load = mesh, material, load
+        self._mirrors, self._images, self._solver_name = tuple(mirrors), images or {}, solver
+        self.part = part_between(mesh, self._images, mirrors)
+        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1))
+        self.numbering = self.model.numbering
+        self._solver = make_solver(solver)
+        self._volume = float(self.model.assembly.elements.weight.sum())
+        self._height = float(np.ptp(mesh.points[:, 2]))
+        self.step = natural_step(mesh, material, self.load)
+
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns are solved for."""
+        return self.model.assembly.unknowns
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (N, 3) and pressure (corners,) of the whole pad."""
+        return self.part.expand(*self.numbering.split(unknowns))
+
+    def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Unknowns of a state of the whole pad that has the symmetry of the load."""
+        return self.numbering.gather(*self.part.restrict(displacement, pressure))
+
+    def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """The state of balance that Newton's method finds from the unknowns ``start``, if it is a stable one.
+
+        Parameters
+        ----------
+        value : (3,) N or mm, or (1,) MPa: of the load on the whole pad
+
+        Returns the solution and the linearised pad there.
+
+        Raises
+        ------
+        Rejected
+            if it does not converge, inverts an element, or ends in an unstable equilibrium.
+        """
+        solution, linearised = self.solve_symmetric(start, value)
+        self.refuse_unstable(solution.unknowns, linearised.entries, value)
+        return solution, linearised
+
+    def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, but displacements that lack the symmetry of the load are left to :meth:`refuse_unstable`.
+
+        So that one factored matrix has to be in memory at a time.
+        """
+        found = self._balanced(start, value)
+        entries = self._entries(found, value)
+        found = replace(found, linearised=None)  # frees its memory for the next one
+        linearised = self._linearised(entries)
+        return self._accepted(found, self._is_stable(linearised)), linearised
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
+        """Raise Rejected if a state of balance is unstable against displacements that lack the symmetry of the load.
+
+        Parameters
+        ----------
+        entries : of the tangent there, :attr:`Linearised.entries`
+        """
+        if self._solver.knows_inertia:
+            try:
+                _refuse_surplus(self._unsymmetric.surplus(entries, *self.split(unknowns), value))
+            except RuntimeError as failure:
+                raise _singular(failure) from failure
+
+    def solve_amid(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
+
+        Displacements that lack the symmetry of the load are not looked at once more, and the linearised pad is that of
+        a state within `NEAR`.
+        """
+        found = self._balanced(start, value)
+        linearised = found.linearised
+        largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
+        if linearised is None or found.distance > NEAR * largest:
+            linearised = self._linearised(self._entries(found, value))
+        return self._accepted(found, self._is_stable(linearised)), linearised
+
+    def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """The unknowns of :meth:`solve`; whether they are stable is not asked."""
+        return self._balanced(start, value).unknowns
+
+    def _balanced(self, start: np.ndarray, value: np.ndarray) -> _Balance:
+        """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
+        unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
+        linearised: Linearised | None = None
+        for iteration in range(MOST_ITERATIONS):
+            state = self._evaluate(unknowns, value, with_tangent=linearised is None)
+            error = self._checked_error(state, unknowns, value, first)
+            if error < RESIDUAL_TOLERANCE:
+                return _Balance(unknowns, state, error, iteration, linearised, distance)
+            if error > SLOW * last and state.entries is None:
+                state = self._evaluate(unknowns, value)
+            if state.entries is not None:
+                linearised = None  # frees its memory for the next one
+                linearised, distance = self._linearised(state.entries), 0.0
+            assert linearised is not None  # from an earlier iteration
+            first, last = first or error, error
+            correction = linearised.correction(state.residual, self._gap(unknowns, value))
+            distance += float(np.abs(correction[: self.numbering.displacements]).max())
+            unknowns = unknowns - correction
+        raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _accepted(self, found: _Balance, checked: bool) -> Solution:
+        least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
+        return Solution(found.unknowns, least, found.error, found.iterations, checked)
+
+    def _entries(self, found: _Balance, value: np.ndarray) -> np.ndarray:
+        """Of the tangent where a balance was found."""
+        entries = found.state.entries
+        if entries is None:
+            entries = self._evaluate(found.unknowns, value).entries
+        assert entries is not None  # no element is turned inside out
+        return entries
+
+    def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
+        """How far a state is from balance; raises Rejected where an iteration should not go on from it."""
+        if not state.min_jacobian > 0:
+            raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
+        error = self._error(state, unknowns, value)
+        if not error < 1e6 * max(first or error, 1.0):
+            raise Rejected("Newton's method diverges")
+        return error
+
+    def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
+        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0])
+        if not least > 0:
+            raise Rejected(f"an element would be turned inside out at a node (J = {least:.2g})")
+        return least
+
+    def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+        """What one step of Newton's method with a known tangent takes off ``unknowns``; None if it cannot say."""
+        residual = self._evaluate(unknowns, value, with_tangent=False).residual
+        if not np.all(np.isfinite(residual)):
+            return None
+        return linearised.correction(residual, self._gap(unknowns, value))
+
+    def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
+        """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
+        residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
+        return self.part.copies * self.numbering.of_plate(residual)
+
+    def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent)
+
+    def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
+        """How far a state is from balance: the largest relative error of forces, volumes, plate."""
+        forces, volumes = np.split(state.residual, [self.numbering.displacements])
+        load = float(np.linalg.norm(state.load))
+        if self._driven:
+            load = float(np.linalg.norm(forces[self._moved]))
+            forces = np.delete(forces, self._moved)
+        scale = max(load, self._small_load)
+        gap = float(np.abs(self._gap(unknowns, value)).max(initial=0.0))
+        forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
+        return max(forces_off / scale, volumes_off / self._volume, gap / self._height)
+
+    @cached_property
+    def _small_load(self) -> float:
+        """Norm of the load vector of a natural step, which smaller loads are measured by."""
+        zero = np.zeros((len(self.part.mesh.points), 3))
+        value = np.zeros(self.load.components)
+        value[-1] = self.step
+        if self._driven:
+            return NATURAL_STRAIN * self.material.youngs_modulus * loaded_area(self.whole, self.load) / self.part.copies
+        return float(np.linalg.norm(self.model.load_vector(zero, value)))
+
+    @property
+    def _driven(self) -> bool:
+        return isinstance(self.load, PlateDisplacement)
+
+    @cached_property
+    def _moved(self) -> np.ndarray:
+        """Unknowns of the plate where the load moves it, else none."""
+        return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
+
+    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """How far each moved unknown of the plate is from where it should be, in mm."""
+        return unknowns[self._moved] - self._targets(value)
+
+    def _targets(self, value: np.ndarray) -> np.ndarray:
+        return self.numbering.plate_values(value) if self._driven else np.zeros(0)
+
+    def _linearised(self, entries: np.ndarray) -> Linearised:
+        try:
+            factor = self._solver.factor(self.model.assembly.matrix(entries))
+            return Linearised(entries, factor, self._moved, self.unknowns)
+        except RuntimeError as failure:
+            raise _singular(failure) from failure
+
+    def rate(self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Derivative of the unknowns of a state of balance by the load's value along ``direction``."""
+        force = self.model.load_vector(self.numbering.split(unknowns)[0], direction)
+        return linearised.correction(force, self._targets(direction))
+
+    def _is_stable(self, linearised: Linearised) -> bool:
+        """Whether stability was checked against what the part can do; raises Rejected if it is unstable."""
+        if linearised.negative is None:
+            return False
+        _refuse_surplus(linearised.negative - self.numbering.pressures)
+        return True
+
+    @cached_property
+    def _unsymmetric(self) -> Unsymmetric:
+        return Unsymmetric(self.whole, self._mirrors, self._images, self.model, self._solver_name)
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """Where Newton's method has ended: unknowns, the pad there, what is left of the error, iterations.
+
+    ``linearised`` is the last tangent that was factored, at a state at a ``distance`` of some mm, if there was one.
+    """
+
+    unknowns: np.ndarray
+    state: Configuration
+    error: float
+    iterations: int
+    linearised: Linearised | None
+    distance: float
+
+
+def _singular(failure: RuntimeError) -> Rejected:
+    return Rejected(f"the tangent is singular ({failure})")
+
+
+def _refuse_surplus(surplus: int) -> None:
+    if surplus:
+        raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
+
+
+class Linearised:
+    """The factored tangent of a pad at a state, from its ``entries``.
+
+    ``moved`` are unknowns that the load sets instead of forces.
+    """
+
+    def __init__(self, entries: np.ndarray, factor: Factorisation, moved: np.ndarray, size: int) -> None:
+        self.entries, self._factor, self._moved = entries, factor, moved
+        self._columns = np.zeros((size, len(moved)))
+        for column, unknown in enumerate(moved):
+            unit = np.zeros(size)
+            unit[unknown] = 1.0
+            self._columns[:, column] = factor.solve(unit)
+        self._compliance = self._columns[moved]
+        self.negative = self._negative()
+
+    def correction(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
+        """The change that answers a ``residual`` with the moved unknowns changing by ``gap``."""
+        free = self._factor.solve(residual)
+        if not len(self._moved):
+            return free
+        return free + self._columns @ np.linalg.solve(self._compliance, gap - free[self._moved])
+
+    def _negative(self) -> int | None:
+        """Negative eigenvalues of the tangent with the moved unknowns held (Haynsworth, 1968); None if unknown."""
+        if self._factor.negative_pivots is None:
+            return None
+        return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._compliance) < 0))

@@ -1,0 +1,250 @@
+"""A straight leg of a load path: equilibria under a load that grows from one value onwards in a fixed direction.
+
+The nodes of a leg are solved where the leg alone says, never where somebody asked for a state; between them the
+state follows from cubic Hermite interpolation with the tangents du/dF, which one back-solve each gives.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected, Solution
+
+INTERPOLATION_TOLERANCE = 1e-4
+"""Largest error of an interpolated displacement, relative to the largest displacement there."""
+TICKS = 64
+"""A whole step is halved at most to this part."""
+CONTACT_RESOLUTION = 1e-3
+"""How well the first contact is placed, relative to a whole step."""
+
+Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A solved state on a leg at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+
+    ``seconds`` are those that it took to solve.
+    """
+
+    s: float
+    unknowns: np.ndarray
+    tangent: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """Unknowns between two nodes, with the worse of their figures, and the seconds of all nodes on the way there."""
+
+    unknowns: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+
+class Leg:
+    """The nodes of a leg solved so far.
+
+    Parameters
+    ----------
+    step : distance between nodes where nothing asks for less
+    judged : whether states must be stable against all displacements, not only those with the symmetry of the load
+
+    Attributes
+    ----------
+    limit, reason : distance beyond which there is no state, and why; infinite and empty as long as none is known
+    place : (3,) mm, where the pad touches something at the limit; not numbers if it does not
+    """
+
+    def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float, judged: bool) -> None:
+        self.origin, self.direction, self.step, self.judged = origin, direction, step, judged
+        self.nodes: list[Node] = []
+        self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
+
+    def value(self, s: float) -> np.ndarray:
+        """Value of the load at distance ``s``."""
+        return self.origin + s * self.direction
+
+    def reaches(self, s: float) -> bool:
+        """Whether a state at distance ``s`` needs no further solve."""
+        return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
+
+    def extend(
+        self,
+        pad: LoadedPad,
+        s: float,
+        start: Callable[[], np.ndarray],
+        contact: ContactTest,
+        far_enough: Callable[[], bool],
+    ) -> None:
+        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the leg's origin.
+
+        Between intervals ``far_enough`` is asked whether no more nodes are of use.
+
+        The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
+        aligned to its own length; an interval is halved where Newton's method finds no acceptable state. More nodes are
+        put between the two, each amid others, where the interpolation would not be accurate. Where a leg goes on thus
+        depends on its nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches
+        itself or the board.
+        """
+        if not self.nodes and math.isinf(self.limit):
+            self._begin(pad, start)
+        while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
+            for node in self._next(pad):
+                self.nodes.append(node)
+                self._look_for_contact(pad, contact)
+                if math.isfinite(self.limit):
+                    break
+
+    def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
+        try:  # at rest, or amid another leg's states
+            self.nodes.append(self._node(pad, pad.solve_amid, 0.0, start())[0])
+        except Rejected as rejection:
+            self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
+
+    def _next(self, pad: LoadedPad) -> list[Node]:
+        """The nodes of the next interval; none, and a `limit`, where the leg ends."""
+        last, tick = self.nodes[-1], self.step / TICKS
+        position = round(last.s / tick)
+        length = min(position & -position, TICKS) or TICKS
+        while True:
+            try:
+                return self._interval(pad, last, (position + length) * tick, shortest=length == 1)
+            except Rejected as rejection:
+                if length == 1:
+                    self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
+                    return []
+            length //= 2
+
+    def _interval(self, pad: LoadedPad, start: Node, s: float, shortest: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
+        solve = pad.solve_symmetric if self.judged else pad.solve_amid
+        end, linearised = self._node(pad, solve, s, self._guess(s))
+        fits = shortest or self._interpolates(pad, start, end, linearised)
+        entries = linearised.entries
+        del linearised  # which takes much memory
+        if self.judged:
+            began = time.perf_counter()
+            pad.refuse_unstable(end.unknowns, entries, self.value(s))
+            end = replace(end, seconds=end.seconds + time.perf_counter() - began)
+        return self._between(pad, start, end, fits)
+
+    def _between(self, pad: LoadedPad, start: Node, end: Node, fits: bool) -> list[Node]:
+        """The nodes beyond ``start`` up to ``end``, between which the interpolation ``fits`` or does not."""
+        if fits:
+            return [end]
+        s = 0.5 * (start.s + end.s)
+        middle, linearised = self._node(pad, pad.solve_amid, s, hermite(start, end, s))
+        halves = (start, middle), (middle, end)
+        finest = end.s - start.s < 2.5 * self.step / TICKS
+        fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
+        del linearised
+        return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
+
+    def _guess(self, s: float) -> np.ndarray:
+        """Unknowns beyond the last node: by the last interval's cubic no further than its length, else straight on."""
+        last = self.nodes[-1]
+        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s:
+            return hermite(self.nodes[-2], last, s)
+        return last.unknowns + (s - last.s) * last.tangent
+
+    def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
+        began = time.perf_counter()
+        solution, linearised = solve(guess, self.value(s))
+        tangent = pad.rate(linearised, solution.unknowns, self.direction)
+        figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
+        return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
+
+    def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
+        """Whether the interpolated midpoint is near equilibrium: one step of Newton's method says how near."""
+        middle = 0.5 * (start.s + end.s)
+        unknowns = hermite(start, end, middle)
+        correction = pad.correction(linearised, unknowns, self.value(middle))
+        if correction is None:
+            return False
+        displacements = slice(pad.numbering.displacements)
+        largest = np.abs(unknowns[displacements]).max()
+        return bool(np.abs(correction[displacements]).max() <= INTERPOLATION_TOLERANCE * largest)
+
+    def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
+        """End the leg at the first contact since the last node but one, if there is one at the last."""
+        if len(self.nodes) < 2 or math.isfinite(self.limit):
+            return
+        found = self.first_contact(pad, len(self.nodes) - 1, test.find)
+        if found:
+            self.limit, contact = found
+            self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
+
+    def first_contact(
+        self, pad: LoadedPad, index: int, find: Callable[[np.ndarray], Contact | None]
+    ) -> tuple[float, Contact] | None:
+        """How far the leg goes without a contact, and that contact, if there is one at a node but not at that before.
+
+        Parameters
+        ----------
+        index : of the node; the first has none before it
+        find : tells a contact under a displacement (N, 3) of the pad, as :meth:`ContactTest.find` does
+        """
+        found = find(pad.split(self.nodes[index].unknowns)[0])
+        if found is None:
+            return None
+        start, end = self.nodes[index - 1], self.nodes[index]
+        free, touching = start.s, end.s
+        while touching - free > CONTACT_RESOLUTION * self.step:
+            middle = 0.5 * (free + touching)
+            contact = find(pad.split(hermite(start, end, middle))[0])
+            free, touching, found = (middle, touching, found) if contact is None else (free, middle, contact)
+        return free, found
+
+    def at(self, s: float) -> Interpolated:
+        """The state at distance ``s``, which the leg must reach."""
+        after = next(index for index, node in enumerate(self.nodes) if node.s >= s)
+        end = self.nodes[after]
+        start = self.nodes[max(after - 1, 0)]
+        return Interpolated(
+            hermite(start, end, s),
+            min(start.min_jacobian, end.min_jacobian),
+            max(start.residual, end.residual),
+            end.iterations,
+            start.stability_checked and end.stability_checked,
+            sum(node.seconds for node in self.nodes[: after + 1]),
+        )
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Nodes and limit as arrays by name, for the cache."""
+        nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
+        return nodes | {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place}
+
+    def restore(self, arrays: dict[str, np.ndarray]) -> None:
+        """Take nodes and limit from :meth:`arrays`."""
+        self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
+        names = [field.name for field in fields(Node)]
+        columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
+        self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
+
+
+def hermite(start: Node, end: Node, s: float) -> np.ndarray:
+    """Cubic with the values and tangents of two nodes; exactly the node's values at a node."""
+    if s == end.s:
+        return end.unknowns
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * start.unknowns
+        + t * (1 - t) ** 2 * length * start.tangent
+        + t**2 * (3 - 2 * t) * end.unknowns
+        - t**2 * (1 - t) * length * end.tangent
+    )

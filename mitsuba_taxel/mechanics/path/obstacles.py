@@ -1,0 +1,58 @@
+"""Where on a load path a pad first touches rigid bodies that stand beside it.
+
+They change nothing about the states of a path, which so are the same, and kept, for all that may stand there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.load_segment import Leg
+
+
+class Obstacles:
+    """Rigid bodies at rest in the way of a pad; what is known of the legs of its paths.
+
+    Parameters
+    ----------
+    mesh : of the undeformed pad
+    triangles : (K, 3, 3) mm, corners of the triangles of their closed surfaces, in the frame of the pad
+    mirrors : applied to them one after the other, as to the load that the legs belong to
+
+    Raises
+    ------
+    InputError
+        if they are no triangles, or the undeformed pad touches them, itself or the board.
+    """
+
+    def __init__(self, mesh: VolumeMesh, triangles: np.ndarray, mirrors: Sequence[Mirror]) -> None:
+        for mirror in mirrors:
+            triangles = mirror.image(triangles)
+        self._test = ContactTest(mesh, triangles)
+        self._clear: dict[Leg, int] = {}
+        self._first: dict[Leg, tuple[float, Contact]] = {}
+        if self._test.at_rest:
+            place = np.array(self._test.at_rest.place)
+            for mirror in reversed(mirrors):
+                place = mirror.image(place)
+            shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
+            raise InputError(
+                f"the undeformed pad touches {self._test.at_rest.what} near ({shown}) mm of the pad: move one of them."
+            )
+
+    def first(self, leg: Leg, pad: LoadedPad) -> tuple[float, Contact] | None:
+        """How far a leg goes, as far as it is solved, before the pad touches them, and where; None if it does not."""
+        for index in range(self._clear.get(leg, 1), len(leg.nodes)):
+            if leg not in self._first:
+                found = leg.first_contact(pad, index, self._test.find_package)
+                if found:
+                    self._first[leg] = found
+            self._clear[leg] = index + 1
+        return self._first.get(leg)

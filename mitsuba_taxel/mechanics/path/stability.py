@@ -1,0 +1,152 @@
+"""Whether a pad in balance is stable against displacements that lack the symmetry of its state.
+
+The tangent of the whole falls into blocks, one for each way in which a displacement can behave under the mirrors, and
+the pad is stable if each block is. Most states are found stable with less: the pad is cut along planes of symmetry, and
+the pieces are looked at alone. Each displacement of the whole is one of the pieces, and its energy is the sum of
+theirs; so the pad is stable if the pieces are. They are freer, and may be unstable where the pad is not: then the
+blocks decide.
+
+What the pieces lose is little. In a cut acts the pressure of the pad itself, and follows the cut as it deforms: to the
+energy of the whole that adds nothing, because what it adds to a piece it takes off the piece's mirror image. Pressures
+at the nodes of a cut, which two pieces would share, are left out, and to leave out a pressure never makes a piece
+stiffer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
+from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
+from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
+from mitsuba_taxel.mechanics.elements.symmetry import CUT, Part, cut_blocks, part_between, unsymmetric_blocks
+
+
+class Unsymmetric:
+    """The displacements of a pad that lack the symmetry of its state.
+
+    Parameters
+    ----------
+    whole : mesh of the whole pad
+    mirrors : those that leave the state as it is
+    images : of the nodes, from :func:`node_images`
+    model : of the part between the mirrors
+    solver : name of a linear solver that knows the inertia
+    """
+
+    def __init__(
+        self,
+        whole: VolumeMesh,
+        mirrors: tuple[Mirror, ...],
+        images: Mapping[Mirror, np.ndarray],
+        model: Model,
+        solver: str | None,
+    ) -> None:
+        self._whole, self._mirrors, self._images, self._model, self._solver = whole, mirrors, images, model, solver
+        self._pieces_tell = len(cut_blocks(mirrors)) > 0
+
+    def surplus(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
+        """Negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad is stable.
+
+        Parameters
+        ----------
+        entries : of the tangent of the part, from :meth:`Model.evaluate`
+        displacement, pressure : (N, 3) mm and (corners,) MPa of the whole pad, which has the symmetry of the part
+        value : of the load
+
+        Raises
+        ------
+        RuntimeError
+            if the tangent of a block is singular.
+        """
+        if self._pieces_tell:
+            if self.pieces.are_stable(entries, displacement, pressure):
+                return 0
+            self._pieces_tell = False  # nor will they under a larger load
+            del self.pieces
+        return next((surplus for surplus in self._of_blocks(entries, displacement, pressure, value) if surplus), 0)
+
+    def _of_blocks(
+        self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray
+    ) -> Iterator[int]:
+        for block in self._blocks:
+            if block.model.part is self._model.part:
+                yield block.surplus(entries)
+            else:
+                restricted = block.model.part.restrict(displacement, pressure)
+                of_block = block.model.evaluate(*restricted, value).entries
+                assert of_block is not None  # or the state would not be one of balance
+                yield block.surplus(of_block)
+
+    @cached_property
+    def pieces(self) -> _Pieces:
+        return _Pieces(self._model, cut_blocks(self._mirrors), self._solver)
+
+    @cached_property
+    def _blocks(self) -> list[_Block]:
+        blocks = []
+        for mirrors, signs in unsymmetric_blocks(self._mirrors):
+            same = len(mirrors) == len(self._mirrors)
+            part = self._model.part if same else part_between(self._whole, self._images, mirrors)
+            blocks.append(_block(self._model, part, signs, self._solver))
+        return blocks
+
+
+class _Pieces:
+    """The pieces of a pad between cuts."""
+
+    def __init__(self, model: Model, signs: Sequence[Mapping[Mirror, int]], solver: str | None) -> None:
+        self._model = model
+        self.blocks = [_block(model, model.part, of_block, solver) for of_block in signs]
+        self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
+
+    def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
+        """Whether all of them certainly are; arguments as of :meth:`Unsymmetric.surplus`."""
+        entries = self.with_pressure(entries, displacement, pressure)
+        try:
+            return not any(block.surplus(entries) for block in self.blocks)
+        except RuntimeError:  # singular
+            return False
+
+    def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """The entries with those of the pressure in the cuts."""
+        displacement, pressure = self._model.part.restrict(displacement, pressure)
+        in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
+        stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])
+        entries = entries.copy()
+        self._model.assembly.couplings.add_blocks(entries, self._cuts, stiffness)
+        return entries
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Displacements that behave in one way under the mirrors."""
+
+    model: Model
+    solver: Solver
+
+    def surplus(self, entries: np.ndarray) -> int:
+        """Negative eigenvalues of the tangent beyond those of the pressures."""
+        negative = self.solver.factor(self.model.assembly.matrix(entries)).negative_pivots
+        assert negative is not None  # or this would not be asked for
+        return negative - self.model.numbering.pressures
+
+
+def _block(model: Model, part: Part, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
+    """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate stays where it is."""
+    held_plate, material = isinstance(model.load, PlateDisplacement), model.assembly.elements.material
+    of_block = Model(part, material, model.load, signs, held_plate, model if part is model.part else None)
+    return _Block(of_block, make_solver(solver))
+
+
+def _faces_on(mesh: VolumeMesh, wall: Mirror) -> np.ndarray:
+    """(F, 6) nodes of the elements' faces in a mirror's plane that bounds the mesh, outwards turned."""
+    faces = mesh.tets[:, np.array(TET_FACES)].reshape(-1, 6)
+    return faces[(wall.side(mesh.points)[faces[:, :3]] == 0).all(axis=1)]

@@ -1,0 +1,93 @@
+"""What the board holds a pad with, against what is applied to it: a check of a state that asks no solver.
+
+The forces that the elements put up at their nodes are assembled with nothing held. In a state of balance they are those
+of the load at the nodes of its surface, those of the board at the nodes glued to it, and zero elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.elements.loads import PatchForce, PlateForce, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
+from mitsuba_taxel.mechanics.path.load_path import State
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """The board's force on a pad and the load's, with their moments about the origin.
+
+    Attributes
+    ----------
+    force : (3,) N, by which the board holds the pad
+    moment : (3,) N mm, of the board's forces on the deformed pad
+    applied_force : (3,) N; where the load is the displacement of a plate, what the plate does
+    applied_moment : (3,) N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning
+    size : largest distance from the origin in the undeformed pad, in mm
+    force_error : N, what `force` is off by for the finite elements; not a number where that is unknown
+    """
+
+    force: np.ndarray
+    moment: np.ndarray
+    applied_force: np.ndarray
+    applied_moment: np.ndarray
+    size: float
+    force_error: float
+
+    @property
+    def imbalance(self) -> float:
+        """What is left of the forces, or of the moments at an arm of `size`, relative to the forces; 0 at rest.
+
+        It is not a number where elements are turned inside out.
+        """
+        force = float(np.linalg.norm(self.force + self.applied_force))
+        moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size
+        left = max(force, moment)
+        largest = max(float(np.linalg.norm(f)) for f in (self.force, self.applied_force))
+        return left / largest if left else 0.0
+
+
+def reactions(state: State) -> Reactions:
+    """Force and moment by which the board holds a deformed pad, and those that are applied to it.
+
+    At the nodes of a load path they balance to the solver's tolerance. States in between are interpolated, with
+    displacements right to :data:`~mitsuba_taxel.mechanics.path.load_segment.INTERPOLATION_TOLERANCE`, and the imbalance
+    is that of the interpolation; :func:`~mitsuba_taxel.mechanics.path.sensitivities.linearise` gives the state in
+    balance near by.
+    """
+    mesh, places = state.mesh, state.mesh.points + state.displacement
+    internal = internal_forces(mesh, state.material, state.displacement, state.pressure)
+    applied = _applied_forces(state, places, internal)
+    bottom = nodes_of(mesh, "bottom")
+    board = (internal - applied)[bottom]
+    return Reactions(
+        board.sum(axis=0),
+        np.cross(places[bottom], board).sum(axis=0),
+        applied.sum(axis=0),
+        np.cross(places, applied).sum(axis=0),
+        float(np.linalg.norm(mesh.points, axis=1).max()),
+        state.force_error,
+    )
+
+
+def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> np.ndarray:
+    """(N, 3) N that the load does at each node, also at those of the board's rim."""
+    mesh, load = state.mesh, state.load
+    if isinstance(load, SpreadForce | PatchForce):
+        share = load.nodal(mesh)
+        return share[:, None] / share.sum() * state.value
+    forces = np.zeros_like(places)
+    if isinstance(load, Pressure):
+        wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
+        np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
+        return forces
+    # How a plate spreads its force is a reaction: only their sum can be out of balance.
+    top = nodes_of(mesh, "top")
+    forces[top] = internal[top]
+    if isinstance(load, PlateForce):
+        forces[top] += (state.value - internal[top].sum(axis=0)) / len(top)
+    return forces

@@ -1,0 +1,77 @@
+"""Strain and stress at the nodes of a deformed pad."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
+from mitsuba_taxel.mechanics.elements.assembly import Material
+from mitsuba_taxel.mechanics.surface.relief import displacement_gradient
+
+
+@dataclass(frozen=True, eq=False)
+class NodalFields:
+    """Fields of a deformed pad at its nodes, all from one deformation gradient and one pressure per node.
+
+    The deformation gradient of a node is the mean of those in the elements around it. Where it is inverted
+    (J <= 0, a sign that the mesh is too coarse there), stresses are not a number.
+
+    Attributes
+    ----------
+    deformation_gradient : (N, 3, 3) F = 1 + grad u
+    pressure : (N,) MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses
+    material : the law that gives the rest of the stress
+    """
+
+    deformation_gradient: np.ndarray
+    pressure: np.ndarray
+    material: Material
+
+    @cached_property
+    def volume_ratio(self) -> np.ndarray:
+        """(N,) J = det F."""
+        return np.linalg.det(self.deformation_gradient)
+
+    @cached_property
+    def principal_stretches(self) -> np.ndarray:
+        """(N, 3) singular values of F, the largest first."""
+        return np.linalg.svd(self.deformation_gradient, compute_uv=False)
+
+    @cached_property
+    def cauchy_stress(self) -> np.ndarray:
+        """(N, 3, 3) MPa, sigma = P_iso F^T / J + p 1, with P_iso the isochoric first Piola-Kirchhoff stress.
+
+        G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, sections 3.1 and 6.4.
+        """
+        stress = np.full(self.deformation_gradient.shape, np.nan)
+        upright = self.volume_ratio > 0
+        gradient, determinant = self.deformation_gradient[upright], self.volume_ratio[upright]
+        inverse_transpose = np.swapaxes(np.linalg.inv(gradient), 1, 2)
+        isochoric = self.material.stress(gradient, determinant, inverse_transpose) @ np.swapaxes(gradient, 1, 2)
+        stress[upright] = isochoric / determinant[:, None, None] + self.pressure[upright, None, None] * np.eye(3)
+        return stress
+
+    @cached_property
+    def von_mises_stress(self) -> np.ndarray:
+        """(N,) MPa, sqrt(3/2 s : s) of the deviatoric Cauchy stress s."""
+        mean = np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
+        deviator = self.cauchy_stress - mean[:, None, None] * np.eye(3)
+        return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+
+
+def nodal_fields(mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material) -> NodalFields:
+    """Strain and stress at the nodes of a deformed pad.
+
+    Parameters
+    ----------
+    mesh : undeformed mesh
+    displacement : (N, 3) of each node, in mm
+    pressure : (corners,) MPa at the corners of elements, positive in tension; linear in between
+    """
+    everywhere = np.empty(len(mesh.points))
+    everywhere[: mesh.corner_count] = pressure
+    everywhere[mesh.tets[:, 4:]] = pressure[mesh.tets[:, np.array(TET_EDGES)]].mean(axis=2)
+    return NodalFields(np.eye(3) + displacement_gradient(mesh, displacement), everywhere, material)

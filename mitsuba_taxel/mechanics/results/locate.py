@@ -1,0 +1,362 @@
+"""Which element of an undeformed pad a point lies in, and where in it: values between the nodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.point_tree import PointTree
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+
+SLACK = 1e-9
+"""How far below 0 a barycentric coordinate may be inside an element: rounding leaves no gap between neighbours."""
+ROUNDING = 1e-14
+"""Distance to a point, relative to the largest coordinate, at which Newton's method has found it."""
+MOST_ITERATIONS = 30
+POINTS_AT_ONCE = 1024
+FIRST_NEIGHBOURS = 16
+"""Elements looked at round each point; four times as many again as long as others could hold it."""
+
+_SIDES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
+
+
+@dataclass(frozen=True, eq=False)
+class Location:
+    """Points by the elements they lie in.
+
+    Attributes
+    ----------
+    mesh : the undeformed mesh
+    element : (P,) number of the element of each point
+    reference : (P, 3) reference coordinates in it, of the nearest point of the silicone if the point is outside
+    offset : (P, 3) mm from there to the point; 0 inside
+    """
+
+    mesh: VolumeMesh
+    element: np.ndarray
+    reference: np.ndarray
+    offset: np.ndarray
+
+    def interpolate(self, values: np.ndarray) -> np.ndarray:
+        """(P, ...) at the points what is ``values`` (N, ...) at the nodes.
+
+        Outside, the field goes on linearly from the nearest point of the silicone: exact for a linear field, and off
+        by the second derivative times half the square of the distance for others.
+        """
+        nodal = values[self.mesh.tets[self.element]]
+        inside = np.einsum("pa,pa...->p...", self._functions, nodal)
+        if not self.offset.any():
+            return inside
+        return inside + np.einsum("p...j,pj->p...", self.gradient(values), self.offset)
+
+    def gradient(self, values: np.ndarray) -> np.ndarray:
+        """(P, ..., 3) derivatives by the undeformed place [1/mm] of what is ``values`` (N, ...) at the nodes.
+
+        Outside it is that of the nearest point of the silicone.
+        """
+        return np.einsum("pa...,paj->p...j", values[self.mesh.tets[self.element]], self._slopes)
+
+    @cached_property
+    def _functions(self) -> np.ndarray:
+        """(P, 10) shape functions at the points."""
+        return _tet_functions(self.reference)
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """(P, 10, 3) their derivatives by the undeformed place, in 1/mm."""
+        by_reference = shape_gradients(self.reference)
+        jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[self.mesh.tets[self.element]])
+        return by_reference @ np.linalg.inv(jacobian)
+
+
+class PointLocator:
+    """Finds points in the curved tetrahedra of a mesh."""
+
+    def __init__(self, mesh: VolumeMesh) -> None:
+        self.mesh = mesh
+        hull = _control_points(mesh.points[mesh.tets], TET_EDGES)
+        self._low, self._high = hull.min(axis=1), hull.max(axis=1)
+        self._size = float(np.abs(mesh.points).max())
+        corner = mesh.points[mesh.tets[:, :4]]
+        self._centroid = corner.mean(axis=1)
+        self._to_straight = np.linalg.inv(np.swapaxes(corner[:, 1:] - corner[:, :1], 1, 2))
+        self._radius = np.linalg.norm(hull - self._centroid[:, None], axis=2).max()
+        self._tree = PointTree(self._centroid)
+        self._boundary = _Boundary(mesh)
+
+    def locate(self, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0) -> Location:
+        """Elements and reference coordinates of ``points`` (P, 3) in mm, undeformed.
+
+        Parameters
+        ----------
+        tolerance : how far from the silicone a point may lie, in mm, as one on a roof that a finer mesh has rounder
+
+        Raises
+        ------
+        InputError
+            for points that are not (P, 3) finite numbers, a tolerance below 0, or a point farther from the silicone.
+        """
+        if not (math.isfinite(tolerance) and tolerance >= 0):
+            raise InputError(f"tolerance = {tolerance} is not allowed: a finite distance of 0 or more is needed.")
+        x = _checked(points)
+        element, reference, offset = np.empty(len(x), dtype=np.int64), np.empty(x.shape), np.zeros(x.shape)
+        for start in range(0, len(x), POINTS_AT_ONCE):
+            chosen = slice(start, start + POINTS_AT_ONCE)
+            element[chosen], reference[chosen] = self._find(x[chosen])
+            outside = start + np.flatnonzero(element[chosen] < 0)
+            element[outside], reference[outside], offset[outside] = self._beside(x[outside], tolerance)
+        return Location(self.mesh, element, reference, offset)
+
+    def _find(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Element, -1 if none holds the point, and reference coordinates, for points (P, 3)."""
+        element, reference = np.full(len(x), -1), np.zeros(x.shape)
+        sought, neighbours = np.arange(len(x)), FIRST_NEIGHBOURS
+        while len(sought):
+            ranks = np.arange(1, min(neighbours, len(self._centroid)) + 1)
+            distance, near = self._tree.query(x[sought], k=ranks)
+            self._try(x, sought, near, element, reference)
+            unseen = (distance[:, -1] <= self._radius) & (near.shape[1] < len(self._centroid))
+            sought = sought[unseen & (element[sought] < 0)]
+            neighbours *= 4
+        return element, reference
+
+    def _try(
+        self, x: np.ndarray, sought: np.ndarray, near: np.ndarray, element: np.ndarray, reference: np.ndarray
+    ) -> None:
+        """Fill in what points are in one of the elements ``near`` (len(sought), K) them, the likeliest first."""
+        slack = SLACK * self._size
+        place = x[sought, None]
+        row, column = np.nonzero(np.all((place > self._low[near] - slack) & (place < self._high[near] + slack), axis=2))
+        candidate = near[row, column]
+        offset = x[sought[row]] - self.mesh.points[self.mesh.tets[candidate, 0]]
+        start = np.einsum("kij,kj->ki", self._to_straight[candidate], offset)
+        order = np.lexsort((_violation(start), row))
+        row, candidate, start = row[order], candidate[order], start[order]
+        rank = np.arange(len(row)) - np.searchsorted(row, row)
+        for turn in range(int(rank.max(initial=-1)) + 1):
+            now = np.flatnonzero((rank == turn) & (element[sought[row]] < 0))
+            where = sought[row[now]]
+            xi = self._inverted(x[where], candidate[now], start[now])
+            found = _violation(xi) <= SLACK
+            element[where[found]], reference[where[found]] = candidate[now][found], xi[found]
+
+    def _inverted(self, x: np.ndarray, element: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Reference coordinates (K, 3) of points (K, 3) by Newton's method, infinite where it finds none.
+
+        A step moves no barycentric coordinate by more than 1, lest it leave the part where the map is one to one.
+        """
+        xi, open_ = start.copy(), np.arange(len(x))
+        for _ in range(MOST_ITERATIONS):
+            nodes, here = self.mesh.points[self.mesh.tets[element[open_]]], xi[open_]
+            residual = x[open_] - np.einsum("ka,kai->ki", _tet_functions(here), nodes)
+            far = np.linalg.norm(residual, axis=1) > ROUNDING * self._size
+            open_ = open_[far]
+            if not len(open_):
+                return xi
+            jacobian = np.einsum("kai,kaj->kji", shape_gradients(here[far]), nodes[far])
+            step = _solved(jacobian, residual[far])
+            xi[open_] += step / np.maximum(1, np.abs(step).max(axis=1, keepdims=True))
+        xi[open_] = np.inf
+        return xi
+
+    def _beside(self, x: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Element, reference coordinates of the nearest point of the silicone, and offset of points (P, 3) outside."""
+        if not len(x):
+            return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
+        far = self._tree.query(x)[0] > self._radius + tolerance
+        x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first is enough to raise
+        element, reference = self._boundary.nearest(x)
+        nodes = self.mesh.points[self.mesh.tets[element]]
+        offset = x - np.einsum("ka,kai->ki", _tet_functions(reference), nodes)
+        distance = np.linalg.norm(offset, axis=1)
+        wrong = np.flatnonzero(distance > tolerance)
+        if not len(wrong):
+            return element, reference, offset
+        place = ", ".join(f"{value:.6g}" for value in x[wrong[0]])
+        raise InputError(
+            f"point ({place}) lies outside the silicone, {distance[wrong[0]]:.3g} mm from it: "
+            f"a point of the undeformed pad, or within tolerance = {tolerance:g} mm of it, is needed."
+        )
+
+
+class _Boundary:
+    """The curved triangles of a mesh's surface, to find nearest points on."""
+
+    def __init__(self, mesh: VolumeMesh) -> None:
+        self._nodes = mesh.points[mesh.faces]
+        self._centroid = self._nodes[:, :3].mean(axis=1)
+        hull = _control_points(self._nodes, FACE_EDGES)
+        self._radius = (1 + SLACK) * np.linalg.norm(hull - self._centroid[:, None], axis=2).max(axis=1)
+        self._tree, self._node_tree = PointTree(self._centroid), PointTree(self._nodes.reshape(-1, 3))
+        self._owner = _owners(mesh)
+        self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
+
+    def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Element and reference coordinates in it of the point of the surface nearest to each of points (P, 3)."""
+        bound = self._node_tree.query(x)[0]
+        near = self._tree.query_ball_point(x, bound + self._radius.max())
+        row, face = np.repeat(np.arange(len(x)), [len(faces) for faces in near]), np.concatenate(near).astype(np.int64)
+        kept = np.linalg.norm(x[row] - self._centroid[face], axis=1) <= bound[row] + self._radius[face]
+        row, face = row[kept], face[kept]
+        foot, distance = self._feet(x[row], face)
+        order = np.lexsort((distance, row))
+        best = order[np.unique(row[order], return_index=True)[1]]
+        barycentric = np.zeros((len(x), 4))
+        np.put_along_axis(barycentric, self._corner[face[best]], foot[best], axis=1)
+        return self._owner[face[best]], barycentric[:, 1:]
+
+    def _feet(self, x: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Barycentric coordinates (K, 3) of the point of each face nearest to each point, and the distance (K,).
+
+        Gauss-Newton: the nearest point of the tangent triangle, again while that is nearer.
+        """
+        at, open_ = np.full((len(x), 3), 1 / 3), np.arange(len(x))
+        best, least = at.copy(), np.full(len(x), np.inf)
+        for _ in range(MOST_ITERATIONS):
+            nodes = self._nodes[face[open_]]
+            place = np.einsum("ka,kai->ki", _shape_functions(at, FACE_EDGES), nodes)
+            distance = np.linalg.norm(x[open_] - place, axis=1)
+            better = distance < (1 - SLACK) * least[open_]
+            open_, at, nodes, place = open_[better], at[better], nodes[better], place[better]
+            if not len(open_):
+                break
+            best[open_], least[open_] = at, distance[better]
+            slope = np.einsum("kab,kai->kbi", _triangle_slopes(at), nodes)
+            corners = place[:, None] + slope - np.einsum("kb,kbi->ki", at, slope)[:, None]
+            at = _nearest_in_triangle(corners, x[open_])
+        return best, least
+
+
+def displacement_at(
+    mesh: VolumeMesh,
+    displacement: np.ndarray,
+    points: Sequence[Sequence[float]] | np.ndarray,
+    tolerance: float = 0.0,
+) -> np.ndarray:
+    """Displacements (P, 3) in mm of points (P, 3) of the undeformed silicone, by the elements' own functions.
+
+    Parameters
+    ----------
+    displacement : (N, 3) of each node, in mm
+    tolerance : how far from the silicone a point may lie, in mm; see :meth:`Location.interpolate`
+
+    Raises
+    ------
+    InputError
+        as :meth:`PointLocator.locate`.
+    """
+    return _locator(mesh).locate(points, tolerance).interpolate(displacement)
+
+
+def displacement_gradient_at(
+    mesh: VolumeMesh,
+    displacement: np.ndarray,
+    points: Sequence[Sequence[float]] | np.ndarray,
+    tolerance: float = 0.0,
+) -> np.ndarray:
+    """Gradients (P, 3, 3) of the displacement, du_i/dX_j, at points (P, 3) of the undeformed silicone.
+
+    They are those of the element that holds the point, and jump from one to the next. The arguments are those of
+    :func:`displacement_at`.
+    """
+    return _locator(mesh).locate(points, tolerance).gradient(displacement)
+
+
+_locator = lru_cache(maxsize=2)(PointLocator)  # the states of a path share their mesh
+
+
+def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
+    """The points as an array (P, 3); raises `InputError`."""
+    try:
+        x = np.asarray(points, dtype=float)
+    except (TypeError, ValueError):
+        x = np.empty(0)
+    if x.ndim != 2 or x.shape[1] != 3:
+        raise InputError(f"points of shape {np.shape(points)} are not allowed: rows of three numbers are needed.")
+    wrong = np.flatnonzero(~np.all(np.isfinite(x), axis=1))
+    if len(wrong):
+        raise InputError(f"points[{wrong[0]}] = {x[wrong[0]].tolist()} is not allowed: finite numbers are needed.")
+    return x
+
+
+def _tet_functions(xi: np.ndarray) -> np.ndarray:
+    """Quadratic shape functions (Q, 10) of a tetrahedron at reference points (Q, 3)."""
+    return _shape_functions(np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1), TET_EDGES)
+
+
+def _shape_functions(barycentric: np.ndarray, edges: tuple[tuple[int, int], ...]) -> np.ndarray:
+    """Quadratic shape functions at barycentric coordinates (Q, corners): those of corners, then those of ``edges``."""
+    i, j = np.array(edges).T
+    return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)
+
+
+def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
+    """Derivatives (Q, 6, 3) of those of a triangle by its three barycentric coordinates, each taken alone."""
+    slopes = np.zeros((len(barycentric), 6, 3))
+    slopes[:, range(3), range(3)] = 4 * barycentric - 1
+    for node, (i, j) in enumerate(FACE_EDGES, start=3):
+        slopes[:, node, i], slopes[:, node, j] = 4 * barycentric[:, j], 4 * barycentric[:, i]
+    return slopes
+
+
+def _control_points(nodes: np.ndarray, edges: tuple[tuple[int, int], ...]) -> np.ndarray:
+    """Bezier control points of quadratic elements with nodes (M, n, 3): an element lies within their convex hull."""
+    i, j = np.array(edges).T
+    corners = nodes.shape[1] - len(edges)
+    return np.concatenate([nodes[:, :corners], 2 * nodes[:, corners:] - (nodes[:, i] + nodes[:, j]) / 2], axis=1)
+
+
+def _violation(xi: np.ndarray) -> np.ndarray:
+    """(K,) how far below 0 the least barycentric coordinate of reference points (K, 3) is."""
+    return np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1)
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solutions (K, 3) by Cramer's rule: a singular matrix, met far outside an element, must not stop the others."""
+    a, b, c = (matrix[:, :, k] for k in range(3))
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    determinant = np.einsum("ki,ki->k", a, cofactors[:, 0])
+    determinant = np.where(determinant == 0, np.finfo(float).tiny, determinant)
+    with np.errstate(over="ignore"):
+        return np.clip(np.einsum("kij,kj->ki", cofactors, right) / determinant[:, None], -1e3, 1e3)
+
+
+def _owners(mesh: VolumeMesh) -> np.ndarray:
+    """(B,) the element that each face of the surface belongs to."""
+    sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
+    count = mesh.corner_count
+    keys, wanted = (
+        corners[:, 0] * count**2 + corners[:, 1] * count + corners[:, 2]
+        for corners in (sides.astype(np.int64), np.sort(mesh.faces[:, :3], axis=1).astype(np.int64))
+    )
+    order = np.argsort(keys)
+    return order[np.searchsorted(keys, wanted, sorter=order)] // len(_SIDES)
+
+
+def _nearest_in_triangle(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates (K, 3) of the point of each flat triangle (K, 3, 3) nearest to each point (K, 3)."""
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], x - corners[:, 0]
+    normal = np.cross(u, v)
+    scale = np.einsum("ki,ki->k", normal, normal)
+    second = np.einsum("ki,ki->k", np.cross(w, v), normal) / scale
+    third = np.einsum("ki,ki->k", np.cross(u, w), normal) / scale
+    result = np.stack([1 - second - third, second, third], axis=1)
+    beside = np.flatnonzero(result.min(axis=1) < 0)
+    corners, x = corners[beside], x[beside]
+    least = np.full(len(beside), np.inf)
+    for i, j in FACE_EDGES:
+        along = corners[:, j] - corners[:, i]
+        t = np.einsum("ki,ki->k", x - corners[:, i], along) / np.einsum("ki,ki->k", along, along)
+        t = np.clip(t, 0, 1)
+        distance = np.linalg.norm(corners[:, i] + t[:, None] * along - x, axis=1)
+        nearer = distance < least
+        least[nearer] = distance[nearer]
+        result[np.ix_(beside[nearer], [0, 1, 2])] = 0
+        result[beside[nearer], i], result[beside[nearer], j] = 1 - t[nearer], t[nearer]
+    return result

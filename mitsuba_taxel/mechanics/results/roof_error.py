@@ -1,0 +1,131 @@
+"""How far the finite elements are from the truth where the light looks: the roofs' displacement and slope.
+
+A pad is solved on a second mesh, and the error extrapolated from the difference (see
+`mitsuba_taxel.base.convergence`), by the ratio of sizes that the two meshes have in fact: thin walls and curves leave
+the mesher less choice than is asked for. Meshes are irregular, and two may agree by chance: a pad is never taken to
+move more precisely than pads do on elements of that size as a rule.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
+from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.results.locate import PointLocator
+from mitsuba_taxel.pads.pad import REGIONS
+
+_BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
+
+
+@dataclass(frozen=True)
+class RoofError:
+    """Estimated discretisation error of a deformed pad, seen at the roofs of its cells.
+
+    Attributes
+    ----------
+    displacement : root mean square over the roofs, in mm, by the order with which averages converge
+    largest : mm, at the worst place, by the order with which that does
+    relative : ``largest``, relative to the largest displacement of any node
+    slope : root mean square of the angle between normals, in degrees, by the same
+    """
+
+    displacement: float
+    largest: float
+    relative: float
+    slope: float
+
+
+NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
+
+
+def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
+    """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
+
+    The geometric mean of the ratio in the solid and of that on the walls of the cells: the error comes from both.
+    """
+    solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
+    walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
+    return math.sqrt(solid * walls)
+
+
+class RoofComparison:
+    """Compares solutions on a mesh with those on another of the same pad, coarser or finer.
+
+    The roofs' mean error along their displacement is at least the ``least`` part of it.
+    """
+
+    def __init__(self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0) -> None:
+        self._least = least
+        ratio = size_ratio(mesh, other)
+        # With e(h) = c h^p, e(r h) - e(h) = (r^p - 1) e(h), whether r is above 1 or below.
+        self._average, self._local = (1 / (ratio**order - 1) for order in (ORDER, LOCAL_ORDER))
+        faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
+        nodes = mesh.points[faces]
+        points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
+        along = [np.einsum("qa,fai->fqi", slopes, nodes) for slopes in shape_slopes(_BARYCENTRIC)]
+        normal = np.cross(*along).reshape(-1, 3)
+        area = np.linalg.norm(normal, axis=1)
+        self._normal, self._weight = normal / area[:, None], area / area.sum()
+        self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
+        self._seen = np.unique(mesh.faces[mesh.face_cell > 0])
+        # Curved roofs of two meshes lie beside each other, by less than their elements' size.
+        locator, tolerance = PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
+        self._there = locator.locate(points, tolerance)
+        self._nodes_there = locator.locate(mesh.points[self._seen], tolerance)
+
+    def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
+        """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
+        moved, difference = self._on_roofs(displacement, other)
+        error = self._average * difference - self._lacking(moved, difference) * moved
+        angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(other)))
+        largest = max(float(np.linalg.norm(e, axis=1).max()) for e in (self._local * difference, error))
+        most = float(np.linalg.norm(displacement, axis=1).max())
+        return RoofError(
+            displacement=float(np.sqrt(self._weight @ (error**2).sum(axis=1))),
+            largest=largest,
+            relative=largest / most if most > 0 else 0.0,
+            slope=abs(self._local) * float(np.rad2deg(np.sqrt(self._weight @ angle**2))),
+        )
+
+    def force_error(self, force: np.ndarray, other: np.ndarray) -> float:
+        """N, of a reaction (3,) in N to a given displacement, from that on the other mesh.
+
+        The least part counts for it as well: what moves too little under a force resists a displacement too much.
+        """
+        return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
+
+    def deviation(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere."""
+        difference = np.zeros_like(displacement)
+        seen = displacement[self._seen]
+        error = self._average * (self._nodes_there.interpolate(other) - seen)
+        error -= self._lacking(*self._on_roofs(displacement, other)) * seen
+        difference[self._seen] = error / ERROR_SHARE
+        return difference
+
+    def _on_roofs(self, displacement: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3) mm each at points of the roofs: displacement, and that on the other mesh less it."""
+        moved = self._here.interpolate(displacement)
+        return moved, self._there.interpolate(other) - moved
+
+    def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
+        """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""
+        square = self._weight @ (moved**2).sum(axis=1)
+        if not square:
+            return 0.0
+        short = -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square
+        return math.copysign(max(self._least - abs(short), 0.0), short)
+
+    def _turned(self, gradient: np.ndarray) -> np.ndarray:
+        """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""
+        deformation = gradient + np.eye(3)
+        return np.linalg.solve(np.swapaxes(deformation, -1, -2), self._normal[..., None])[..., 0]
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("pi,pi->p", one, other))

@@ -1,0 +1,62 @@
+"""A deformed pad as a VTU file, as ParaView opens it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.atomic import WriteError, replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.assembly import Material
+from mitsuba_taxel.mechanics.results.fields import nodal_fields
+
+
+def write_vtu(
+    file: str | Path, mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material
+) -> None:
+    """Write the undeformed mesh as quadratic tetrahedra, with the fields of the deformed pad at its nodes.
+
+    They are "displacement [mm]" (by which ParaView's filter Warp By Vector deforms the mesh), "mean stress [MPa]"
+    (the pressure field, positive in tension), "von Mises stress [MPa]", "Cauchy stress [MPa]" (xx, yy, zz, xy, yz,
+    xz), "volume ratio J" and "principal stretches" (the largest first); :class:`NodalFields` defines them. An
+    existing file is replaced once the new one is whole; the same state gives the same bytes.
+
+    Parameters
+    ----------
+    file : its name ends in .vtu
+    displacement : (N, 3) of each node, in mm
+    pressure : (corners,) MPa at the corners of elements, positive in tension
+
+    Raises
+    ------
+    InputError
+        for another ending, or if the file cannot be written.
+    """
+    file = Path(file)
+    if file.suffix.lower() != ".vtu":
+        raise InputError(f"output {file} must end in .vtu.")
+    data = _point_data(mesh, displacement, pressure, material)
+    import meshio  # its readers of forty formats are not needed before
+
+    try:
+        with replacing(file) as temporary:
+            meshio.vtu.write(temporary, meshio.Mesh(mesh.points, [("tetra10", mesh.tets)], point_data=data))
+    except WriteError as error:
+        raise InputError(f"output {file} cannot be written: {error.reason}.") from error
+
+
+def _point_data(
+    mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material
+) -> dict[str, np.ndarray]:
+    fields = nodal_fields(mesh, displacement, pressure, material)
+    rows, columns = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]  # VTK's order of a symmetric tensor
+    return {
+        "displacement [mm]": displacement,
+        "mean stress [MPa]": fields.pressure,
+        "von Mises stress [MPa]": fields.von_mises_stress,
+        "Cauchy stress [MPa]": fields.cauchy_stress[:, rows, columns],
+        "volume ratio J": fields.volume_ratio,
+        "principal stretches": fields.principal_stretches,
+    }

@@ -1,0 +1,1 @@
+"""The deformed surface as triangles, smooth or with a finish."""

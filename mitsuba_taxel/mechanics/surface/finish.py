@@ -1,0 +1,255 @@
+"""What the printed mould leaves on roof and side of the cells: steps of its layers, grooves, or random roughness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.slices import sliced
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.surface.layers import stepped
+from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+
+MOST_TRIANGLES = 20_000_000
+LARGEST_AMPLITUDE = 0.5
+"""Most that a wall may move, relative to the least distance to another wall."""
+RANDOM_WAVES = 256
+"""Plane waves that random roughness is the sum of."""
+STANDARD_DEVIATIONS = 4
+"""Largest height of random roughness that is reckoned with, relative to its rms."""
+
+
+class Finish(Hashable, Protocol):
+    """What walls of cells look like from near."""
+
+    cuts: ClassVar[int]
+    """Planes along :attr:`detail` that the surface is cut by."""
+
+    @property
+    def refinement(self) -> float:
+        """Edges of triangles along :attr:`detail`."""
+
+    @property
+    def detail(self) -> tuple[str, float]:
+        """Name and value in mm of the length that the surface must be finer than."""
+
+    @property
+    def amplitude(self) -> tuple[str, float]:
+        """Name of the parameter that says how far a wall moves at most, and that distance in mm."""
+
+    def relief(self, smooth: SmoothSurface) -> Relief:
+        """The rough surface laid on the smooth one."""
+
+
+@dataclass(frozen=True)
+class LayerSteps:
+    """The steps of a mould printed in layers.
+
+    Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the centre of the
+    pad's bottom, with the cell's cross-section at its middle. A tread so lies at the multiple of the layer height that
+    is nearest to the smooth wall (half-way: the next higher). Walls along the direction stay as they are; a flat
+    roof across it moves to the nearest level.
+
+    Parameters
+    ----------
+    layer_height : mm
+    direction : in which the mould was printed, of any length
+    refinement : edges of the smooth wall's triangles per layer height, at least
+    """
+
+    layer_height: float
+    direction: Sequence[float] = (0.0, 0.0, 1.0)
+    refinement: float = 1.0
+
+    cuts: ClassVar[int] = 1
+
+    def __post_init__(self) -> None:
+        _check_number("layer_height", self.layer_height)
+        _check_number("finish_refinement", self.refinement)
+        object.__setattr__(self, "direction", _checked_direction("print_direction", self.direction))
+
+    @property
+    def detail(self) -> tuple[str, float]:
+        return "layer_height", self.layer_height
+
+    @property
+    def amplitude(self) -> tuple[str, float]:
+        return "layer_height", 0.5 * self.layer_height
+
+    def relief(self, smooth: SmoothSurface) -> Relief:
+        return stepped(smooth, self.layer_height, _unit(self.direction))
+
+
+@dataclass(frozen=True)
+class Grooves:
+    """V-shaped grooves, half above and half below the smooth wall.
+
+    Ridges, which stand out of the silicone by half the depth, are where the distance from the centre of the pad's
+    bottom along the direction is a multiple of the pitch; valleys are midway. A wall across the direction has no
+    grooves, and moves to the height that belongs to its place.
+
+    Parameters
+    ----------
+    pitch : distance between ridges along the direction, mm
+    depth : from ridge to valley along the normal of the smooth wall, mm
+    direction : across the grooves, of any length
+    refinement : edges of triangles per pitch, at least
+    """
+
+    pitch: float
+    depth: float
+    direction: Sequence[float] = (1.0, 0.0, 0.0)
+    refinement: float = 1.0
+
+    cuts: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        _check_number("groove_pitch", self.pitch)
+        _check_number("groove_depth", self.depth)
+        _check_number("finish_refinement", self.refinement)
+        object.__setattr__(self, "direction", _checked_direction("groove_direction", self.direction))
+
+    @property
+    def detail(self) -> tuple[str, float]:
+        return "groove_pitch", self.pitch
+
+    @property
+    def amplitude(self) -> tuple[str, float]:
+        return "groove_depth", 0.5 * self.depth
+
+    def relief(self, smooth: SmoothSurface) -> Relief:
+        """Cut along ridges and valleys, so that each flank on a flat wall is plane."""
+        phase = smooth.vertices @ _unit(self.direction) / (0.5 * self.pitch)
+        cut = sliced(phase, smooth.triangles, smooth.in_cell)
+        height = 0.5 * self.depth * (1 - 2 * np.abs((cut.height + 1) % 2 - 1))
+        unit = smooth.unit_offset
+        unit = unit[cut.low] + cut.fraction[:, None] * (unit[cut.high] - unit[cut.low])
+        return Relief(cut.low, cut.high, cut.fraction, height[:, None] * unit, cut.triangles, cut.parents)
+
+
+@dataclass(frozen=True)
+class RandomRoughness:
+    """Gaussian heights along the normal of the smooth wall with the correlation exp(-r^2 / correlation_length^2).
+
+    Each cell has its own.
+
+    Parameters
+    ----------
+    rms_height, correlation_length : mm
+    seed : another seed is another sample of the same roughness
+    refinement : edges of triangles per correlation length, at least
+    """
+
+    rms_height: float
+    correlation_length: float
+    seed: int = 0
+    refinement: float = 4.0
+
+    cuts: ClassVar[int] = 0
+
+    def __post_init__(self) -> None:
+        _check_number("rms_height", self.rms_height)
+        _check_number("correlation_length", self.correlation_length)
+        _check_number("finish_refinement", self.refinement)
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise InputError(f"roughness_seed = {self.seed!r} is not allowed: a whole number of at least 0 is needed.")
+
+    @property
+    def detail(self) -> tuple[str, float]:
+        return "correlation_length", self.correlation_length
+
+    @property
+    def amplitude(self) -> tuple[str, float]:
+        return "rms_height", STANDARD_DEVIATIONS * self.rms_height
+
+    def relief(self, smooth: SmoothSurface) -> Relief:
+        own = np.arange(len(smooth.vertices))
+        moved = np.unique(smooth.triangles[smooth.in_cell])
+        offset = np.zeros_like(smooth.vertices)
+        offset[moved] = self.heights(smooth.vertices[moved])[:, None] * smooth.unit_offset[moved]
+        return Relief(own, own, np.zeros(len(own)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
+
+    def heights(self, points: np.ndarray) -> np.ndarray:
+        """Height in mm at each of ``points`` (P, 3), mm.
+
+        A sum of plane waves whose wave vectors are normally distributed with the standard deviation
+        sqrt(2) / correlation_length per axis: the Fourier transform of the correlation.
+        """
+        rng = np.random.default_rng(self.seed)
+        waves = rng.normal(scale=math.sqrt(2) / self.correlation_length, size=(3, RANDOM_WAVES))
+        phases = rng.uniform(0, 2 * math.pi, RANDOM_WAVES)
+        total = np.empty(len(points))
+        for start in range(0, len(points), 16384):
+            here = slice(start, start + 16384)
+            # Single precision is good to 1e-4 of the height, and several times quicker.
+            total[here] = np.cos((points[here] @ waves + phases).astype(np.float32)).sum(axis=1)
+        return self.rms_height * math.sqrt(2 / RANDOM_WAVES) * total
+
+
+def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
+    """Refuse a finish so rough that walls would meet, or so fine that it needs too many triangles.
+
+    Raises
+    ------
+    InputError
+        naming the parameter to be changed.
+    """
+    gaps = [pad.side_height, 0.5 * pad.cell_size, pad.wall, pad.height - pad.top_of_cell]
+    if pad.rows * pad.columns > 1:
+        gaps.append(pad.pitch - pad.cell_size)
+    allowed = LARGEST_AMPLITUDE * min(gaps)
+    name, amplitude = finish.amplitude
+    if amplitude > allowed:
+        raise InputError(
+            f"{name}: walls of the cells would move by up to {amplitude:.3g} mm, where at most {allowed:.3g} mm is "
+            f"allowed for this pad; choose a smaller {name}."
+        )
+    fine_subdivision(mesh, finish, subdivision)
+
+
+def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
+    """Triangles along an edge of a face of a cell, so many that none is too long for the finish; at least ``least``.
+
+    Raises
+    ------
+    InputError
+        if the surface would have more than `MOST_TRIANGLES`.
+    """
+    corners = mesh.points[mesh.faces[np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])), :3]]
+    longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
+    name, detail = finish.detail
+    subdivision = max(float(least), float(np.ceil(longest * finish.refinement / detail)))
+    # A plane cuts a triangle into three, and puts two more along the cut.
+    triangles = len(corners) * subdivision * (subdivision + 4 * finish.cuts * longest / detail)
+    if triangles > MOST_TRIANGLES:
+        raise InputError(
+            f"{name} = {detail:g} is not allowed with finish_refinement = {finish.refinement:g}: the surface would "
+            f"have up to {triangles:.1e} triangles, more than {MOST_TRIANGLES:.0e}; choose a larger {name}."
+        )
+    return int(subdivision)
+
+
+def _check_number(name: str, value: float) -> None:
+    if not (is_number(value) and value > 0):
+        raise InputError(f"{name} = {value!r} is not allowed: a finite number above 0 is needed.")
+
+
+def _checked_direction(name: str, direction: Sequence[float]) -> tuple[float, ...]:
+    try:
+        components = tuple(float(component) for component in direction)
+    except (TypeError, ValueError, OverflowError):
+        components = ()
+    if len(components) != 3 or not all(map(math.isfinite, components)) or not any(components):
+        raise InputError(f"{name} = {direction!r} is not allowed: three finite numbers, not all 0, are needed.")
+    return components
+
+
+def _unit(direction: Sequence[float]) -> np.ndarray:
+    return np.asarray(direction) / np.linalg.norm(direction)

@@ -1,0 +1,101 @@
+"""A surface as a mould printed in layers leaves it: treads and risers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.slices import Slices, sliced
+from mitsuba_taxel.geometry.slivers import without_slivers
+from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
+from mitsuba_taxel.pads.pad import REGIONS
+
+ALONG = 1e-6
+"""Sides leaning less than this against the print direction count as parallel to it."""
+
+
+def stepped(smooth: SmoothSurface, layer_height: float, direction: np.ndarray) -> Relief:
+    """Cut the walls of the cells half-way between levels, and move each piece along ``direction`` (a unit vector).
+
+    A piece goes to the level (multiple of ``layer_height``) within half a layer of it; risers join pieces on different
+    levels. Sides along the direction are not cut but stretched, to meet the edge of the roof at its level. Other sides
+    keep their edge at the board, and a riser joins it to the first piece.
+    """
+    height = smooth.vertices @ direction / layer_height
+    upright = np.hypot(direction[0], direction[1]) < ALONG
+    chosen = smooth.region == REGIONS["roof"] if upright else smooth.in_cell
+    cut = sliced(height - 0.5, smooth.triangles, chosen)
+    fixed = int(np.floor(cut.height.min())) - 1  # stands for the layer of what is in none
+    layer = np.where(chosen[cut.parents], cut.band, fixed)[:, None].repeat(3, axis=1)
+    move = np.zeros(len(height))
+    if upright:
+        side = smooth.triangles[smooth.region == REGIONS["side"]]
+        eaves = np.intersect1d(smooth.triangles[chosen], side)
+        at_eaves = np.isin(cut.triangles, eaves) & (smooth.region[cut.parents] == REGIONS["side"])[:, None]
+        layer[at_eaves] = np.floor(cut.height[cut.triangles[at_eaves]]).astype(np.int64)
+        level = np.floor(cut.height[eaves[0]]) + 1
+        on_side = np.unique(side)
+        move[on_side] = height[on_side] * (level / height[eaves[0]] - 1)
+    return _assembled(smooth, cut, layer, fixed, move, layer_height * direction)
+
+
+def _assembled(
+    smooth: SmoothSurface, cut: Slices, layer: np.ndarray, fixed: int, move: np.ndarray, step: np.ndarray
+) -> Relief:
+    """Pieces moved along the vector ``step`` of one layer, and the risers between them.
+
+    Parameters
+    ----------
+    layer : (T, 3) of each corner of each piece, or ``fixed``
+    move : (V',) in layers, of the vertices of the smooth surface that are not in a layer
+    """
+    lowest = int(layer.min())
+    layers = int(layer.max()) - lowest + 1
+    copies, number = np.unique(cut.triangles * layers + (layer - lowest), return_inverse=True)
+    pieces = number.reshape(-1, 3)
+    vertex, layer_of = np.divmod(copies, layers)
+    layer_of += lowest
+    low, high, fraction = (part[vertex] for part in (cut.low, cut.high, cut.fraction))
+    points = smooth.vertices[low] + fraction[:, None] * (smooth.vertices[high] - smooth.vertices[low])
+    still = layer_of == fixed
+    own_move = move[low] + fraction * (move[high] - move[low])
+    offset = np.where(still, own_move, layer_of + 1 - points @ step / (step @ step))[:, None] * step
+
+    moved = np.isin(smooth.region[cut.parents], (REGIONS["roof"], REGIONS["side"]))
+    risers, beside = _risers(vertex, pieces, moved)
+    triangles = np.concatenate([pieces, risers])
+    parents = np.concatenate([cut.parents, cut.parents[beside]])
+    gaps, of_vertex = _gaps(vertex, triangles)
+    triangles, parents = np.concatenate([triangles, gaps]), np.concatenate([parents, parents[of_vertex]])
+    triangles, kept = without_slivers(points + offset, triangles)
+    used, triangles = np.unique(triangles, return_inverse=True)
+    return Relief(low[used], high[used], fraction[used], offset[used], triangles.reshape(-1, 3), parents[kept])
+
+
+def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles that join the two copies of each edge whose neighbours have gone apart, and a neighbour of each."""
+    start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
+    size = int(vertex.max()) + 1
+    low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
+    order = np.argsort(low * size + high, kind="stable").reshape(-1, 2)
+    one, other = order[:, 0], order[:, 1]
+    swap = moved[other // 3] & ~moved[one // 3]  # the neighbour that gives region and cell is in a cell
+    one, other = np.where(swap, other, one), np.where(swap, one, other)
+    apart = (start[one] != end[other]) | (end[one] != start[other])
+    one, other = one[apart], other[apart]
+    a, b, far_a, far_b = start[one], end[one], end[other], start[other]
+    risers = np.concatenate([np.stack([b, a, far_a], axis=1), np.stack([b, far_a, far_b], axis=1)])
+    proper = (risers != np.roll(risers, 1, axis=1)).all(axis=1)
+    return risers[proper], np.tile(one // 3, 2)[proper]
+
+
+def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flat triangles between three copies of one vertex, where risers meet an edge that stayed; a neighbour of each."""
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    riser = np.flatnonzero(vertex[start] == vertex[end])
+    start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)
+    open_ = ~np.isin(end * len(vertex) + start, start * len(vertex) + end)
+    start, end, riser = start[open_], end[open_], riser[open_]
+    order = np.argsort(vertex[start], kind="stable").reshape(-1, 3)
+    first, second = order[:, 0], order[:, 1]
+    third = np.where(end[first] == start[second], end[second], start[second])
+    return np.stack([end[first], start[first], third], axis=1), riser[first] // 3

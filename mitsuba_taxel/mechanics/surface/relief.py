@@ -1,0 +1,101 @@
+"""A rough surface laid on the smooth surface of an undeformed pad, and carried along when the pad deforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothSurface:
+    """The closed surface of an undeformed pad, as :class:`Surface` has it."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    region: np.ndarray
+
+    @cached_property
+    def in_cell(self) -> np.ndarray:
+        """(T,) whether each triangle belongs to a roof or side."""
+        return np.isin(self.region, (REGIONS["roof"], REGIONS["side"]))
+
+    @cached_property
+    def unit_offset(self) -> np.ndarray:
+        """(V, 3) how far each vertex of a cell moves when all its walls move by 1 out of the silicone; 0 elsewhere.
+
+        On a smooth wall it is the normal, weighted by angles; at an edge it leaves both walls plane. The edge at the
+        board moves along the board.
+        """
+        triangles = self.triangles[self.in_cell]
+        corner = self.vertices[triangles]
+        forth = np.roll(corner, -1, axis=1) - corner
+        forth /= np.linalg.norm(forth, axis=2, keepdims=True)
+        angle = np.arccos(np.clip(-np.einsum("tki,tki->tk", forth, np.roll(forth, 1, axis=1)), -1, 1))
+        normal = np.cross(forth[:, 0], forth[:, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        mean = np.zeros((len(self.vertices), 3))
+        for axis in range(3):
+            weighted = (angle * normal[:, axis, None]).ravel()
+            mean[:, axis] = np.bincount(triangles.ravel(), weights=weighted, minlength=len(mean))
+        total = np.bincount(triangles.ravel(), weights=angle.ravel(), minlength=len(mean))
+        mean[self.vertices[:, 2] == 0, 2] = 0
+        used = total > 0
+        mean[used] /= total[used, None]
+        mean[used] /= np.einsum("vi,vi->v", mean[used], mean[used])[:, None]
+        return mean
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """A closed rough surface, relative to a :class:`SmoothSurface`.
+
+    Attributes
+    ----------
+    low, high, fraction : (V,) vertices of the smooth surface that a vertex belongs between, and how far from the first
+    offset : (V, 3) mm from there to the vertex, undeformed
+    triangles : (T, 3) vertex numbers
+    parents : (T,) the triangle of the smooth surface whose region and cell each has
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    fraction: np.ndarray
+    offset: np.ndarray
+    triangles: np.ndarray
+    parents: np.ndarray
+
+    def carried(self, position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """(V, 3) the vertices where the smooth surface's have moved to ``position`` (mm).
+
+        The offset is carried by the deformation gradient: x = x_smooth + F (X_rough - X_smooth).
+
+        Parameters
+        ----------
+        gradient : of the displacement, F - 1, at the vertices of the smooth surface, (V', 3, 3)
+        """
+        stretch = np.einsum("vij,vj->vi", self.between(gradient), self.offset)
+        return self.between(position) + self.offset + stretch
+
+    def between(self, values: np.ndarray) -> np.ndarray:
+        """(V, ...) values at the vertices from those at the vertices of the smooth surface (V', ...)."""
+        fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
+        return values[self.low] + fraction * (values[self.high] - values[self.low])
+
+
+def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) gradient of the displacement (N, 3) at each node, the mean of those in the elements around it."""
+    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    nodes = np.concatenate([corners, corners[np.array(TET_EDGES)].mean(axis=1)])
+    reference = shape_gradients(nodes)
+    jacobian = np.einsum("qai,maj->mqji", reference, mesh.points[mesh.tets])
+    by_reference = np.einsum("mai,qaj->mqij", displacement[mesh.tets], reference)
+    gradient = (by_reference @ np.linalg.inv(jacobian)).reshape(-1, 9)
+    around = mesh.tets.ravel()
+    total = np.stack([np.bincount(around, weights=column, minlength=len(mesh.points)) for column in gradient.T], axis=1)
+    return (total / np.bincount(around, minlength=len(mesh.points))[:, None]).reshape(-1, 3, 3)

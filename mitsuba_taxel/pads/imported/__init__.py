@@ -1,0 +1,1 @@
+"""Pads from files: surfaces of triangles and STEP solids, mended, tagged and meshed."""

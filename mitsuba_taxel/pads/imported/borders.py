@@ -1,0 +1,76 @@
+"""Let the elements of a mesh end where two regions meet on a smooth surface, which the mesher knows nothing of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.second_order import boundary_triangles
+from mitsuba_taxel.geometry.triangles import area_normals, neighbours, unit
+from mitsuba_taxel.pads.imported.snapping import LEAST_VOLUME, Patches, volumes
+
+NEAR_END = 0.3
+"""Where a border crosses an edge closer to one end than this part of it, that end is moved there, else it is cut."""
+BISECTIONS = 30
+
+
+def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (N, 3) and straight, positively oriented tetrahedra (M, 4) of which no side lies on both sides of a border.
+
+    ``reach`` is how far, in mm, the mesh may be off the surface.
+    """
+    faces = boundary_triangles(tets)
+    normals = unit(area_normals(points, faces))
+    triangle = patches.nearest_triangle(points[faces].mean(axis=1), normals, reach)
+    edges, pairs = neighbours(faces)
+    sheet = patches.sheet[triangle]
+    smooth = sheet[pairs[:, 0]] == sheet[pairs[:, 1]]
+    smooth &= np.isin(sheet[pairs[:, 0]], patches.sheets_with_borders)
+    edges, normals, sheet = edges[smooth], unit(normals[pairs[smooth]].sum(axis=1)), sheet[pairs[smooth, 0]]
+
+    def patch_at(fraction: np.ndarray) -> np.ndarray:
+        along = points[edges[:, 0]] + fraction[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
+        return patches.patch[patches.nearest_triangle(along, normals, reach, sheet)]
+
+    low, high = np.zeros(len(edges)), np.ones(len(edges))
+    start = patch_at(low)
+    crossing = start != patch_at(high)
+    for _ in range(BISECTIONS if crossing.any() else 0):
+        middle = 0.5 * (low + high)
+        before = patch_at(middle) == start
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    edges, fraction = edges[crossing], 0.5 * (low + high)[crossing]
+    where = points[edges[:, 0]] + fraction[:, None] * (points[edges[:, 1]] - points[edges[:, 0]])
+    points, on_border = _moved(points, tets, edges, fraction, where)
+    cut = ~on_border[edges].any(axis=1)
+    return _cut(points, tets, edges[cut], where[cut])
+
+
+def _moved(
+    points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, where: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes, those next to a crossing moved there if no element is squeezed, and which (N,) are."""
+    moved, on_border = points.copy(), np.zeros(len(points), dtype=bool)
+    before = volumes(points, tets)
+    close = np.minimum(fraction, 1 - fraction)
+    for number in np.argsort(close, kind="stable"):
+        if close[number] > NEAR_END:
+            break
+        node = edges[number, int(fraction[number] > 0.5)]
+        if on_border[edges[number]].any():
+            continue
+        moved[node] = where[number]
+        touched = np.any(tets == node, axis=1)
+        on_border[node] = np.all(volumes(moved, tets[touched]) >= LEAST_VOLUME * before[touched])
+        if not on_border[node]:
+            moved[node] = points[node]
+    return moved, on_border
+
+
+def _cut(points: np.ndarray, tets: np.ndarray, edges: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The mesh with a new node on each of ``edges`` (E, 2), and the tetrahedra along it cut in two."""
+    for number, (start, end) in enumerate(edges.tolist(), start=len(points)):
+        along = np.any(tets == start, axis=1) & np.any(tets == end, axis=1)
+        half = tets[along]
+        first, second = np.where(half == end, number, half), np.where(half == start, number, half)
+        tets = np.concatenate([tets[~along], first, second])
+    return np.concatenate([points, where]), tets

@@ -1,0 +1,71 @@
+"""Mesh a user's geometry in a process of its own: what lies beneath may crash, hang or take all memory."""
+
+from __future__ import annotations
+
+import io
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.geometry_error import Flaw
+
+WORKER = Path(__file__).with_name("worker.py")
+"""Run as a file, so that the process imports neither this package nor Mitsuba."""
+MOST_SECONDS = 600.0
+MOST_MEMORY = 8 * 2**30
+"""Bytes of address space."""
+
+
+def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
+    """What the worker's ``task`` makes of ``arrays``; they go to and fro through pipes, so that no file is left.
+
+    Raises
+    ------
+    Flaw
+        if the geometry cannot be read.
+    ComputationError
+        in one line, if the process crashes, fails, or goes beyond :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; what it
+        wrote is in the exception's cause.
+    """
+    command = [sys.executable, str(WORKER), task, str(int(MOST_MEMORY)), str(int(MOST_SECONDS))]
+    try:
+        done = subprocess.run(command, input=_packed(arrays), capture_output=True, timeout=MOST_SECONDS)
+    except subprocess.TimeoutExpired as error:
+        raise ComputationError(
+            f"meshing the pad was stopped after {MOST_SECONDS:g} s: choose a greater mesh_size, or a simpler surface."
+        ) from error
+    if done.returncode == 0:
+        answer = _unpacked(done.stdout)
+        if "flaw" in answer:
+            raise Flaw(str(answer["flaw"]))
+        return answer
+    raise ComputationError(_reason(done)) from RuntimeError(done.stderr.decode(errors="replace"))
+
+
+def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
+    last = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
+    if "bad_alloc" in last or "MemoryError" in last or -done.returncode == signal.SIGKILL:
+        return f"meshing the pad needed more than {MOST_MEMORY / 2**30:g} GB of memory: choose a greater mesh_size."
+    if done.returncode < 0:
+        how = f"crashed ({signal.Signals(-done.returncode).name})"
+    else:
+        how = f"failed ({last[:120]})"
+    return f"meshing the pad {how}: choose another mesh_size, or mend the surface."
+
+
+def _packed(arrays: Mapping[str, object]) -> bytes:
+    buffer = io.BytesIO()
+    plain: dict[str, Any] = {name: np.asarray(value) for name, value in arrays.items()}
+    np.savez(buffer, **plain)
+    return buffer.getvalue()
+
+
+def _unpacked(content: bytes) -> dict[str, np.ndarray]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return dict(arrays)

@@ -1,0 +1,148 @@
+"""How large elements of a user's pad may be at each place, by the rules of the built-in pads (see `meshing`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.geometry.box_pairs import TooManyPairs
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.point_tree import PointTree
+from mitsuba_taxel.geometry.triangles import area_normals, closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.pads.imported.symmetric_part import PLANE
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, REGIONS, TYPICAL_CELL, TYPICAL_THICKNESS
+from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, FACE_REFINEMENT, RIM_REFINEMENT
+
+GRADING = 0.4
+"""By how much elements may grow per length, from the singular edges on."""
+MOST_POINTS = 1000
+"""Of a cell, at which the thickness of the silicone is looked for."""
+FLAT_ANGLE = 1.0
+"""Degrees between neighbouring triangles below which they are parts of one plane."""
+
+
+def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray) -> float:
+    """Size of elements in mm where nobody asks for one, from a surface's triangles (T, 3), regions (T,) and cells (T,).
+
+    By the rule of `Pad.default_mesh_size`: it goes with the size of the smallest cell, and with the square root of the
+    thinnest silicone beside or above one.
+    """
+    cells = [vertices[np.unique(triangles[cell == number])] for number in np.unique(cell[cell > 0])]
+    scale = min(float(np.ptp(points[:, :2], axis=0).min()) for points in cells) / TYPICAL_CELL
+    thinnest = TYPICAL_THICKNESS * scale
+    free = cell + np.where(np.isin(region, (REGIONS["top"], REGIONS["outer"])), -1, 0)
+    for number, points in enumerate(cells, start=1):
+        others = vertices[triangles[(free != number) & (free != 0)]]
+        points = points[np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))]
+        try:
+            point, triangle = near(points, others, thinnest)
+        except TooManyPairs:
+            continue
+        off = np.linalg.norm(closest_on_triangles(points[point], others[triangle]) - points[point], axis=1)
+        thinnest = min(thinnest, float(off.min(initial=np.inf)))
+    thinnest = max(thinnest, MIN_THICKNESS * TYPICAL_CELL * scale)
+    return float(f"{DEFAULT_MESH_SIZE * math.sqrt(scale * thinnest / TYPICAL_THICKNESS):.3g}")
+
+
+class SingularEdges:
+    """Where the stress is singular: along what is glued to the board, and sharp re-entrant edges of the silicone.
+
+    ``part`` (T,) numbers the parts of the surface, patches or faces, that the edges lie between.
+
+    Attributes
+    ----------
+    ends : (E, 2, 3) of the edges of the surface there
+    between : (P, 2) pairs of parts that such edges lie between
+    """
+
+    def __init__(self, patches: Patches, region: np.ndarray, part: np.ndarray) -> None:
+        edges, pairs = neighbours(patches.triangles)
+        one, other = pairs.T
+        border = (part[one] != part[other]) & (region[one] != PLANE) & (region[other] != PLANE)
+        edges, one, other = edges[border], one[border], other[border]
+        glued = (region[one] == REGIONS["bottom"]) != (region[other] == REGIONS["bottom"])
+        beyond = patches.vertices[patches.triangles[other]].mean(axis=1) - patches.vertices[edges[:, 0]]
+        sharp = patches.sheet[one] != patches.sheet[other]
+        singular = glued | (sharp & (np.einsum("ij,ij->i", patches.normals[one], beyond) > 0))
+        self.ends = patches.vertices[edges[singular]]
+        between = np.stack([part[one[singular]], part[other[singular]]], axis=1)
+        self.between = np.unique(np.sort(between, axis=1), axis=0)
+
+    def nodes(self, points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """(N,) which nodes (N, 3) of a mesh lie there, if its boundary triangles (B, 6) follow ``part`` (B,)."""
+        on = np.zeros(len(points), dtype=bool)
+        for one, other in self.between:
+            on[np.intersect1d(faces[part == one], faces[part == other])] = True
+        return on
+
+    def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
+        """(N,) which points (N, 3) lie on such edges that run along planes of symmetry, where a part has one side."""
+        along = [np.all(np.abs(mirror.side(self.ends)) <= tolerance, axis=1) for mirror in planes]
+        ends = self.ends[np.any(along, axis=0)] if along else self.ends[:0]
+        on = np.zeros(len(points), dtype=bool)
+        if len(ends):
+            point, segment = near(points, ends, tolerance)
+            off = closest_on_segments(points[point], ends[segment, 0], ends[segment, 1]) - points[point]
+            on[point[np.linalg.norm(off, axis=1) <= tolerance]] = True
+        return on
+
+
+class LocalSizes:
+    """Length of edges, in mm, for elements of about ``mesh_size`` mm, all ``refinement`` times smaller."""
+
+    def __init__(
+        self, patches: Patches, region: np.ndarray, singular: SingularEdges, mesh_size: float, refinement: float
+    ) -> None:
+        self._patch = patch_sizes(patches, region, mesh_size) / refinement
+        self._edge = mesh_size / RIM_REFINEMENT / refinement
+        self._tree = PointTree(_along(singular.ends, 0.5 * self._edge))
+
+    def __call__(self, points: np.ndarray, belongs: np.ndarray) -> np.ndarray:
+        """Length (N,) at points (N, 3) on the patches that ``belongs`` (N, P) says."""
+        distance, _ = self._tree.query(points)
+        here = np.where(belongs, self._patch, np.inf).min(axis=1)
+        return np.minimum(here, self._edge + GRADING * distance)
+
+
+def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.ndarray:
+    """(P,) length of edges on each patch: less on roofs and sides, on curved ones, and where the radius is small."""
+    radius = radii(patches)
+    first = np.unique(patches.patch, return_index=True)[1]
+    size = np.full(patches.count, BULK_COARSENING * mesh_size)
+    in_cell = np.isin(region[first], (REGIONS["roof"], REGIONS["side"]))
+    flat = np.isinf(radius)
+    size[in_cell & flat] = mesh_size / FACE_REFINEMENT["parallelepiped"]
+    size[in_cell & ~flat] = mesh_size / FACE_REFINEMENT["cylindrical"]
+    safety = np.where(region[first] == REGIONS["roof"], CURVATURE_SAFETY, 1.0)
+    return np.minimum(size, radius / safety)
+
+
+def radii(patches: Patches) -> np.ndarray:
+    """(P,) radius of curvature of each patch where it is among the smallest, in mm; infinite for planes."""
+    edges, pairs = neighbours(patches.triangles)
+    inside = patches.patch[pairs[:, 0]] == patches.patch[pairs[:, 1]]
+    edges, pairs = edges[inside], pairs[inside]
+    cosine = np.einsum("ij,ij->i", patches.normals[pairs[:, 0]], patches.normals[pairs[:, 1]])
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    area = np.linalg.norm(area_normals(patches.vertices, patches.triangles), axis=1)
+    length = np.linalg.norm(patches.vertices[edges[:, 0]] - patches.vertices[edges[:, 1]], axis=1)
+    height = area[pairs].sum(axis=1) / length  # mean of the two triangles' heights above the edge
+    radius = np.full(patches.count, np.inf)
+    bent = angle > math.radians(FLAT_ANGLE)
+    number = patches.patch[pairs[:, 0]]
+    for patch in np.unique(number[bent]):
+        own = bent & (number == patch)
+        radius[patch] = np.percentile(height[own] / angle[own], 10)
+    return radius
+
+
+def _along(ends: np.ndarray, spacing: float) -> np.ndarray:
+    """Points (N, 3) on segments (E, 2, 3), no farther apart than ``spacing``."""
+    count = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / spacing).astype(int) + 1
+    segment = np.repeat(np.arange(len(ends)), count)
+    step = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    fraction = step / np.maximum(count[segment] - 1, 1)
+    return ends[segment, 0] + fraction[:, None] * (ends[segment, 1] - ends[segment, 0])

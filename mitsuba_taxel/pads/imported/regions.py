@@ -1,0 +1,181 @@
+"""Which region and which cell each part of the surface of a user's pad belongs to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.geometry.geometry_error import Flaw, place
+from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.imported.rules import Rule
+from mitsuba_taxel.pads.pad import REGIONS
+
+ROOF_ANGLE = 60.0
+"""Degrees from straight down within which the normal of a hollow's face makes it a roof, where no rule says so."""
+LEVEL_TOLERANCE = 1e-4
+"""How far from the board or the highest point a face may lie to be the bottom or the top, relative to the height."""
+LEVEL_ANGLE = 1.0
+"""Degrees by which the normal of a bottom or a top may be off the vertical."""
+LEAST_FLATNESS = 0.1
+"""Length of the mean normal of a face below which it has none, such as the mantle of a cylinder."""
+ROW_TOLERANCE = 0.25
+"""How far cells of one row may be apart along y, relative to the size of a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class FacedSurface:
+    """A closed surface of triangles, counter-clockwise seen from outside the silicone, that are parts of faces.
+
+    Attributes
+    ----------
+    vertices : (V, 3) mm
+    triangles : (T, 3) vertex numbers
+    face : (T,) number of the face that each triangle is part of
+    names : the faces' names, or empty where a file has none
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    face: np.ndarray
+    names: Sequence[str] = ()
+
+
+def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np.ndarray]:
+    """Region code (T,) and number of the cell (T,) of each triangle.
+
+    The first rule that a face meets names its region. What no rule names is the bottom on the board, the top at the
+    highest z, roof or side in a hollow, and outer elsewhere; a region that a rule names is not guessed for the bottom
+    and the top. A hollow is a part of the surface between bottom and top that does not touch the top.
+
+    Cells are the connected parts of roof and side, numbered row by row from (-x, +y).
+
+    Raises
+    ------
+    Flaw
+        if there is no bottom, no top or no cell, or a cell has no roof.
+    """
+    faces = _Faces(surface)
+    region = np.zeros(len(faces.normal), dtype=int)
+    for rule in rules:
+        if rule.face is not None and rule.face not in surface.names:
+            known = ", ".join(sorted(set(surface.names))) or "none"
+            raise Flaw(f"it has no face named {rule.face!r}, as a rule says; its names are: {known}")
+        region[(region == 0) & faces.meet(rule)] = REGIONS[rule.region]
+    for name, level in (("bottom", faces.on_board), ("top", faces.at_top)):
+        if not any(rule.region == name for rule in rules):
+            region[(region == 0) & level] = REGIONS[name]
+
+    edges, pairs = neighbours(surface.triangles)
+    by_triangle = region[surface.face]
+    _check_ends(surface, by_triangle)
+    hollow = _hollow(len(surface.triangles), pairs, by_triangle)
+    down = faces.normal[:, 2] < -math.cos(math.radians(ROOF_ANGLE))
+    guess = np.where(hollow, np.where(down, REGIONS["roof"], REGIONS["side"])[surface.face], REGIONS["outer"])
+    by_triangle = np.where(by_triangle == 0, guess, by_triangle)
+    return by_triangle, _cells(surface, pairs, by_triangle)
+
+
+class _Faces:
+    """Mean normal (F, 3) of each face, its centroid (F, 3), and whether it lies on the board or at the top."""
+
+    def __init__(self, surface: FacedSurface) -> None:
+        vector, face = area_normals(surface.vertices, surface.triangles), surface.face
+        count = int(face.max()) + 1
+        area = np.linalg.norm(vector, axis=1)
+        corners = surface.vertices[surface.triangles]
+        total = np.bincount(face, area, count)
+        self.names = np.array(surface.names, dtype=object)
+        self.normal = np.stack([np.bincount(face, vector[:, k], count) for k in range(3)], axis=1)
+        self.normal[np.linalg.norm(self.normal, axis=1) < LEAST_FLATNESS * total] = 0
+        self.normal = unit(self.normal)
+        centroid = corners.mean(axis=1) * area[:, None]
+        self.centroid = np.stack([np.bincount(face, centroid[:, k], count) for k in range(3)], axis=1) / total[:, None]
+
+        lowest, highest = np.full(count, np.inf), np.full(count, -np.inf)
+        np.minimum.at(lowest, face, corners[:, :, 2].min(axis=1))
+        np.maximum.at(highest, face, corners[:, :, 2].max(axis=1))
+        height = surface.vertices[:, 2].max()
+        tolerance, level = LEVEL_TOLERANCE * abs(height), math.cos(math.radians(LEVEL_ANGLE))
+        self.on_board = (np.maximum(-lowest, highest) <= tolerance) & (self.normal[:, 2] <= -level)
+        self.at_top = (lowest >= height - tolerance) & (self.normal[:, 2] >= level)
+
+    def meet(self, rule: Rule) -> np.ndarray:
+        """(F,) whether each face meets all conditions of a rule."""
+        met = np.ones(len(self.normal), dtype=bool)
+        if rule.face is not None:
+            met &= self.names == rule.face
+        if rule.normal is not None:
+            cosine = self.normal @ unit(np.array(rule.normal))
+            met &= (cosine >= math.cos(math.radians(rule.within)) - 1e-9) & self.normal.any(axis=1)
+        if rule.above is not None:
+            met &= self.centroid[:, 2] >= rule.above
+        if rule.below is not None:
+            met &= self.centroid[:, 2] <= rule.below
+        if rule.box is not None:
+            met &= np.all((self.centroid >= rule.box[0]) & (self.centroid <= rule.box[1]), axis=1)
+        return met
+
+
+def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
+    z = surface.vertices[:, 2]
+    if not np.any(region == REGIONS["bottom"]):
+        raise Flaw(
+            f"it has no bottom: no face lies on the board, z = 0, as its z runs from {z.min():g} to {z.max():g} mm"
+        )
+    if not np.any(region == REGIONS["top"]):
+        raise Flaw(f"it has no top: no flat face lies at its highest z = {z.max():g} mm, and no rule names another")
+
+
+def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """(T,) whether a triangle is part of a hollow, given the region codes that are known so far, 0 for the others."""
+    bottom, top = region == REGIONS["bottom"], region == REGIONS["top"]
+    between = ~(bottom | top)
+    part = components(count, pairs[np.all(between[pairs], axis=1)])
+    touching = np.concatenate([pairs[top[pairs[:, k]], 1 - k] for k in (0, 1)])
+    return between & ~np.isin(part, part[touching[between[touching]]])
+
+
+def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """(T,) number of the cell that each triangle belongs to, 0 for none."""
+    in_cell = np.isin(region, (REGIONS["roof"], REGIONS["side"]))
+    if not in_cell.any():
+        raise Flaw("it has no cell: no hollow is open towards the board, and no rule names a roof")
+    part = components(len(region), pairs[np.all(in_cell[pairs], axis=1)])
+    parts, number = np.unique(part[in_cell], return_inverse=True)
+    corners = surface.vertices[surface.triangles[in_cell]]
+    low, high = np.full((len(parts), 3), np.inf), np.full((len(parts), 3), -np.inf)
+    np.minimum.at(low, number, corners.min(axis=1))
+    np.maximum.at(high, number, corners.max(axis=1))
+    without = np.setdiff1d(np.arange(len(parts)), number[region[in_cell] == REGIONS["roof"]])
+    if len(without):
+        raise Flaw(f"the cell at {place(0.5 * (low + high)[without[0]])} has no roof; a rule can name one")
+    cell = np.zeros(len(region), dtype=int)
+    cell[in_cell] = _numbers_by_row(0.5 * (low + high)[:, :2], (high - low)[:, 1].mean())[number]
+    return cell
+
+
+def numbered(mesh: VolumeMesh) -> VolumeMesh:
+    """The mesh with corners of elements before other nodes, and the cells that its roofs and sides make numbered."""
+    corner = np.zeros(len(mesh.points), dtype=bool)
+    corner[mesh.tets[:, :4]] = True
+    order = np.argsort(~corner, kind="stable")
+    new = np.empty_like(order)
+    new[order] = np.arange(len(order))
+    points, faces = mesh.points[order], new[mesh.faces]
+    _, pairs = neighbours(faces[:, :3])
+    cell = _cells(FacedSurface(points, faces[:, :3], np.arange(len(faces))), pairs, mesh.face_region)
+    return VolumeMesh(points, new[mesh.tets], faces, mesh.face_region, cell)
+
+
+def _numbers_by_row(centres: np.ndarray, size: float) -> np.ndarray:
+    """Numbers (C,) from 1 of cells with ``centres`` (C, 2), row by row from (-x, +y)."""
+    down = np.argsort(-centres[:, 1], kind="stable")
+    row = np.empty(len(centres), dtype=int)
+    row[down] = np.cumsum(-np.diff(centres[down, 1], prepend=centres[down[0], 1]) > ROW_TOLERANCE * size)
+    numbers = np.empty(len(centres), dtype=int)
+    numbers[np.lexsort((centres[:, 0], row))] = np.arange(1, len(centres) + 1)
+    return numbers

@@ -1,0 +1,190 @@
+"""Second-order tetrahedral mesh of the body in a STEP file by Netgen, graded and mirrored as the built-in pads are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
+from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
+from mitsuba_taxel.geometry.second_order import positive, second_order
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.imported.isolated_process import run_apart
+from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes, radii
+from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
+from mitsuba_taxel.pads.imported.round_faces import on_round_faces
+from mitsuba_taxel.pads.imported.rules import Rule
+from mitsuba_taxel.pads.imported.snapping import Patches
+from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_extent, check_mesh_size
+from mitsuba_taxel.pads.imported.symmetric_part import PLANE, TOLERANCE, exactly_on, group_of, planes_of, whole
+from mitsuba_taxel.pads.parametric.grading import cut_towards
+from mitsuba_taxel.pads.parametric.meshing import (
+    BULK_COARSENING,
+    CURVATURE_SAFETY,
+    CUT,
+    LEAST_QUALITY,
+    REFINEMENTS,
+    RIM_REFINEMENT,
+)
+
+_NETGEN_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+"""Corners whose edge carries nodes 4 to 9 of Netgen's tetrahedron."""
+FINER = 1.2
+"""How much smaller elements are than those of built-in pads, whose sizes go with their shapes: as right with that."""
+SURVEY_SAFETY = 4.0
+"""Triangles per radius of curvature by which a body is looked over."""
+MOST_IMAGES = 300
+"""Points of the surface whose images are looked for."""
+
+
+def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float) -> VolumeMesh:
+    """Mesh of the one solid in a STEP file, of which ``digest`` tells the content.
+
+    Raises
+    ------
+    Flaw
+        if the file cannot be read, or its solid is no pad.
+    ComputationError
+        if meshing fails.
+    """
+    survey = surveyed(path, digest, rules)
+    check_mesh_size(mesh_size, survey.volume)
+    # Netgen may fail on a part that was cut from the body, or cut it wrong.
+    for mirrors in (survey.mirrors, ()) if survey.mirrors else ((),):
+        mesh = _good_mesh(path, survey, mirrors, mesh_size, last=not mirrors)
+        if mesh is not None:
+            return mesh
+    raise ComputationError(f"meshing the pad lost a part of it: choose another mesh_size than {mesh_size:g}.")
+
+
+def _good_mesh(
+    path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
+) -> VolumeMesh | None:
+    """The first mesh without distorted elements, None if there is none; the ``last`` to be tried may be distorted."""
+    for refinement in REFINEMENTS:
+        try:
+            mesh = whole(_meshed(path, survey, mirrors, mesh_size, FINER * refinement), mirrors)
+        except ComputationError:
+            if last:
+                raise
+            return None
+        complete = abs(curved_volume(mesh) / survey.volume - 1) < VOLUME_TOLERANCE
+        if complete and worst_element(mesh)[0] >= LEAST_QUALITY:
+            return mesh
+    return mesh if last and complete else None
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What is known of a body before it is meshed.
+
+    Attributes
+    ----------
+    volume, diagonal, height : in mm3 and mm
+    mirrors : a whole group
+    region, cell : (F,) of each of its faces
+    patches : of triangles (T, 3) that stand for its surface
+    patch_region : (T,) of these triangles
+    face : (T,) that they are parts of
+    singular : where the stress is singular
+    """
+
+    volume: float
+    diagonal: float
+    height: float
+    mirrors: tuple[Mirror, ...]
+    region: np.ndarray
+    cell: np.ndarray
+    patches: Patches
+    patch_region: np.ndarray
+    face: np.ndarray
+    singular: SingularEdges
+
+
+@lru_cache(maxsize=4)  # for the second mesh, which tells the error
+def surveyed(path: Path, digest: str, rules: tuple[Rule, ...]) -> Survey:
+    raw = run_apart("survey_step", {"path": str(path), "curvature_safety": SURVEY_SAFETY})
+    points, triangles, face = raw["points"], raw["triangles"], raw["face"]
+    check_extent(points)
+    by_triangle, by_cell = tagged(FacedSurface(points, triangles, face, raw["names"].tolist()), rules)
+    region, cell = np.zeros((2, len(raw["names"])), dtype=int)
+    region[face], cell[face] = by_triangle, by_cell
+    patches = Patches(points, triangles, by_triangle, by_cell)
+    singular = SingularEdges(patches, by_triangle, face)
+    diagonal, height = float(np.linalg.norm(np.ptp(points, axis=0))), float(points[:, 2].max())
+    mirrors = _mirrors(path, points, triangles, face, region, TOLERANCE * diagonal)
+    volume = float(raw["volume"])
+    return Survey(volume, diagonal, height, mirrors, region, cell, patches, by_triangle, face, singular)
+
+
+def _mirrors(
+    path: Path, points: np.ndarray, triangles: np.ndarray, face: np.ndarray, region: np.ndarray, tolerance: float
+) -> tuple[Mirror, ...]:
+    """The mirrors that leave the body and its regions as they are, as far as points all over its surface show."""
+    node, first = np.unique(triangles, return_index=True)
+    chosen = np.unique(np.linspace(0, len(node) - 1, MOST_IMAGES).astype(int))
+    node, at = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
+    # A point on several faces counts for one of them: all of them, were they asked, have their images there.
+    matrices = np.array([mirror.image(np.eye(3)) for mirror in MIRRORS])
+    asked = {"path": str(path), "region": region, "points": points[node], "at": at, "matrices": matrices}
+    kept = run_apart("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
+    return group_of(mirror for mirror, keeps in zip(MIRRORS, kept, strict=True) if keeps)
+
+
+def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, refinement: float) -> VolumeMesh:
+    """Mesh of the part that the mirrors complete; its faces along their planes are of the region `PLANE`."""
+    planes = planes_of(mirrors)
+    sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
+    face_size = np.full(len(survey.region), np.inf)
+    np.minimum.at(face_size, survey.face, sizes[survey.patches.patch])
+    curved = radii(survey.patches) / sizes
+    safety = float(np.clip(curved[np.isfinite(curved)].max(initial=1.0), 1.0, CURVATURE_SAFETY * refinement))
+    raw = run_apart(
+        "mesh_step",
+        {
+            "path": str(path),
+            "planes": np.array([mirror.normal for mirror in planes], dtype=float).reshape(-1, 2),
+            "mesh_size": BULK_COARSENING * mesh_size / refinement,
+            "face_size": face_size,
+            "edge_size": mesh_size / RIM_REFINEMENT / refinement,
+            "singular": survey.singular.between,
+            "curvature_safety": safety,
+        },
+    )
+    mesh, face = _read(raw, survey)
+    rounding = 1e-7 * survey.diagonal
+    exact = exactly_on(mesh.points, planes, survey.height, rounding)
+    singular = survey.singular.nodes(exact, mesh.faces, face)
+    singular |= survey.singular.nodes_on_planes(exact, planes, rounding)
+    cut = cut_towards(VolumeMesh(exact, mesh.tets, mesh.faces, np.arange(len(face)), mesh.face_cell), singular, CUT)
+    parent = cut.face_region
+    points = on_round_faces(exact, mesh.faces, face, cut.points, cut.faces, face[parent])
+    points = exactly_on(points, planes, survey.height, rounding)
+    return VolumeMesh(points, cut.tets, cut.faces, mesh.face_region[parent], mesh.face_cell[parent])
+
+
+def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.ndarray]:
+    """The mesh as Netgen made it, and the face of the body (B,) that each of its boundary triangles is a part of."""
+    corners, middles = raw["tets"][:, :4].astype(np.int64) - 1, raw["tets"][:, 4:10].astype(np.int64) - 1
+    points, tets, faces = second_order(*positive(raw["points"], corners))
+    # Both count the edges in the order of their corners.
+    ends = np.sort(corners[:, np.array(_NETGEN_EDGES)].reshape(-1, 2), axis=1)
+    _, first = np.unique(ends, axis=0, return_index=True)
+    points[-len(first) :] = raw["points"][middles.ravel()[first]]
+
+    face = np.empty(len(faces), dtype=int)
+    named = np.searchsorted(np.unique(corners), raw["faces"][:, :3].astype(np.int64) - 1)
+    if len(named) != len(faces):
+        raise ComputationError("meshing the pad failed: its surface is not closed; choose another mesh_size.")
+    face[_by_corners(faces[:, :3])] = raw["face"][_by_corners(named)]
+    region = np.where(face < 0, PLANE, survey.region[face])
+    return VolumeMesh(points, tets, faces, region, np.where(face < 0, 0, survey.cell[face])), face
+
+
+def _by_corners(triangles: np.ndarray) -> np.ndarray:
+    """Order of triangles by their corners, whatever these begin with."""
+    return np.lexsort(np.sort(triangles, axis=1).T)

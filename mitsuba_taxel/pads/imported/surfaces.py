@@ -1,0 +1,88 @@
+"""Read a surface of triangles from an STL, PLY or OBJ file."""
+
+from __future__ import annotations
+
+import io
+import warnings
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.pads.parametric.meshing import MOST_ELEMENTS
+
+MOST_TRIANGLES = 300_000
+SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
+"""Least and greatest longest side of a pad in mm; outside, the file is not in mm."""
+VOLUME_TOLERANCE = 0.02
+"""Relative difference between the volumes of mesh and pad above which the mesh is not that of the pad."""
+
+
+def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, as they stand there.
+
+    Raises
+    ------
+    Flaw
+        if the content is not of that format, is cut short, holds numbers that are not finite, more than
+        :data:`MOST_TRIANGLES` triangles, or none, or cannot be in mm.
+    """
+    if suffix == ".stl":
+        _check_header(content)
+    vertices, triangles = _parse(content, suffix)
+    if not len(triangles):
+        raise Flaw(f"it holds no triangles of the format {suffix[1:].upper()}")
+    if len(triangles) > MOST_TRIANGLES:
+        raise Flaw(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise Flaw("a triangle names a vertex that is not there")
+    used, triangles = np.unique(triangles, return_inverse=True)
+    vertices, triangles = vertices[used], triangles.reshape(-1, 3)
+    if not np.all(np.isfinite(vertices)):
+        raise Flaw(f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite")
+    check_extent(vertices)
+    return vertices, triangles
+
+
+def _check_header(content: bytes) -> None:
+    """Refuse a binary STL whose number of triangles does not fit its length, before a reader believes it."""
+    if content[:512].lstrip().lower().startswith(b"solid") and b"facet" in content[:1024].lower():
+        return
+    if len(content) < 84:
+        raise Flaw(f"it is no STL: {len(content)} bytes are less than a header")
+    count = int.from_bytes(content[80:84], "little")
+    if len(content) != 84 + 50 * count:
+        raise Flaw(
+            f"it is no STL, or cut short: its header announces {count} triangles, for which it has the wrong length"
+        )
+
+
+def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
+    import trimesh
+
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            # Without a resolver no other file, such as a texture, is looked for.
+            mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], process=False)
+            return np.array(mesh.vertices, dtype=float).reshape(-1, 3), np.array(mesh.faces, dtype=np.int64).reshape(
+                -1, 3
+            )
+    except Exception as error:  # whatever a reader may stumble over in a broken file
+        raise Flaw(f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})") from error
+
+
+def check_extent(vertices: np.ndarray) -> None:
+    """Refuse a pad of points (V, 3) that cannot be in mm; raises `Flaw`."""
+    longest = float(np.ptp(vertices, axis=0).max())
+    if longest < SMALLEST_EXTENT:
+        raise Flaw(f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in m")
+    if longest > LARGEST_EXTENT:
+        raise Flaw(f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in um")
+
+
+def check_mesh_size(mesh_size: float, volume: float) -> None:
+    """Refuse more elements in ``volume`` mm3 than fit in memory; raises `InputError`."""
+    smallest = (8 * volume / MOST_ELEMENTS) ** (1 / 3)
+    if mesh_size < smallest:
+        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")

@@ -1,0 +1,63 @@
+"""Second-order tetrahedral mesh of a closed surface by fTetWild."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.geometry_error import place
+from mitsuba_taxel.geometry.second_order import boundary_triangles, positive, second_order
+from mitsuba_taxel.geometry.triangles import area_normals, half_edges, unit, volume
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.imported.borders import conforming
+from mitsuba_taxel.pads.imported.isolated_process import run_apart
+from mitsuba_taxel.pads.imported.mending import is_sliver
+from mitsuba_taxel.pads.imported.snapping import Patches, snapped
+from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE
+
+ENVELOPE = 0.02
+"""How far the straight mesh may be off the surface, relative to the mesh size, before its nodes are put onto it."""
+LARGEST_ENVELOPE, LARGEST_EDGE = 2e-3, 1 / 6
+"""Upper limits of that distance and of the mesh size, relative to the diagonal of the pad.
+
+Far beyond them fTetWild makes more elements, not fewer: walls are too thin for edges of that length.
+"""
+
+
+def mesh_by_tetwild(
+    vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray, mesh_size: float
+) -> VolumeMesh:
+    """Mesh of a closed surface, whose triangles (T, 3) have regions (T,) and cells (T,), its nodes on it.
+
+    Raises
+    ------
+    ComputationError
+        if meshing fails.
+    """
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)
+    envelope = min(ENVELOPE * mesh_size, LARGEST_ENVELOPE * diagonal)
+    solid = {"vertices": vertices, "triangles": triangles[~is_sliver(vertices, triangles)]}
+    straight = run_apart("tetrahedralise", {**solid, "mesh_size": mesh_size, "epsilon": envelope})
+    patches = Patches(vertices, triangles, region, cell)
+    corners, tets = positive(straight["points"], straight["tets"])
+    _check_boundary(corners, boundary_triangles(tets))
+    points, tets, faces = second_order(*conforming(corners, tets, patches, 3 * envelope))
+    normals = unit(area_normals(points, faces[:, :3]))
+    followed = patches.nearest_triangle(points[faces[:, :3]].mean(axis=1), normals, 3 * envelope)
+    points = snapped(points, tets, faces, patches.patch[followed], patches, mesh_size)
+    inside = volume(points, faces[:, :3])
+    if abs(inside / volume(vertices, triangles) - 1) > VOLUME_TOLERANCE:
+        raise ComputationError(
+            f"the mesh has {inside:.4g} mm3 of the {volume(vertices, triangles):.4g} mm3 of the pad: choose a smaller "
+            f"mesh_size than {mesh_size:g}."
+        )
+    return VolumeMesh(points, tets, faces, region[followed], cell[followed])
+
+
+def _check_boundary(points: np.ndarray, faces: np.ndarray) -> None:
+    edges, _ = half_edges(faces)
+    edges, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    if not len(faces) or np.any(count != 2):
+        where = f" near {place(points[edges[np.argmax(count != 2)]].mean(axis=0))}" if len(faces) else ""
+        raise ComputationError(f"the mesh does not follow the surface of the pad{where}: choose a smaller mesh_size.")

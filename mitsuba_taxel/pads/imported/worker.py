@@ -1,0 +1,203 @@
+"""The process in which a user's geometry is meshed: arrays come in at standard input and leave at standard output.
+
+It is run as a file, with the name of a task and its limits (bytes, seconds), and imports nothing of this package.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import os
+import resource
+import signal
+import sys
+import tempfile
+import types
+from collections.abc import Callable
+from typing import Any
+
+UNITS_OF_HEIGHT, SURVEY_UNITS = 4.0, 20.0
+"""Height of a body while it is meshed, diagonal while it is looked over: Netgen has tolerances of its own."""
+
+
+def main(task: str, memory: int, seconds: int) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # Of a parent that is killed outright nothing is heard.
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    signal.alarm(seconds + 10)
+    # fTetWild writes its surface into the working directory; in one that is gone it cannot.
+    folder = tempfile.mkdtemp()
+    os.chdir(folder)
+    os.rmdir(folder)
+    # Standard output is for the answer alone, whatever the libraries print.
+    answer = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+
+    import numpy as np
+
+    tasks: dict[str, Callable[..., dict[str, Any]]] = {
+        "fill": _fill,
+        "tetrahedralise": _tetrahedralise,
+        "survey_step": _survey_step,
+        "mirrors_of_step": _mirrors_of_step,
+        "mesh_step": _mesh_step,
+    }
+    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as arrays:
+        result = tasks[task](**arrays)
+    np.savez(answer, **result)
+    answer.close()
+    # Some of the libraries' threads do not survive an orderly end.
+    os._exit(0)
+
+
+def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
+    """Straight tetrahedra within a closed surface of triangles, which stay as they are (Netgen)."""
+    import numpy as np
+    from netgen.meshing import FaceDescriptor, Mesh, MeshingParameters
+
+    mesh = Mesh()
+    mesh.Add(FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
+    mesh.AddPoints(np.ascontiguousarray(vertices))
+    mesh.AddElements(dim=2, index=1, data=np.ascontiguousarray(triangles.astype(np.int32)), base=0)
+    mesh.GenerateVolumeMesh(MeshingParameters(maxh=float(mesh_size), grading=0.4, parallel_meshing=False))
+    return {
+        "points": np.array(mesh.Coordinates(), dtype=float),
+        "tets": mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64) - 1,
+    }
+
+
+def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any) -> dict[str, Any]:
+    """Straight tetrahedra within ``epsilon`` mm of a surface (fTetWild: Hu et al. 2020)."""
+    import numpy as np
+    from mesher_seed import fix_random_device  # beside this file, which is run as one
+
+    fix_random_device()
+    # The package looks for PyVista on import, without need.
+    sys.modules["pyvista"] = types.ModuleType("pyvista")
+    from pytetwild import tetrahedralize
+
+    points, tets = tetrahedralize(
+        vertices,
+        triangles.astype(np.int32),
+        edge_length_abs=float(mesh_size),
+        epsilon=float(epsilon) / float(np.linalg.norm(np.ptp(vertices, axis=0))),
+        simplify=False,
+    )
+    return {"points": points, "tets": tets}
+
+
+def _survey_step(path: Any, curvature_safety: Any) -> dict[str, Any]:
+    """Triangles of the surface of the body in a STEP file, the faces that they follow, and its volume (Netgen)."""
+    import numpy as np
+    from netgen.meshing import MeshingParameters, MeshingStep
+    from netgen.occ import OCCGeometry, Pnt
+
+    try:
+        solids = list(OCCGeometry(str(path)).shape.solids)
+    except Exception as error:
+        return {"flaw": f"it cannot be read as STEP ({' '.join(str(error).split())[:100]})"}
+    if len(solids) != 1:
+        return {"flaw": f"it holds {len(solids)} solids; one is needed"}
+    solid, names = solids[0], np.array([face.name or "" for face in solids[0].faces], dtype=str)
+    _number_faces(solid)
+    low, high = solid.bounding_box
+    unit = (high - low).Norm() / SURVEY_UNITS
+    mesh = OCCGeometry(solid.Scale(Pnt(0, 0, 0), 1 / unit)).GenerateMesh(
+        MeshingParameters(
+            maxh=1.0,
+            grading=0.4,
+            curvaturesafety=float(curvature_safety),
+            parallel_meshing=False,
+            perfstepsend=MeshingStep.MESHSURFACE,
+        )
+    )
+    surface = mesh.Elements2D().NumPy()
+    return {
+        "volume": solid.mass,
+        "points": unit * np.array(mesh.Coordinates(), dtype=float),
+        "triangles": surface["nodes"][:, :3].astype(np.int64) - 1,
+        "face": _numbers_of_faces(mesh, surface["index"]),
+        "names": names,
+    }
+
+
+def _mirrors_of_step(path: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any) -> dict[str, Any]:
+    """Which mirrors (M, 3, 3) put all points (N, 3) of the surface, each in a region, onto the faces of that region."""
+    import numpy as np
+    from netgen.occ import Compound, OCCGeometry, Pnt, Vertex
+
+    (solid,) = OCCGeometry(str(path)).shape.solids
+    faces = list(solid.faces)
+    parts = {code: Compound([faces[k] for k in np.flatnonzero(region == code)]) for code in np.unique(at)}
+
+    def keeps(matrix: Any) -> bool:
+        return all(
+            parts[code].Distance(Vertex(Pnt(*point))) <= tolerance
+            for code, point in zip(at, points @ matrix.T, strict=True)
+        )
+
+    return {"kept": np.array([keeps(matrix) for matrix in matrices], dtype=bool)}
+
+
+def _mesh_step(
+    path: Any, planes: Any, mesh_size: Any, face_size: Any, edge_size: Any, singular: Any, curvature_safety: Any
+) -> dict[str, Any]:
+    """Curved tetrahedra of the part of the body in a STEP file on the kept side of ``planes`` (M, 2), normals (Netgen).
+
+    Faces have sizes (F,) of their own, and so have edges between two faces that are a ``singular`` pair (S, 2). The
+    faces along the planes have the number -1.
+    """
+    import numpy as np
+    from netgen.meshing import MeshingParameters
+    from netgen.occ import Axis, Box, OCCGeometry, Pnt, Z
+
+    (solid,) = OCCGeometry(str(path)).shape.solids
+    _number_faces(solid)
+    low, high = solid.bounding_box
+    unit, reach = (high.z - low.z) / UNITS_OF_HEIGHT, 2 * (high - low).Norm()
+    for x, y in planes:
+        kept = Box(Pnt(0, -reach, -reach), Pnt(reach, reach, reach))
+        kept.faces.name = "-1"
+        solid = solid * kept.Rotate(Axis(Pnt(0, 0, 0), Z), float(np.degrees(np.arctan2(y, x))))
+    solid = solid.Scale(Pnt(0, 0, 0), 1 / unit)
+    around: dict[Any, list[int]] = {}
+    for face in solid.faces:
+        number = int(face.name)
+        if number >= 0:
+            face.maxh = float(face_size[number]) / unit
+        for edge in face.edges:
+            around.setdefault(edge, []).append(number)
+    pairs = set(map(tuple, singular.tolist()))
+    for edge in solid.edges:
+        if tuple(sorted(around.get(edge, []))) in pairs:
+            edge.maxh = float(edge_size) / unit
+    parameters = MeshingParameters(
+        maxh=float(mesh_size) / unit, grading=0.4, curvaturesafety=float(curvature_safety), parallel_meshing=False
+    )
+    mesh = OCCGeometry(solid).GenerateMesh(parameters)
+    mesh.SecondOrder()
+    surface = mesh.Elements2D().NumPy()
+    return {
+        "points": unit * np.array(mesh.Coordinates(), dtype=float),
+        "tets": mesh.Elements3D().NumPy()["nodes"],
+        "faces": surface["nodes"],
+        "face": _numbers_of_faces(mesh, surface["index"]),
+    }
+
+
+def _number_faces(solid: Any) -> None:
+    for number, face in enumerate(solid.faces):
+        face.name = str(number)
+
+
+def _numbers_of_faces(mesh: Any, index: Any) -> Any:
+    """Number of the face, which is its name, that surface elements with Netgen's ``index`` are parts of."""
+    import numpy as np
+
+    return np.array([int(mesh.GetBCName(int(i))) for i in range(index.max())])[index - 1]
+
+
+if __name__ == "__main__":
+    del sys.path[0]  # the folder of this file, whose modules would stand before others of the same name
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))

@@ -1,0 +1,1 @@
+"""Pads of this package's own cell shapes: solids and their meshes."""

@@ -1,0 +1,213 @@
+"""Second-order tetrahedral mesh of a pad by Netgen, graded towards the edges where the stress is singular."""
+
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.element_maps import worst_element
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.parametric.grading import cut_towards
+from mitsuba_taxel.pads.parametric.solid import (
+    SYMMETRY,
+    is_square,
+    rounded,
+    singular_edges,
+    singular_nodes,
+    symmetric_part,
+)
+
+BULK_COARSENING = 1.25
+"""How much larger elements may be inside, where the strain is smooth: the roofs move as precisely with fewer."""
+RIM_REFINEMENT = 2.0
+"""How much smaller elements are along the edges where the stress is singular."""
+FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25}
+"""How much smaller elements are on the roofs and side walls: on curved ones the error of shape counts as well."""
+CUT = 0.2
+"""Where the elements at a singular edge are cut: at this part of their size from it."""
+CURVATURE_SAFETY = 2.0
+"""Elements per radius of curvature; round walls and caps may have fewer if the sizes asked for are larger, whereas a
+dome would be distorted along its rim."""
+REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
+"""How much smaller all local sizes are made, tried in turn until no element is too distorted: by little, or larger
+elements would be more."""
+LEAST_QUALITY = 0.2
+"""Least determinant of an element's map, relative to that of the straight element."""
+UNITS_OF_HEIGHT = 4.0
+"""Height of every pad while it is meshed: Netgen has tolerances of its own, whatever the pad's size."""
+MOST_ELEMENTS = 1_000_000
+LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400}
+"""Of each cell, however large elements may be."""
+
+_NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
+_NETGEN_FACE = [0, 1, 2, 5, 3, 4]
+"""Netgen's nodes in the order of `TET_EDGES` and `FACE_EDGES`."""
+
+MESHING_LOCK = threading.RLock()
+"""Held round every call of Netgen, which is not safe in several threads at once."""
+
+
+def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
+    """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
+
+    An octant of a square pad, a quadrant of another is meshed and mirrored, so that the mesh has the pad's symmetry
+    to the last bit.
+
+    Raises
+    ------
+    InputError
+        if ``mesh_size`` is not a finite length above 0, or it or the number of cells asks for more elements than fit in
+        memory.
+    ComputationError
+        if Netgen fails, or leaves an element inverted that cannot be mended.
+    """
+    check_room(pad, mesh_size)
+    for refinement in REFINEMENTS:
+        mesh = _graded(_generated(pad, mesh_size, refinement), pad)
+        quality, place = worst_element(mesh)
+        if quality >= LEAST_QUALITY:
+            for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
+                mesh = mirrored(mesh, mirror)
+            return _numbered(mesh, pad)
+    x, y, z = place
+    raise ComputationError(
+        f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
+        f"{mesh_size:g}."
+    )
+
+
+def check_room(pad: Pad, mesh_size: float) -> None:
+    """Refuse a mesh size that is none, or asks for more elements than fit in memory; raises `InputError`."""
+    if not (math.isfinite(mesh_size) and mesh_size > 0):
+        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
+    most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
+    if pad.rows * pad.columns > most_cells:
+        raise InputError(
+            f"rows = {pad.rows}, columns = {pad.columns} are not allowed: at most {most_cells} {pad.cell} cells can be "
+            "meshed."
+        )
+    smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
+    if mesh_size < smallest:
+        raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
+
+
+def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
+    """Netgen's mesh of the symmetric part."""
+    with MESHING_LOCK:
+        from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
+        from netgen.occ import OCCGeometry, Pnt
+
+        SetMessageImportance(0)
+        unit = pad.height / UNITS_OF_HEIGHT
+        face_size, edge_size = (size / refinement for size in _local_sizes(pad, mesh_size))
+        curvature_safety = CURVATURE_SAFETY * refinement
+        if pad.cell != "hemispheric":
+            curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
+        try:
+            solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
+            for face in solid.faces:
+                if face.name in ("roof", "side"):
+                    face.maxh = face_size / unit
+            for edge in singular_edges(solid, pad):
+                edge.maxh = edge_size / unit
+            parameters = MeshingParameters(
+                maxh=BULK_COARSENING * mesh_size / unit,
+                grading=0.4,
+                curvaturesafety=curvature_safety,
+                parallel_meshing=False,  # one solid gains nothing, and threads that wait for a busy core cost tenfold
+            )
+            mesh = OCCGeometry(solid).GenerateMesh(parameters)
+            mesh.SecondOrder()
+        except NgException as error:
+            raise ComputationError(f"meshing the pad failed: {' '.join(str(error).split())}.") from error
+        return _read(mesh, pad, unit)
+
+
+def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
+    """Size of elements on roofs and side walls, and along singular edges.
+
+    Where silicone is thin beside a round wall, the elements' curved edges bulge by a quarter of it at most.
+    """
+    sizes = mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
+    if pad.cell == "parallelepiped":
+        return sizes
+    thinnest = min(pad.wall, pad.height - pad.top_of_cell)
+    if pad.rows * pad.columns > 1:
+        thinnest = min(thinnest, pad.pitch - pad.cell_size)
+    largest = math.sqrt(pad.cell_size * thinnest)  # a chord s of a circle of diameter d bulges by s^2 / (4 d)
+    return min(sizes[0], largest), min(sizes[1], largest)
+
+
+def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
+    """The mesh with the elements at singular edges cut, its new nodes on the pad's own surfaces."""
+    mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
+    points = _snapped(rounded(mesh, pad), pad)
+    return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
+
+
+def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
+    """The mesh of the symmetric part in mm, with its nodes exactly on the planes that they belong to."""
+    points = unit * np.array(mesh.Coordinates(), dtype=float)
+    surface = mesh.Elements2D().NumPy()
+    tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
+    faces = surface["nodes"][:, _NETGEN_FACE].astype(np.int64) - 1
+    names = [mesh.GetBCName(int(i)) for i in range(surface["index"].max())]
+    region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
+    assert set(names) <= {*REGIONS, SYMMETRY}, names
+    points = _snapped(points, pad)
+    tets = _right_handed(tets, points)
+    faces = _outward(faces[region > 0], tets, points)
+    return VolumeMesh(points, tets, faces, region[region > 0], np.zeros(len(faces), dtype=int))
+
+
+def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Tetrahedra with positive volume: those that have not get their second and third corner swapped."""
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    negative = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
+    swap = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+    return np.where(negative[:, None], tets[:, swap], tets)
+
+
+def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Boundary triangles turned counter-clockwise seen from outside."""
+    owners: dict[tuple[int, ...], int] = {}
+    for corners in ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0)):
+        keys = np.sort(tets[:, corners[:3]], axis=1)
+        owners.update(zip(map(tuple, keys), tets[:, corners[3]], strict=True))
+    inside = np.array([owners[tuple(key)] for key in np.sort(faces[:, :3], axis=1)])
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), points[inside] - a) > 0
+    swap = [0, 2, 1, 5, 4, 3]
+    return np.where(inward[:, None], faces[:, swap], faces)
+
+
+def _snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
+    """Nodes within rounding of the planes of symmetry, the bottom or the top, exactly on them."""
+    tolerance = 1e-7 * pad.height
+    points = np.where(np.abs(points) < tolerance, 0.0, points)
+    points[np.abs(points[:, 2] - pad.height) < tolerance, 2] = pad.height
+    if is_square(pad):
+        on_diagonal = np.abs(points[:, 0] - points[:, 1]) < tolerance
+        points[on_diagonal, 1] = points[on_diagonal, 0]
+    return points
+
+
+def _numbered(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
+    """The mesh with each roof and side face given the number of its cell, and corners before other nodes."""
+    corners = np.zeros(len(mesh.points), dtype=bool)
+    corners[mesh.tets[:, :4]] = True
+    order = np.argsort(~corners, kind="stable")
+    new = np.empty_like(order)
+    new[order] = np.arange(len(order))
+
+    centre = mesh.points[mesh.faces[:, :3], :2].mean(axis=1)
+    distance = np.linalg.norm(centre[:, None] - np.array(pad.cell_centres), axis=-1)
+    in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
+    cell = np.where(in_cell, distance.argmin(axis=1) + 1, 0)
+    return VolumeMesh(mesh.points[order], new[mesh.tets], new[mesh.faces], mesh.face_region, cell)

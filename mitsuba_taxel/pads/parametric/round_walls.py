@@ -1,0 +1,41 @@
+"""The round walls of a pad's cells as they are meant: spheres and cylinders, of which elements have but parabolas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.triangles import unit
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+
+
+def onto_round_walls(
+    pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of roofs and sides, moved radially onto the sphere or cylinder that they belong to.
+
+    Parameters
+    ----------
+    points : (N, 3) mm, undeformed, near the walls
+    region, cell : (N,) code of the region and number of the cell of each
+
+    Returns
+    -------
+    places : (N, 3) mm; points of flat walls, and of other regions, as they were
+    gradient : (N, 3, 3) derivative of a point's place by the point
+    """
+    places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
+    centre = np.zeros_like(points)
+    centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
+    centre[:, 2] = pad.top_of_cell - pad.dome_radius
+    walls = [("roof", pad.dome_radius, np.eye(3))] if pad.dome_radius else []
+    if pad.cell != "parallelepiped":
+        walls.append(("side", 0.5 * pad.cell_size, np.diag([1.0, 1.0, 0.0])))
+    for name, radius, across in walls:
+        here = (region == REGIONS[name]) & (cell > 0)
+        from_centre = (points[here] - centre[here]) @ across
+        distance = np.linalg.norm(from_centre, axis=1)[:, None]
+        places[here] += (radius / distance - 1) * from_centre
+        radial = unit(from_centre)
+        flattened = across - radial[:, :, None] * radial[:, None, :]
+        gradient[here] = np.eye(3) - across + (radius / distance)[:, :, None] * flattened
+    return places, gradient

@@ -1,0 +1,136 @@
+"""The part of a pad that its mirror images complete, as an OpenCascade solid with named faces; its singular edges."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+
+SYMMETRY = "symmetry"
+"""Name of the faces along which the part was cut from the pad."""
+
+
+def is_square(pad: Pad) -> bool:
+    """Whether the pad is the same along x and y."""
+    return pad.rows == pad.columns
+
+
+def symmetric_part(pad: Pad) -> Any:
+    """The part of a pad in 0 <= y <= x if it is square, else in x, y >= 0, as a ``netgen.occ`` shape.
+
+    Its faces bear the names of their regions.
+    """
+    from netgen.occ import Box, Pnt
+
+    width, depth, height = pad.extent
+    solid = Box(Pnt(0, 0, 0), Pnt(0.5 * width, 0.5 * depth, height))
+    for face in solid.faces:
+        face.name = _name_of_box_face(face.center, pad)
+    if is_square(pad):
+        solid = solid - _beyond_diagonal(pad)
+    for x, y in pad.cell_centres:
+        if min(x, y) > -0.5 * pad.cell_size and not (is_square(pad) and y - x > pad.cell_size):
+            solid = solid - _cell_solid(pad, x, y)
+    return solid
+
+
+def _beyond_diagonal(pad: Pad) -> Any:
+    """A box over y > x, larger than the pad."""
+    from netgen.occ import Axis, Box, Pnt, Z
+
+    reach = 2 * sum(pad.extent)
+    box = Box(Pnt(-reach, 0, -reach), Pnt(reach, reach, reach)).Rotate(Axis(Pnt(0, 0, 0), Z), 45)
+    box.faces.name = SYMMETRY
+    return box
+
+
+def _name_of_box_face(centre: Any, pad: Pad) -> str:
+    tolerance = 1e-9 * pad.height
+    if min(centre.x, centre.y) < tolerance:
+        return SYMMETRY
+    if centre.z < tolerance:
+        return "bottom"
+    return "top" if centre.z > pad.height - tolerance else "outer"
+
+
+def _cell_solid(pad: Pad, x: float, y: float) -> Any:
+    """One cell; it reaches below the board, so that cutting it leaves a clean rim."""
+    from netgen.occ import Box, Cylinder, Pnt, Sphere, Z
+
+    below, radius = -pad.cell_size, 0.5 * pad.cell_size
+    if pad.cell == "parallelepiped":
+        shaft = Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, pad.side_height))
+    else:
+        shaft = Cylinder(Pnt(x, y, below), Z, radius, pad.side_height - below)
+    shaft.faces.name = "side"
+    shaft.faces.Max(Z).name = "roof"
+    if not pad.dome_radius:
+        return shaft
+    ball = Sphere(Pnt(x, y, pad.top_of_cell - pad.dome_radius), pad.dome_radius)
+    ball.faces.name = "roof"
+    reach = 2 * pad.dome_radius
+    above = Box(Pnt(x - reach, y - reach, pad.side_height), Pnt(x + reach, y + reach, pad.side_height + reach))
+    return shaft + ball * above
+
+
+def singular_edges(solid: Any, pad: Pad) -> list[Any]:
+    """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
+
+    Edges that only the cut along a plane of symmetry made are none, nor is the smooth one round a hemisphere.
+    """
+    cut, side, roof = (
+        {edge for face in solid.faces if face.name == name for edge in face.edges}
+        for name in (SYMMETRY, "side", "roof")
+    )
+    height = solid.bounding_box[1].z
+    glued = {edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * height}
+    singular = glued | (side & roof if pad.cell != "hemispheric" else set())
+    if pad.cell == "parallelepiped":
+        singular |= side
+    return [edge for edge in solid.edges if edge in singular and edge not in cut]
+
+
+def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+    """(N,) which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`."""
+    roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
+    singular = bottom & (side | outer)
+    if pad.cell != "hemispheric":
+        singular |= roof & side
+    if pad.cell == "parallelepiped":
+        from_axis = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad))
+        singular |= side & np.all(np.abs(from_axis - 0.5 * pad.cell_size) < 1e-7 * pad.cell_size, axis=1)
+    return singular
+
+
+def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
+    """(N, 3) the mesh's nodes, those on round walls and roofs exactly on their cylinder or sphere."""
+    points, axis = mesh.points.copy(), _nearest_axis(mesh.points, pad)
+    if pad.dome_radius:
+        roof = _on_region(mesh, "roof")
+        centre = np.column_stack([axis, np.full(len(axis), pad.top_of_cell - pad.dome_radius)])
+        points[roof] = _at_distance(points[roof], centre[roof], pad.dome_radius)
+    if pad.cell != "parallelepiped":
+        side = _on_region(mesh, "side")
+        points[side, :2] = _at_distance(points[side, :2], axis[side], 0.5 * pad.cell_size)
+    return points
+
+
+def _at_distance(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
+    from_centre = points - centre
+    return centre + distance * from_centre / np.linalg.norm(from_centre, axis=1, keepdims=True)
+
+
+def _nearest_axis(points: np.ndarray, pad: Pad) -> np.ndarray:
+    """(N, 2) x and y of the axis of the cell nearest to each of points (N, 3)."""
+    centres = np.array(pad.cell_centres)
+    return centres[np.linalg.norm(points[:, None, :2] - centres, axis=2).argmin(axis=1)]
+
+
+def _on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
+    """(N,) which nodes lie on a region of the surface."""
+    on = np.zeros(len(mesh.points), dtype=bool)
+    on[mesh.faces[mesh.face_region == REGIONS[region]]] = True
+    return on

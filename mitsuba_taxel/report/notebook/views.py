@@ -1,0 +1,267 @@
+"""What a notebook shows of the package's objects: drawings, tables and plots as HTML, in the notebook's own colours."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.wording import budget_line, light_error_line, readings_columns
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from mitsuba_taxel.mechanics import Material
+    from mitsuba_taxel.mechanics.materials.silicones import Silicone
+    from mitsuba_taxel.mechanics.path.load_path import State
+    from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.sensing import PadSensor, Readings, Scene
+
+MOST_LINES = 10
+"""Failures of a study, and rows of a table at either end, that are shown."""
+MOST_DRAWN = 5000
+"""Readings of which a plot is small enough as SVG."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyView:
+    """A study as a notebook shows it; what :func:`show` returns."""
+
+    study: xr.Dataset | xr.DataTree
+
+    def _repr_html_(self) -> str:
+        import xarray as xr
+
+        if isinstance(self.study, xr.Dataset):
+            return _study(self.study, str(self.study.attrs["scene"]))
+        return "".join(_study(leaf.to_dataset(), str(leaf.name)) for leaf in self.study.leaves)
+
+
+def show(study: xr.Dataset | xr.DataTree) -> StudyView:
+    """A study for a notebook to display: its plot, the sensitivities and the error budget.
+
+    Parameters
+    ----------
+    study : as ``sweep``, ``run_study`` or ``open_study`` return it
+
+    Raises
+    ------
+    InputError
+        if it is anything else.
+    """
+    leaves = getattr(study, "leaves", [study])
+    if not all("curve" in getattr(leaf, "attrs", {}) and "replicate_power" in leaf for leaf in leaves):
+        raise InputError(f"study = {type(study).__name__} is not allowed: what sweep or open_study returned is needed.")
+    return StudyView(study)
+
+
+def html_of(shown: Displayed) -> str:
+    """An object of this package as HTML."""
+    return next(_VIEWS[kind.__name__](shown) for kind in type(shown).__mro__ if kind.__name__ in _VIEWS)
+
+
+def _pad_html(pad: Pad) -> str:
+    """A pad's section and plan, with its dimensions."""
+    from mitsuba_taxel.report.notebook.pad_drawing import draw_pad
+
+    count = f"{pad.rows} x {pad.columns} {pad.cell} cells"
+    return _framed(f"Pad: {count}", draw_pad(pad), _line("Section through the middle row, and plan; lengths in mm."))
+
+
+def _pad_file_html(pad: PadFile) -> str:
+    """A pad in a file, its sections if it is a surface of triangles."""
+    from mitsuba_taxel.geometry.geometry_error import Flaw
+    from mitsuba_taxel.pads.imported.surfaces import read_surface
+    from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
+    from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
+
+    rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions are guessed."
+    drawing = _line("A solid: it has a surface once it is meshed.")
+    if pad.suffix in SURFACE_FORMATS:
+        try:
+            drawing = draw_surface(*read_surface(pad.content(), pad.suffix))
+            drawing += _line("Section through the middle, and section just above the board; lengths in mm.")
+        except InputError as error:
+            drawing = _line(str(error))
+        except Flaw as flaw:
+            drawing = _line(f"It cannot be drawn: {flaw}.")
+    return _framed(f"Pad: {pad.path.name}", drawing, _line(rules))
+
+
+def _material_html(material: Material) -> str:
+    """A law, its constants and the moduli that follow from them."""
+    from mitsuba_taxel.base.units import PARAMETER_UNITS
+
+    law = (type(material).__doc__ or "").strip().splitlines()[0].rstrip(".")
+    units = {**dict.fromkeys(("c10", "c01", "c20", "c30"), "MPa"), **PARAMETER_UNITS, "poisson_ratio": ""}
+    rows = [(name, f"{getattr(material, name):.6g}", units.get(name, "")) for name in material.parameters]
+    derived = {"shear_modulus": "MPa", "youngs_modulus": "MPa", "compressibility": "1/MPa"}
+    rows += [
+        (f"{name} (derived)", f"{getattr(material, name):.6g}", unit)
+        for name, unit in derived.items()
+        if name not in material.parameters
+    ]
+    return _framed(type(material).__name__, _line(law), _table(("constant", "value", "unit"), rows))
+
+
+def _silicone_html(silicone: Silicone) -> str:
+    """A measured silicone: its law, source and range."""
+    strain = silicone.max_strain
+    range_ = "" if strain is None else _line(f"Fitted up to a nominal strain of {strain:.0%}.")
+    return _material_html(silicone.material) + _line(f"Source: {silicone.source}.") + range_
+
+
+def _state_html(state: State) -> str:
+    """How far a pad is deformed, and how well that is known."""
+    load = state.load
+    largest = float(np.linalg.norm(state.displacement, axis=1).max())
+    rows = [
+        (f"{load.quantity} [{load.unit}]", ", ".join(f"{component:g}" for component in state.value)),
+        ("largest displacement [mm]", f"{largest:.5g}"),
+        ("least volume ratio J", f"{state.min_jacobian:.4f}"),
+        ("residual", f"{state.residual:.0e}"),
+        ("stability", "checked" if state.stability_checked else "not checked"),
+        ("elements", f"{len(state.mesh.tets)}"),
+        ("seconds to solve", f"{state.seconds:.2g}"),
+    ]
+    error = state.error
+    if error is None:
+        rows.append(("error of the roofs", "unknown"))
+    else:
+        rows.append(("error of the roofs [mm]", f"{error.displacement:.2g} (at worst {error.largest:.2g})"))
+        rows.append(("error of their slope [degrees]", f"{error.slope:.2g}"))
+    return _framed(f"Deformed pad, {type(load).__name__}", _table(("", "value"), rows))
+
+
+def _sensor_html(sensor: PadSensor) -> str:
+    """A sensor: its pad, silicone, load and optical parts."""
+    parts = {
+        "load": f"{type(sensor.load).__name__}, {sensor.load.quantity} = {tuple(sensor.force)} {sensor.load.unit}",
+        "roof": sensor.roof,
+        "side": sensor.side,
+        "finish": "smooth" if sensor.finish is None else sensor.finish,
+        "photo-reflector": f"spacing {sensor.photo_reflector.spacing:g} mm",
+        "LED": sensor.photo_reflector.led,
+        "phototransistor": sensor.photo_reflector.phototransistor,
+        "body": sensor.photo_reflector.body,
+    }
+    rows = [(name, part if isinstance(part, str) else _given(part)) for name, part in parts.items()]
+    return _pad_html(sensor.pad) + _material_html(sensor.material) + _framed("Sensor", _table(("part", ""), rows))
+
+
+def _scene_html(scene: Scene) -> str:
+    """A scene's parameters or, of one made in Python, its parts."""
+    if isinstance(scene.source, dict):
+        items = scene.source.items()
+        parts = [(name, part["type"]) for name, part in items if isinstance(part, Mapping) and "type" in part]
+        return _framed(f"Scene: {scene.name}", _table(("part", "plugin"), parts))
+    rows = [(name, value, scene.defaults.get(name, "")) for name, value in scene.parameters.items()]
+    table = _table(("parameter", "value", "default"), rows) if rows else _line("It has no parameters.")
+    return _framed(f"Scene: {scene.name}", table)
+
+
+def _readings_html(readings: Readings) -> str:
+    """Power and error of each taxel, and the error budget."""
+    columns = readings_columns(readings)
+    lines = [light_error_line(readings), *readings.notes, f"{budget_line(readings.error_budget)}."]
+    table = _table(list(columns), list(zip(*columns.values(), strict=True)))
+    return _framed("Readings", table, *map(_line, lines))
+
+
+def _study(study: xr.Dataset, name: str) -> str:
+    from mitsuba_taxel.characterise import sensitivity_table
+    from mitsuba_taxel.studies import study_error_budget
+
+    slopes = sensitivity_table(study)
+    rows = [[_cell(value) for value in row] for row in slopes.itertuples(index=False)]
+    sensitivities = _table([str(column) for column in slopes.columns], rows) if rows else ""
+    failures = study.attrs["failures"].splitlines()
+    lines = [*study.attrs["notes"].splitlines(), *(f"failed: {line}" for line in failures[:MOST_LINES])]
+    if len(failures) > MOST_LINES:
+        lines.append(f"failed: {len(failures) - MOST_LINES} more")
+    budget = _line(f"{budget_line(study_error_budget(study))}.")
+    return _framed(f"Study: {name}", _plot(study), sensitivities, budget, *map(_line, lines))
+
+
+def _plot(study: xr.Dataset) -> str:
+    """The curves of a study, on white, as an image by itself: the names of letters in SVG would clash with others'."""
+    from mitsuba_taxel.plots.curves import plot_curves
+
+    picture, form = BytesIO(), "svg" if study.power.size <= MOST_DRAWN else "png"
+    with _same_backend():
+        plot_curves(study, picture, form)
+    kind = "image/svg+xml" if form == "svg" else "image/png"
+    content = base64.b64encode(picture.getvalue()).decode("ascii")
+    words = f"Optical power of {study.sizes['taxel']} taxels against {study.attrs['curve']}, with error bars"
+    return f'<img src="data:{kind};base64,{content}" alt="{escape(words)}" style="max-width: 100%; background: white">'
+
+
+@contextmanager
+def _same_backend() -> Iterator[None]:
+    """Plots are written without a screen; the notebook's own go on as before."""
+    import matplotlib
+
+    before = matplotlib.get_backend()
+    try:
+        yield
+    finally:
+        matplotlib.use(before)
+
+
+def _given(part: Any) -> str:
+    """What is said of a part, without what is left to its plugin."""
+    from dataclasses import asdict
+
+    words = (f"{name} = {value}" for name, value in asdict(part).items() if value is not None)
+    return ", ".join(words) or "as its plugin has it"
+
+
+def _framed(title: str, *parts: str) -> str:
+    return f"<div><strong>{escape(title)}</strong>{''.join(f'<div>{part}</div>' for part in parts if part)}</div>"
+
+
+def _line(text: str) -> str:
+    return f"<div>{escape(text)}</div>"
+
+
+def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table, of a long one its beginning and end; its first column is aligned left."""
+    chosen = list(rows)
+    if len(chosen) > 2 * MOST_LINES + 1:
+        chosen = [*chosen[:MOST_LINES], ["..."] * len(headings), *chosen[-MOST_LINES:]]
+    head = _row("th", headings)
+    return f"<table><thead>{head}</thead><tbody>{''.join(_row('td', row) for row in chosen)}</tbody></table>"
+
+
+def _row(kind: str, cells: Sequence[object]) -> str:
+    sides = ["left", *["right"] * (len(cells) - 1)]
+    words = (
+        f'<{kind} style="text-align: {side}">{escape(str(cell))}</{kind}>'
+        for side, cell in zip(sides, cells, strict=True)
+    )
+    return f"<tr>{''.join(words)}</tr>"
+
+
+def _cell(value: object) -> str:
+    return f"{value:.3e}" if isinstance(value, float) else str(value)
+
+
+_VIEWS: dict[str, Callable[..., str]] = {
+    "Pad": _pad_html,
+    "PadFile": _pad_file_html,
+    "Material": _material_html,
+    "Silicone": _silicone_html,
+    "State": _state_html,
+    "PadSensor": _sensor_html,
+    "Scene": _scene_html,
+    "Readings": _readings_html,
+}
+"""Of each class by its name: what is not shown is not imported."""

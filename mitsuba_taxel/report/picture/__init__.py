@@ -1,0 +1,1 @@
+"""Pictures of scenes: pads cut open, parts and rays."""

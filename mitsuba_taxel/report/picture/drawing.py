@@ -1,0 +1,244 @@
+"""A picture of a sensor itself: the pad cut open, its photo-reflectors and the board, in soft light.
+
+The picture is a scene of its own, of stock plugins, in the variant that has colours. It is made by Mitsuba's parser,
+which takes the variant by name: the one in force stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
+from mitsuba_taxel.report.picture.sensor_parts import Part
+
+VARIANT = "llvm_ad_rgb"
+PICTURES = (".png", ".exr")
+ASPECT = 1.6
+NARROWEST, WIDEST = 16, 8192
+MOST_SAMPLES = 65536
+PER_PASS = 16
+"""Samples of a pixel that are stratified together, a square number, and after which progress is told."""
+
+AZIMUTH, ELEVATION, FIELD_OF_VIEW = 24.0, 19.0, 16.0
+"""Degrees: of the camera to the right of -y and above the board, and of its view in width."""
+MARGIN = 1.1
+CREASE = 40.0
+"""Degrees between two triangles from which on their edge is shown as one."""
+GLOW = (18.0, 0.30, 0.05)
+"""Radiance of the LEDs' faces, the sky's being about 1: near infrared, shown as red."""
+SKY, LAMP = (0.96, 0.98, 1.0), (5.2, 5.05, 4.8)
+"""Radiances by which the ground is a little more than white wherever nothing shades it."""
+
+
+def _matt(*colour: float) -> dict[str, Any]:
+    return _twosided({"type": "diffuse", "reflectance": _rgb(colour)})
+
+
+def _glossy(*colour: float, roughness: float) -> dict[str, Any]:
+    return _twosided({"type": "roughplastic", "diffuse_reflectance": _rgb(colour), "alpha": roughness})
+
+
+def _twosided(bsdf: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "twosided", "bsdf": bsdf}
+
+
+def _rgb(colour: Sequence[float]) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(colour)}
+
+
+_OUTSIDE = _matt(0.13, 0.20, 0.29)
+MATERIALS: dict[str, dict[str, Any]] = {
+    "roof": _matt(0.80, 0.80, 0.78),
+    "side": _matt(0.16, 0.17, 0.19),
+    "bottom": _OUTSIDE,
+    "top": _OUTSIDE,
+    "outer": _OUTSIDE,
+    "cut": _matt(0.44, 0.52, 0.58),
+    "body": _glossy(0.02, 0.02, 0.022, roughness=0.2),
+    "led": _matt(0.8, 0.2, 0.1),
+    "phototransistor": _glossy(0.01, 0.17, 0.12, roughness=0.1),
+    "board": _glossy(0.03, 0.11, 0.065, roughness=0.3),
+    "plate": _glossy(0.45, 0.46, 0.48, roughness=0.15),
+}
+"""What the materials of `Part` look like."""
+
+
+def write_picture(pixels: np.ndarray, file: Path) -> None:
+    """Write linear pixels (H, W, 3), as they are to OpenEXR, with the curve of sRGB to PNG."""
+    import mitsuba as mi
+
+    bitmap = mi.Bitmap(np.ascontiguousarray(pixels, dtype=np.float32))
+    if file.suffix.lower() == ".png":
+        bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, srgb_gamma=True)
+    with replacing(file) as temporary:
+        bitmap.write(str(temporary))
+
+
+@in_turn
+def render_parts(
+    parts: Sequence[Part],
+    *,
+    width: int = 1600,
+    samples: int = 64,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """A picture of the parts of a sensor, seen from -y, a little from the right and from above.
+
+    Parameters
+    ----------
+    parts : as :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts` returns them
+    width : in pixels; the height is 10/16 of it
+    samples : of each pixel, rounded up to a multiple of 16, or to 1, 4 or 9
+    progress : called with the number of passes done and the number of all
+
+    Returns
+    -------
+    (H, W, 3) linear sRGB, 1 being white.
+
+    Raises
+    ------
+    InputError
+        if width or samples are out of range.
+    """
+    for name, value, least, most in (("width", width, NARROWEST, WIDEST), ("samples", samples, 1, MOST_SAMPLES)):
+        if not least <= value <= most:
+            raise InputError(f"{name} = {value} is not allowed: a whole number from {least} to {most} is needed.")
+    with TemporaryDirectory() as folder:
+        live = _instantiate(_description(parts, Path(folder), width))
+    per_pass = min(PER_PASS, math.ceil(math.sqrt(samples)) ** 2)
+    passes = math.ceil(samples / per_pass)
+    total = np.zeros((round(width / ASPECT), width, 3))
+    for number in range(passes):
+        image = live.integrator().render(live, live.sensors()[0], seed=number, spp=per_pass)
+        total += np.array(image, dtype=float)
+        if progress:
+            progress(number + 1, passes)
+    return total / passes
+
+
+def _instantiate(description: dict[str, Any]) -> Any:
+    """A ``mi.Scene`` of :data:`VARIANT`, whatever variant is in force."""
+    import mitsuba as mi
+
+    getattr(mi, VARIANT)  # loads the variant's types, without which the scene would be a nameless object
+    config = mi.parser.ParserConfig(VARIANT)
+    config.parallel = False
+    state = mi.parser.parse_dict(config, description)
+    mi.parser.transform_all(config, state)
+    return mi.parser.instantiate(config, state)
+
+
+def _description(parts: Sequence[Part], folder: Path, width: int) -> dict[str, Any]:
+    """The picture's scene as a Mitsuba dictionary, its meshes in a folder."""
+    import mitsuba as mi
+
+    to_world = mi.ScalarTransform4f
+    shapes = _meshes(parts, folder)
+    points = np.concatenate([part.vertices[part.triangles].reshape(-1, 3) for part in parts])
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    origin, target = _viewpoint(points)
+    lamp = middle + size * np.array([-2.4, -2.4, 3.4])
+    ground = [*middle[:2].tolist(), float(low[2] - 1e-3 * size)]
+    film = {
+        "type": "hdrfilm",
+        "width": width,
+        "height": round(width / ASPECT),
+        "pixel_format": "rgb",
+        "component_format": "float32",
+        "rfilter": {"type": "gaussian"},
+    }
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 4},
+        "sensor": {
+            "type": "perspective",
+            "fov": FIELD_OF_VIEW,
+            "to_world": to_world().look_at(origin=origin.tolist(), target=target.tolist(), up=[0, 0, 1]),
+            "film": film,
+            "sampler": {"type": "multijitter"},
+        },
+        # An even sky makes no noise on matt surfaces whose rays find it by themselves, but does where they are aimed.
+        "sky": {"type": "constant", "radiance": _rgb(SKY), "sampling_weight": 0.0},
+        "lamp": {
+            "type": "rectangle",
+            "to_world": to_world()
+            .look_at(origin=lamp.tolist(), target=middle.tolist(), up=[0, 0, 1])
+            .scale(1.5 * size),
+            "emitter": {"type": "area", "radiance": _rgb(LAMP)},
+        },
+        "ground": {
+            "type": "rectangle",
+            "to_world": to_world().translate(ground).scale(100 * size),
+            "bsdf": {"type": "diffuse", "reflectance": _rgb((0.9, 0.9, 0.9))},
+        },
+        **shapes,
+    }
+
+
+def _meshes(parts: Sequence[Part], folder: Path) -> dict[str, dict[str, Any]]:
+    """One mesh for each material, written into a folder."""
+    corners = np.concatenate([part.vertices[part.triangles] for part in parts])
+    normals = np.concatenate([_corner_normals(part) for part in parts])
+    materials = np.concatenate([part.material for part in parts])
+    shapes = {}
+    for name in np.unique(materials).tolist():
+        file = folder / f"{name}.ply"
+        _write_ply(file, corners[materials == name], normals[materials == name])
+        shapes[name] = {"type": "ply", "filename": str(file), "bsdf": MATERIALS[name]}
+        if name == "led":
+            shapes[name]["emitter"] = {"type": "area", "radiance": _rgb(GLOW), "sampling_weight": 0.5}
+    return shapes
+
+
+def _corner_normals(part: Part) -> np.ndarray:
+    """(T, 3, 3) normals at the corners of triangles, the same on both sides of an edge that is no crease."""
+    normals = area_normals(part.vertices, part.triangles)
+    directions, pairs = unit(normals), neighbours(part.triangles)[1]
+    one, other = pairs.T
+    bend = np.einsum("ij,ij->i", directions[one], directions[other])
+    cut = part.material == "cut"
+    smooth = pairs[(bend > math.cos(math.radians(CREASE))) & (cut[one] == cut[other])]
+    group = components(len(normals), smooth)
+    keys = part.triangles.astype(np.int64) * len(normals) + group[:, None]
+    number = np.unique(keys, return_inverse=True)[1].reshape(-1)
+    sums = np.stack([np.bincount(number, weights=np.repeat(column, 3)) for column in normals.T], axis=1)
+    return unit(sums)[number].reshape(-1, 3, 3)
+
+
+def _write_ply(file: Path, corners: np.ndarray, normals: np.ndarray) -> None:
+    """Write triangles, each of corners of its own (T, 3, 3) with normals (T, 3, 3), as binary PLY."""
+    count = len(corners)
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {3 * count}"]
+    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += [f"element face {count}", "property list uchar int vertex_indices", "end_header", ""]
+    faces = np.empty(count, dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, np.arange(3 * count).reshape(-1, 3)
+    points = np.concatenate([corners, normals], axis=2).astype("<f4")
+    file.write_bytes("\n".join(header).encode() + points.tobytes() + faces.tobytes())
+
+
+def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the camera stands and where it looks, so that points (N, 3) fill its view."""
+    azimuth, elevation = math.radians(AZIMUTH), math.radians(ELEVATION)
+    level = math.cos(elevation)
+    back = np.array([math.sin(azimuth) * level, -math.cos(azimuth) * level, math.sin(elevation)])
+    right = unit(np.cross([0.0, 0.0, 1.0], back))
+    up = np.cross(back, right)
+    slope = math.tan(math.radians(FIELD_OF_VIEW / 2)) / MARGIN
+    target, distance = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0
+    for _ in range(8):  # the view's centre and its size depend on each other, weakly
+        x, y, near = ((points - target) @ axis for axis in (right, up, back))
+        distance = float(max((np.abs(x) / slope + near).max(), (np.abs(y) * ASPECT / slope + near).max()))
+        u, v = x / (distance - near), y / (distance - near)
+        target = target + 0.5 * distance * ((u.min() + u.max()) * right + (v.min() + v.max()) * up)
+    return target + distance * back, target

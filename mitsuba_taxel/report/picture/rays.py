@@ -1,0 +1,155 @@
+"""Pictures of light paths, and the same paths as a file for viewers of VTK's formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
+
+PICTURES = (".png", ".svg", ".pdf")
+REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"
+"""After M. Okabe and K. Ito: told apart with any colour vision; line widths differ too."""
+
+
+def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
+    """Write a picture of a taxel's paths, seen along y and along x, in mm.
+
+    Black is the section of the scene's surfaces with the plane through the taxel's centre; paths are projected onto
+    that plane. The view holds all paths that reach the phototransistor, and nearly all of the others.
+
+    Parameters
+    ----------
+    scene : the ``mi.Scene`` that the paths are from
+    name : what to call the scene in the title
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
+    pair, index = find_taxel(scene, paths.taxel)
+    faces = {"LED": (face_corners(pair.led.faces, index), LED)}
+    faces["phototransistor"] = (face_corners(pair.sensor.faces, index), PHOTOTRANSISTOR)
+    centre = np.mean([corners for corners, _ in faces.values()], axis=(0, 1))
+    box = _view(paths, faces)
+    width, depth, height = box[1] - box[0]
+    inches = min(5.0 * height / max(width, depth), 10.0) + 1.6
+    ratios = {"width_ratios": (width, depth)}
+    figure, axes = pyplot.subplots(1, 2, figsize=(11, inches), layout="constrained", gridspec_kw=ratios)
+    try:
+        for ax, across in zip(axes, (1, 0), strict=True):
+            _draw_panel(ax, across, paths, meshes, faces, centre)
+            along = 1 - across
+            ax.set(xlim=box[:, along], ylim=box[:, 2], aspect="equal", xlabel=f"{'xy'[along]} [mm]", ylabel="z [mm]")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+        arrive = f"{paths.arrived} of {paths.drawn} paths drawn reach the phototransistor"
+        figure.suptitle(f"{name}, taxel {paths.taxel}: {arrive}")
+        with replacing(file) as temporary:
+            figure.savefig(temporary, dpi=150, format=file.suffix[1:].lower())
+    finally:
+        pyplot.close(figure)
+
+
+def write_vtk(paths: RayPaths, file: Path) -> None:
+    """Write paths as polylines in VTK's legacy format, in mm, with ``reached`` (0 or 1) and ``power`` (W) for each.
+
+    Source: The VTK User's Guide, chapter "VTK File Formats".
+    """
+    lengths = [len(path) for path in paths.vertices]
+    starts = np.cumsum([0, *lengths[:-1]])
+    lines = [
+        "# vtk DataFile Version 3.0",
+        f"light paths of taxel {paths.taxel}; mm, W",
+        "ASCII",
+        "DATASET POLYDATA",
+        f"POINTS {sum(lengths)} double",
+        *(f"{x:.9g} {y:.9g} {z:.9g}" for path in paths.vertices for x, y, z in path),
+        f"LINES {len(lengths)} {sum(lengths) + len(lengths)}",
+        *(
+            " ".join(map(str, (length, *range(start, start + length))))
+            for start, length in zip(starts, lengths, strict=True)
+        ),
+        f"CELL_DATA {len(lengths)}",
+        "SCALARS reached int 1",
+        "LOOKUP_TABLE default",
+        *(str(int(reached)) for reached in paths.reached),
+        "SCALARS power double 1",
+        "LOOKUP_TABLE default",
+        *(f"{power:.9g}" for power in paths.power),
+    ]
+    with replacing(file) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces: dict, centre: np.ndarray) -> None:
+    """One view along axis ``across``: paths first, what they meet on top."""
+    from matplotlib.collections import LineCollection
+
+    seen = [1 - across, 2]
+    for reached, colour, width, label in (
+        (False, OTHER, 0.4, "other paths"),
+        (True, REACHED, 0.7, "paths that reach the phototransistor"),
+    ):
+        chosen = [path[:, seen] for path, here in zip(paths.vertices, paths.reached, strict=True) if here == reached]
+        ax.add_collection(LineCollection(chosen, colors=colour, linewidths=width, alpha=0.7, label=label))
+    outline = np.concatenate([_section(mesh, across, centre) for mesh in meshes])[:, :, seen]
+    ax.add_collection(LineCollection(list(outline), colors=OUTLINE, linewidths=1.2, label="section", zorder=3))
+    for label, (corners, colour) in faces.items():
+        low, high = corners[:, seen].min(axis=0), corners[:, seen].max(axis=0)
+        ends = np.stack([low, high])
+        # Along y, LED and phototransistor lie behind one another: the wider one shows beside the narrower.
+        ax.plot(
+            *ends.T, color=colour, linewidth=5 if label == "LED" else 3, solid_capstyle="butt", label=label, zorder=4
+        )
+
+
+def _section(mesh: Any, across: int, centre: np.ndarray) -> np.ndarray:
+    """(S, 2, 3) segments in which a mesh meets the plane through ``centre`` across an axis."""
+    import trimesh
+
+    normal = np.eye(3)[across]
+    # A plane of symmetry runs along edges of many meshes; beside it each triangle is cut cleanly.
+    origin = centre + 1e-6 * np.ptp(mesh.bounds, axis=0).max() * normal
+    return trimesh.intersections.mesh_plane(mesh, normal, origin)
+
+
+def shape_mesh(shape: Any) -> Any:
+    """A shape's triangles, or None for one that has none."""
+    import mitsuba as mi
+    import trimesh
+
+    if shape.class_name() == "Rectangle":
+        corners = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]], dtype=float)
+        matrix = np.array(mi.traverse(shape)["to_world"].matrix, dtype=float).reshape(4, 4)
+        return trimesh.Trimesh((corners @ matrix.T)[:, :3], [[0, 1, 2], [0, 2, 3]], process=False)
+    if not shape.is_mesh():
+        return None
+    parameters = mi.traverse(shape)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    return trimesh.Trimesh(vertices, np.array(parameters["faces"]).reshape(-1, 3), process=False)
+
+
+def face_corners(faces: Any, index: int) -> np.ndarray:
+    """(4, 3) corners in mm of one face."""
+    import mitsuba as mi
+
+    half = 0.5 * np.array(faces.size).ravel()
+    offset = mi.Point2f(half[0] * mi.Float([-1, 1, 1, -1]), half[1] * mi.Float([-1, -1, 1, 1]))
+    return np.array(faces.point(mi.UInt32(index), offset)).T.astype(float)
+
+
+def _view(paths: RayPaths, faces: dict) -> np.ndarray:
+    """(2, 3) lower and upper corner of what is shown: few paths go far, and would make the rest small."""
+    corners = np.concatenate([corners for corners, _ in faces.values()])
+    points = np.concatenate(paths.vertices)
+    kept = [path for path, reached in zip(paths.vertices, paths.reached, strict=True) if reached]
+    shown = np.concatenate([corners, np.percentile(points, (2, 98), axis=0), *kept])
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    margin = 0.08 * (high - low).max()
+    return np.stack([low - margin, high + margin])

@@ -1,0 +1,172 @@
+"""The surfaces of a scene as a picture of the sensor shows them: pads cut open, packages whole, on a board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.cutaway import cut_open, is_closed
+from mitsuba_taxel.geometry.triangles import components, neighbours, unit, volume
+from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
+
+FACING = np.array([0.0, 1.0, 0.0])
+"""Normal of the cut, towards what is kept."""
+SHEET = 0.2
+"""Thickness in mm that rectangles are given."""
+RIM, BOARD = 0.06, 0.04
+"""How far the board stands out, and its thickness, relative to the diagonal of what stands on it."""
+OTHER = "plate"
+"""Material of what has no regions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A surface.
+
+    Attributes
+    ----------
+    vertices : (V, 3) mm
+    triangles : (T, 3) vertex numbers, counter-clockwise seen from outside
+    material : (T,) name of a region of a pad or a package, ``cut``, ``board`` or ``plate``
+    cell : (T,) number of the cell that a roof or side belongs to, 0 elsewhere
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    material: np.ndarray
+    cell: np.ndarray
+
+    @property
+    def is_package(self) -> bool:
+        """Whether it holds photo-reflectors."""
+        return bool(np.isin(self.material, list(BODY_REGIONS)).any())
+
+    def chosen(self, which: np.ndarray) -> Part:
+        """Some of its triangles."""
+        return Part(self.vertices, self.triangles[which], self.material[which], self.cell[which])
+
+    def range(self, axis: int) -> tuple[float, float]:
+        """Least and largest coordinate of its triangles, mm."""
+        places = self.vertices[self.triangles][..., axis]
+        return float(places.min()), float(places.max())
+
+
+def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[Part], float | None]:
+    """What a picture of a ``mi.Scene`` shows, and where it is cut, in mm; None if it is not.
+
+    Of pads and other surfaces the part at y > cut is left. Photo-reflectors are left whole, as fasteners are in
+    technical drawings. A board is added; rectangles are shown as thin sheets, and those at the height of the board not
+    at all. One that carries an LED or a phototransistor looks like it all over its front. Other shapes without
+    triangles are left out.
+
+    Parameters
+    ----------
+    cut : y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors where there is no pad),
+        ``none`` to cut nothing
+
+    Raises
+    ------
+    InputError
+        if the scene holds no surface of triangles, or the cut does not go through them.
+    """
+    solids = [part for shape in scene.shapes() if (part := _solid(shape)) is not None]
+    sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
+    if not solids:
+        raise InputError("the scene holds no mesh: nothing of it can be shown.")
+    ground = min(part.range(2)[0] for part in solids)
+    parts = [*solids, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
+    offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)
+    if offset is not None:
+        low, high = min(part.range(1)[0] for part in solids), max(part.range(1)[1] for part in solids)
+        if not low < offset < high:
+            raise InputError(f"cut = {offset:g} is not allowed: above {low:.4g} and below {high:.4g} mm is needed.")
+    board = _board(solids)
+    if offset is not None:
+        parts = [left for part in parts if len((left := _opened(part, offset)).triangles)]
+    return [*parts, board], offset
+
+
+def middle_row(parts: list[Part]) -> float:
+    """y in mm of the middle row of cells or, without a pad, of photo-reflectors.
+
+    Of an even number of rows it is that nearer to -y. Where there are no rows, it is the middle of the parts.
+    """
+    ranges = [part.chosen(part.cell == cell).range(1) for part in parts for cell in np.unique(part.cell[part.cell > 0])]
+    ranges = ranges or [body.range(1) for part in parts if part.is_package for body in _bodies(part)]
+    if not ranges:
+        every = [part.range(1) for part in parts]
+        ranges = [(min(low for low, _ in every), max(high for _, high in every))]
+    centres = sorted((0.5 * (low + high) for low, high in ranges), reverse=True)
+    return round(centres[len(centres) // 2], 4) + 0.0
+
+
+def _bodies(part: Part) -> list[Part]:
+    number = components(len(part.triangles), neighbours(part.triangles)[1])
+    return [part.chosen(number == body) for body in range(number.max() + 1)]
+
+
+def _solid(shape: Any) -> Part | None:
+    """A mesh of a scene; None for a shape that is none."""
+    import mitsuba as mi
+
+    parameters = mi.traverse(shape)
+    if "vertex_positions" not in parameters or not len(parameters["faces"]):
+        return None
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    triangles = np.array(parameters["faces"]).reshape(-1, 3).astype(np.int64)
+    region, cell = (
+        np.array(parameters[name]).astype(int) if name in parameters else np.zeros(len(triangles), dtype=int)
+        for name in ("face_region", "face_cell")
+    )
+    # Many files repeat the vertices of every triangle.
+    vertices, number = np.unique(vertices, axis=0, return_inverse=True)
+    triangles = number.reshape(-1)[triangles]
+    if is_closed(triangles) and volume(vertices, triangles) < 0:
+        triangles = triangles[:, ::-1]
+    names = {code: name for name, code in ALL_REGIONS.items()}
+    material = np.array([names.get(code, OTHER) for code in region.tolist()])
+    return Part(vertices, triangles, material, cell)
+
+
+def _sheet(rectangle: Any) -> Part:
+    """A rectangle as a thin sheet behind its front."""
+    import mitsuba as mi
+
+    to_world = np.array(mi.traverse(rectangle)["to_world"].matrix, dtype=float).reshape(4, 4)
+    x, y, centre = to_world[:3, 0], to_world[:3, 1], to_world[:3, 3]
+    corners = np.array([centre - x - y, centre + x - y, centre + x + y, centre - x + y])
+    face = "led" if rectangle.is_emitter() else "phototransistor" if rectangle.is_sensor() else ""
+    sheet = _box(corners, -SHEET * unit(np.cross(x, y)), "body" if face else OTHER)
+    front = np.isin(sheet.triangles, range(4)).all(axis=1)
+    return replace(sheet, material=np.where(front & bool(face), face, sheet.material))
+
+
+def _board(parts: list[Part]) -> Part:
+    low, high = np.transpose(
+        [[f(part.range(k)[n] for part in parts) for n, f in enumerate((min, max))] for k in range(3)]
+    )
+    size = float(np.linalg.norm(high - low))
+    (west, south), (east, north) = low[:2] - RIM * size, high[:2] + RIM * size
+    corners = np.array([[west, south], [east, south], [east, north], [west, north]])
+    return _box(np.insert(corners, 2, low[2], axis=1), np.array([0, 0, -BOARD * size]), "board")
+
+
+def _box(front: np.ndarray, depth: np.ndarray, material: str) -> Part:
+    """A box of a front (4, 3), its corners counter-clockwise seen from outside, and the way (3,) to its back."""
+    quads = np.array([[0, 1, 2, 3], [7, 6, 5, 4], *([k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4] for k in range(4))])
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return Part(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
+
+
+def _opened(part: Part, offset: float) -> Part:
+    """What the cut leaves of a part."""
+    if part.is_package:
+        return part
+    half = cut_open(part.vertices, part.triangles, FACING, offset)
+    old = half.source >= 0
+    face = "cut" if part.cell.any() else part.material[0]
+    material = np.where(old, part.material[half.source], face)
+    return Part(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0))

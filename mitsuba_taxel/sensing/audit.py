@@ -1,0 +1,271 @@
+"""Where the light goes: of each emitted watt, what every surface absorbs, what is detected, what escapes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Integral
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
+from mitsuba_taxel.base.arguments import check_progress
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.ray_offsets import clearance_of
+from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT, MOST_REFLECTIONS
+from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
+from mitsuba_taxel.sensing.readings import standard_error
+from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+DEFAULT_POINTS = 4096
+ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")
+"""Where light goes besides the surfaces."""
+
+_WEIGHTED_REFLECTIONS = 8
+
+
+@dataclass(frozen=True)
+class EnergyAudit:
+    """Shares of the power that all LEDs emit.
+
+    Attributes
+    ----------
+    places : (P,) where light ended. A surface is called by its shape's id, or else its kind, and by the region if it
+        has several (``deformable_pad roof``); its share is what it absorbed. Then come the :data:`ENDS`:
+        ``detected`` is what phototransistors absorbed, and so what landed on them unless they reflect; it is not
+        weighted by their response. ``lost by single scattering`` is what rough mirrors did not return of their
+        reflectance, and ``unfinished`` what was under way after the most reflections.
+    replicates : (R, P) shares for each independent randomisation
+    points : light paths for each LED and replicate
+    seed : what the random numbers came from
+    """
+
+    places: tuple[str, ...]
+    replicates: np.ndarray
+    points: int
+    seed: int
+
+    @property
+    def share(self) -> np.ndarray:
+        """(P,) share of the emitted power."""
+        return self.replicates.mean(axis=0)
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """(P,) one standard deviation of :attr:`share`, from the scatter of the replicates."""
+        return standard_error(self.replicates)
+
+    @property
+    def total(self) -> float:
+        """Sum of all shares: 1 but for rounding, as each path's power is booked to the last."""
+        return float(self.share.sum())
+
+    @property
+    def total_error(self) -> float:
+        """One standard deviation of :attr:`total`."""
+        return float(standard_error(self.replicates.sum(axis=1)))
+
+
+@in_turn
+def energy_audit(
+    scene: Scene | str | Path | Any,
+    *,
+    points: int = DEFAULT_POINTS,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> EnergyAudit:
+    """Follow the light of all LEDs to where it ends.
+
+    Paths are those of the scene's BSDFs, sampled from the light: no weight grows, and what a wall does not pass on is
+    booked there and then, in double precision. Runs of the same seed agree to some 1e-12, as sums are not always
+    formed in the same order. Where the integrator has a ``max_depth``, paths end there too.
+
+    Parameters
+    ----------
+    scene : a :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``
+    points : light paths for each LED and replicate, up to 1048576; rounded up to a power of two
+    seed : whole number from 0 to 2**32 - 1
+    progress : told how many sequences of points are done, and how many there are
+
+    Raises
+    ------
+    InputError
+        for a value that is not allowed, or a scene that cannot be built or has no `annular_led` that shines.
+    ComputationError
+        if a pad cannot be deformed as asked.
+    """
+    if not (isinstance(points, Integral) and 1 <= points <= MOST_POINTS):
+        raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
+    if not (isinstance(seed, Integral) and 0 <= seed < 1 << 32):
+        raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    check_progress(progress)
+    ready = prepare(scene)
+    pairs = taxels_of(ready.scene)
+    emitted = sum(pair.count * pair.led.power[0] for pair in pairs)
+    if not emitted > 0:
+        raise InputError("the scene holds no annular_led that shines: there is no power to account for.")
+    limit = getattr(ready.integrator, "max_depth", -1)
+    limit = MOST_REFLECTIONS if limit < 0 else limit
+    surfaces = _Surfaces(ready.scene)
+    replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress or _untold)
+    return EnergyAudit(*surfaces.sort(replicates / emitted), points, seed)
+
+
+def _untold(done: int, total: int) -> None:
+    """In place of a function that is told how far an audit is."""
+
+
+def _trace_all(
+    scene, pairs: list[TaxelPair], surfaces: _Surfaces, points: int, seed: int, limit: int, progress
+) -> tuple[np.ndarray, int]:
+    """Power [W] that ends at each place, (R, P), after at most ``limit`` reflections; points for each LED."""
+    sampler = make_plugin("owen_sobol", sample_count=points)
+    points = sampler.sample_count()
+    sums = dr.zeros(mi.Float64, REPLICATES * (len(surfaces.places) + len(ENDS)))
+    dr.make_opaque(sums)
+    total = REPLICATES * sum(pair.count for pair in pairs)
+    at_once = max(1, LARGEST_WAVEFRONT // points)
+    first = 0
+    for pair in pairs:
+        set_wavelength(scene, [pair.led])
+        surfaces.read_reflectances()
+        last = first + REPLICATES * pair.count
+        for start in range(first, last, at_once):
+            sequences = min(at_once, last - start)
+            sampler.place(0, start)
+            sampler.seed(seed, sequences * points)
+            sequence = sampler.sequence - dr.opaque(mi.UInt32, first)
+            _trace(scene, pairs, pair, sampler, sequence, surfaces, limit, sums)
+            dr.eval(sums)
+            progress(start + sequences, total)
+        first = last
+    return sums.numpy().reshape(REPLICATES, -1) / points, points
+
+
+def _trace(
+    scene,
+    pairs: list[TaxelPair],
+    pair: TaxelPair,
+    sampler,
+    sequence: mi.UInt32,
+    surfaces: _Surfaces,
+    limit: int,
+    sums: mi.Float64,
+) -> None:
+    """Add the power [W] of one path from the LEDs of ``pair`` for each entry of ``sequence`` to ``sums``."""
+    index = sequence % dr.opaque(mi.UInt32, pair.count)
+    replicate = sequence // dr.opaque(mi.UInt32, pair.count)
+    first_end = len(surfaces.places)
+    row = replicate * (first_end + len(ENDS))
+    detected, escaped, lost, unfinished = (row + (first_end + i) for i in range(len(ENDS)))
+    most_reflections = dr.opaque(mi.UInt32, limit)
+
+    def book(step: Step) -> None:
+        surface = surfaces.at(step)
+        kept = mi.Float64(step.power) - mi.Float64(step.onward)
+        unseen = kept * mi.Float64(surfaces.unseen_share(surface, step))
+        place = dr.select(step.hit, row + surface, escaped)
+        for other in pairs:
+            place = dr.select(landed(other, step)[0], detected, place)
+        dr.scatter_add(sums, kept - unseen, place, step.active)
+        dr.scatter_add(sums, unseen, lost, unseen != 0)
+        dr.scatter_add(sums, mi.Float64(step.onward), unfinished, step.hit & (step.depth >= most_reflections))
+
+    _, ray = emit(pair, index, sampler)
+    power = mi.Float(pair.led.power) + dr.zeros(mi.Float, dr.width(sequence))
+    follow(scene, ray, power, clearance_of(pair), sampler, limit, _WEIGHTED_REFLECTIONS, book)
+
+
+class _Surfaces:
+    """All surfaces of a scene: each region of the meshes that have any, each other shape as a whole.
+
+    ``places`` are their names; the last stands for shapes that the scene does not list, such as those of an instance.
+    """
+
+    def __init__(self, scene: mi.Scene) -> None:
+        shapes = scene.shapes()
+        self.places: list[str] = []
+        self.bsdfs: list[Any] = []
+        self.sensitive: list[int] = []
+        tables: list[np.ndarray] = []
+        numbers = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
+        starts = np.zeros(max(numbers, default=0) + 2, np.uint32)
+        strides = np.zeros_like(starts)
+        position = 1
+        for shape, name, number in zip(shapes, _names(shapes), numbers, strict=True):
+            table = self._add(shape, name)
+            tables.append(table)
+            starts[number], strides[number] = position, len(table) > 1
+            position += len(table)
+        self.places.append("other shapes")
+        self.bsdfs.append(None)
+        unlisted = np.array([len(self.places) - 1])
+        self.table = mi.UInt32(np.concatenate([unlisted, *tables]).astype(np.uint32))
+        self.starts, self.strides = mi.UInt32(starts), mi.UInt32(strides)
+        self.last = dr.opaque(mi.UInt32, len(starts) - 1)
+
+    def _add(self, shape: mi.Shape, name: str) -> np.ndarray:
+        """Note the surfaces of a shape; the number of its surface for each triangle, or one for all."""
+        first, bsdf = len(self.places), shape.bsdf()
+        if not (shape.is_mesh() and shape.has_attribute("face_region")[0]):
+            self.places.append(name)
+            self.bsdfs.append(bsdf)
+            return np.array([first])
+        codes = np.rint(np.array(mi.traverse(shape)["face_region"])).astype(int)
+        present, inverse = np.unique(codes, return_inverse=True)
+        words = {code: word for word, code in ALL_REGIONS.items()}
+        for code in present:
+            region = words.get(int(code), f"region {code}")
+            if region == "phototransistor":
+                self.sensitive.append(len(self.places))
+            self.places.append(f"{name} {region}")
+            self.bsdfs.append(bsdf.walls.get(region) if hasattr(bsdf, "walls") else bsdf)
+        return first + inverse
+
+    def read_reflectances(self) -> None:
+        """Take the reflectance of rough mirrors, which reflect less, as they now are; 0 stands for the others'."""
+        rough = [getattr(bsdf, "scattering", "") == "rough_mirror" for bsdf in self.bsdfs]
+        values = [bsdf.reflectance[0] if here else 0.0 for bsdf, here in zip(self.bsdfs, rough, strict=True)]
+        self.reflectance = mi.Float(np.array(values, dtype=np.float32))
+
+    def at(self, step: Step) -> mi.UInt32:
+        """The number of the surface that is hit."""
+        number = dr.minimum(dr.reinterpret_array(mi.UInt32, step.si.shape), self.last)
+        start = dr.gather(mi.UInt32, self.starts, number, step.hit)
+        stride = dr.gather(mi.UInt32, self.strides, number, step.hit)
+        return dr.gather(mi.UInt32, self.table, start + stride * step.si.prim_index, step.hit)
+
+    def unseen_share(self, surface: mi.UInt32, step: Step) -> mi.Float:
+        """Of the light that does not go on, the share that would meet a second facet."""
+        reflectance = dr.gather(mi.Float, self.reflectance, surface, step.hit)
+        return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
+
+    def sort(self, shares: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+        """Places and shares (R, P) to be shown: what rounding puts beside a phototransistor's rim is detected too."""
+        listed = len(self.places) - 1
+        shares[:, listed + 1] += shares[:, self.sensitive].sum(axis=1)
+        hidden = self.sensitive if shares[:, listed].any() else [*self.sensitive, listed]
+        names = np.delete(np.array([*self.places, *ENDS]), hidden)
+        return tuple(names.tolist()), np.delete(shares, hidden, axis=1)
+
+
+def _names(shapes: list[mi.Shape]) -> list[str]:
+    """What to call each shape: its id, or its kind, with a number where several are called the same."""
+    names = [shape.id() or kind_of(shape) for shape in shapes]
+    alike, used = Counter(names), Counter[str]()
+    result = []
+    for name in names:
+        used[name] += 1
+        result.append(f"{name} {used[name]}" if alike[name] > 1 else name)
+    return result

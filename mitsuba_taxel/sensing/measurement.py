@@ -1,0 +1,234 @@
+"""Optical power on every phototransistor of a scene, with its error."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, require
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.readings import Crosstalk, Readings
+from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Prepared, Run, described, prepare
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.targets import (
+    FLAT,
+    Aimed,
+    Geometry,
+    Mechanics,
+    Settings,
+    aim,
+    deviation_points,
+    geometry_of,
+    mechanics_of,
+    points_for,
+)
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+LIGHT_ERROR = 0.005
+"""Relative standard error of the light where nobody asks for anything."""
+
+
+def measure(
+    scene: Scene | str | Path | Any,
+    *,
+    target_error: float | None = None,
+    points: int | None = None,
+    time_budget: float | None = None,
+    seed: int = 0,
+    irradiance: bool = False,
+    mechanics_error: bool = True,
+    continued: Readings | None = None,
+) -> Readings:
+    """Readings of all taxels of a scene; threads that ask for some at the same time take turns.
+
+    Parameters
+    ----------
+    scene : a :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or what :func:`prepare` returned
+    target_error : relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a
+        `Scene` leaves open get one that is fine enough. Pilot runs with other random numbers choose how many points it
+        takes; they do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
+    points : light paths for each taxel and replicate, instead of a target; rounded up to a power of two
+    time_budget : seconds after which no finer mesh and no further points are begun. Alone, it is used up; together with
+        a target or a number of points the run ends at whichever comes first. At least 256 points are traced in any
+        case.
+    seed : whole number from 0 to 2**32 - 1
+    irradiance : whether to return the irradiance map as well
+    mechanics_error : whether to find out what the errors of the pads' shape do to the readings, by short traces
+    continued : readings of the same scene and seed, of 256 points or more, that this run goes on from: with
+        ``points`` it gives what a run of so many points from the start would give (under Mitsuba's own integrators an
+        estimate that is as good)
+
+    Raises
+    ------
+    InputError
+        for a value that is not allowed, or a scene that cannot be built or read.
+    ComputationError
+        if a pad cannot be deformed as asked.
+    """
+    return measured(scene, target_error, points, time_budget, seed, irradiance, mechanics_error, continued)[0]
+
+
+@in_turn
+def measured(
+    scene: Any,
+    target_error: float | None = None,
+    points: int | None = None,
+    time_budget: float | None = None,
+    seed: int = 0,
+    irradiance: bool = False,
+    mechanics_error: bool = True,
+    continued: Readings | None = None,
+) -> tuple[Readings, Prepared]:
+    """What :func:`measure` returns, and the scene as it was read: more may be asked of it without loading it anew."""
+    check_request(target_error, points, seed, time_budget)
+    check_flags(irradiance=irradiance, mechanics_error=mechanics_error)
+    if continued is not None:
+        require("continued", continued, Readings, "what measure returned")
+    if continued is not None and (continued.seed != seed or continued.points < FIRST_POINTS or irradiance):
+        raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
+    clock = Clock(time_budget)
+    with stages.record() as seconds, stages.stage("optics"):
+        aimed = _aimed(scene, target_error, points, seed, clock, mechanics_error, continued)
+        run = Run(aimed.ready, seed, irradiance, continued)
+        run.go_on(aimed.settings.points, clock)
+    if not np.all(np.isfinite(run.powers)):
+        raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
+    live = aimed.ready.scene
+    result = Readings(
+        run.powers,
+        run.points,
+        seed,
+        seconds,
+        parameters=aimed.ready.parameters,
+        irradiance=run.image,
+        responsivity=_responsivity(live),
+        deviation=aimed.mechanics.deviation,
+        facets=_facets(aimed.geometry, run.powers.shape[1]) if mechanics_error else None,
+        mesh_size=aimed.settings.mesh_size,
+        roof_errors=[pad.state.error for pad in loaded_pads(live)],
+    )
+    bare = target_error is None and points is None and time_budget is None
+    result.remarks.extend([*aimed.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
+    if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
+        result.remarks.append(f"time budget used up after {result.points} points")
+    return result, aimed.ready
+
+
+def _aimed(
+    scene: Any,
+    target_error: float | None,
+    points: int | None,
+    seed: int,
+    clock: Clock,
+    mechanics_error: bool,
+    continued: Readings | None,
+) -> Aimed:
+    """The scene made ready, on the mesh and with the points that it takes."""
+    scene = described(scene)
+    if continued is not None and isinstance(scene, Scene):
+        scene = scene.with_mesh_size(continued.mesh_size)
+    elif target_error is not None:
+        return aim(scene, target_error, seed, clock)
+    mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
+    ready = prepare(scene)
+    geometry = geometry_of(ready, seed) if mechanics_error else FLAT
+    if points is None and (target_error is not None or clock.end == math.inf):
+        points = points_for(ready, target_error or LIGHT_ERROR, seed, clock, geometry.pilot)
+    points = points or MOST_POINTS
+    mechanics = Mechanics(None, 0.0)
+    if mechanics_error:
+        mechanics = mechanics_of(ready, seed, deviation_points(clock, points))
+    return Aimed(ready, mechanics, geometry, Settings(points, mesh_size))
+
+
+@in_turn
+def crosstalk(
+    scene: Scene | str | Path | Any, *, target_error: float | None = None, points: int | None = None, seed: int = 0
+) -> Crosstalk:
+    """Power that each LED brings to each phototransistor.
+
+    Parameters are those of :func:`measure`; a target error counts for the taxels' own readings.
+
+    Raises
+    ------
+    InputError
+        as :func:`measure`, and where the scene's integrator is one of Mitsuba's own, under which all LEDs are lit.
+    """
+    check_request(target_error, points, seed)
+    ready = prepare(scene)
+    if not hasattr(ready.integrator, "sample_paths"):
+        raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")
+    if points is None:
+        points = points_for(ready, target_error or LIGHT_ERROR, seed)
+    pairs = taxels_of(ready.scene)
+    if len(pairs) > 1:
+        raise InputError("crosstalk needs all taxels in one photo_reflector.")
+    set_wavelength(ready.scene, [pairs[0].led])
+    powers, _, points = trace(ready.integrator, ready.scene, pairs[0], points, seed, REPLICATES, crosstalk=True)
+    return Crosstalk(powers, points, seed)
+
+
+def _facets(geometry: Geometry, taxels: int) -> np.ndarray:
+    """(T,) W, as in `Readings`, where it was asked for."""
+    return np.zeros(taxels) if geometry.facets is None else geometry.facets
+
+
+def _responsivity(live: Any) -> np.ndarray | None:
+    """(T,) A/W; None where LEDs and phototransistors do not pair up."""
+    try:
+        pairs = taxels_of(live)
+    except InputError:
+        return None
+    return np.concatenate([np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs])
+
+
+def _remarks(result: Readings, light_error: float | None, target_error: float | None, points: int | None) -> list[str]:
+    notes = []
+    if light_error is not None and result.relative_error > light_error:
+        notes.append(
+            f"target error {light_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
+        )
+    if target_error is not None and not result.relative_total_error <= target_error:
+        parts = f"light {result.relative_error:.2g} with {result.points} points"
+        if result.deviation is not None:
+            share = result.error_budget["mechanics"]
+            parts += f", mechanics {'unknown' if math.isnan(share) else f'{share:.2g}'}"
+        if result.geometry_error.any():
+            parts += f", geometry {result.error_budget['geometry']:.2g}"
+        notes.append(f"target error {target_error:g} not reached: {parts}")
+    if target_error is not None and result.mesh_size is not None:
+        notes.append(f"finite elements of {result.mesh_size:.3g} mm chosen for the target error")
+    if points is not None and result.points < points:
+        notes.append(f"time budget used up after {result.points} of {points} points")
+    dark = result.taxel[result.power <= 0]
+    if len(dark):
+        notes.append(f"no light found on taxel {', '.join(map(str, dark))}")
+    return notes
+
+
+def check_request(target_error: float | None, points: int | None, seed: int, time_budget: float | None = None) -> None:
+    """Refuse what :func:`measure` cannot be asked for; see there for the parameters.
+
+    Raises
+    ------
+    InputError
+        for a value that is not allowed, or both a target and a number of points.
+    """
+    if target_error is not None and points is not None:
+        raise InputError("target_error and points exclude each other: give one of them.")
+    if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
+        raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
+    if points is not None and not (is_whole(points) and 1 <= points <= MOST_POINTS):
+        raise InputError(f"points = {points!r} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
+    if time_budget is not None and not (is_number(time_budget) and time_budget > 0):
+        raise InputError(f"time_budget = {time_budget!r} is not allowed: a finite number of seconds above 0 is needed.")
+    if not (is_whole(seed) and 0 <= seed < 1 << 32):
+        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")

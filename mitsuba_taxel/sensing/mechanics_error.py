@@ -1,0 +1,60 @@
+"""What the error of the mechanics does to readings: the light is traced once more, through pads displaced by it.
+
+Both traces share their random numbers, so that few points tell a small change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices, places_of
+
+
+def loaded_pads(scene: mi.Scene) -> list[Any]:
+    """The `deformable_pad`s of a scene that bear a load."""
+    return [shape for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
+
+
+def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
+    """(R, T) W: powers, and by how much they change where pads have the shape that coarser finite elements give them.
+
+    Parameters
+    ----------
+    powers : traces the scene as it is, always with the same random numbers; (R, T) W
+
+    Returns
+    -------
+    In place of the change None, if the error of a pad is not known. Pads are as before when this returns.
+    """
+    pads = loaded_pads(scene)
+    with stages.stage("mechanics"):
+        places = [pad.deviating_places() for pad in pads]
+    before = powers()
+    if any(there is None for there in places):
+        return before, None
+    with moved(scene, pads, [there for there in places if there is not None]):
+        return before, powers() - before
+
+
+@contextmanager
+def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[None]:
+    """Have the vertices of pads at other places for a while."""
+    homes = [places_of(pad) for pad in pads]
+    _move(scene, pads, places)
+    try:
+        yield
+    finally:
+        _move(scene, pads, homes)
+
+
+def _move(scene: mi.Scene, pads: list[Any], places: list[Places]) -> None:
+    with stages.stage("load"):
+        for pad, there in zip(pads, places, strict=True):
+            move_vertices(pad, there)
+        scene.parameters_changed([])

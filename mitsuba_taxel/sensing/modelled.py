@@ -1,0 +1,121 @@
+"""What a scene may hold so that its readings are right; the rest is refused, whoever asks: `measure` or a check."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, walls_of
+from mitsuba_taxel.sensing.clearance import refuse_contact
+from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
+
+OF_MITSUBA = {
+    "PathIntegrator": "path",
+    "ParticleTracerIntegrator": "ptracer",
+    "VolumetricPathIntegrator": "volpath",
+    "VolpathMisIntegratorImpl": "volpathmis",
+}
+"""Class and plugin of those of Mitsuba's integrators that estimate the whole power; the rest leave some of it out."""
+_THROUGH_MEDIA = ("volpath", "volpathmis")
+LARGEST_REACH = 1000.0
+"""Distance from the origin at which LEDs and phototransistors may lie, over the side of their faces. There, 250 mm with
+the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
+LARGEST_STEP = 0.01
+"""Distance from a surface at which Mitsuba's own integrators start rays, over the side of a face. It grows with that
+from the origin; there, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
+
+
+def refuse_unmodelled(scene: Any, integrator: Any) -> None:
+    """Raise where readings of a scene would leave out light, or be wrong otherwise.
+
+    Parameters
+    ----------
+    scene : the ``mi.Scene``, or what has its ``shapes()``, ``emitters()`` and ``sensors()``
+    integrator : that is to read it
+
+    Raises
+    ------
+    InputError
+        if the scene holds what the integrator does not see, or LEDs and phototransistors do not pair up.
+    ComputationError
+        if a deformed pad touches a package.
+    """
+    ours = hasattr(integrator, "sample_paths")
+    plugin = OF_MITSUBA.get(integrator.class_name(), "")
+    if not ours and not plugin:
+        raise InputError(
+            f"integrator {kind_of(integrator)} does not estimate the whole power: taxel_tracer, taxel_path, "
+            f"analog_tracer or one of Mitsuba's {', '.join(OF_MITSUBA.values())} is needed.",
+            integrator,
+        )
+    if getattr(integrator, "hide_emitters", False):
+        raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
+    _refuse_media(scene, plugin)
+    if ours:
+        taxels_of(scene)
+        _refuse_samplers(scene)
+        getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
+    else:
+        refuse_foreign_sensors(scene)
+        refuse_shared_places(scene)
+        refuse_contact(scene)
+    if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
+        raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
+    _refuse_moved_packages(scene)
+    _refuse_far_faces(scene, ours)
+    refuse_unknown_wavelength(scene, one_by_one=ours)
+
+
+def _is_mirror(wall: mi.BSDF) -> bool:
+    return bool(wall.flags() & mi.BSDFFlags.Delta)
+
+
+def _refuse_media(scene: Any, plugin: str) -> None:
+    if plugin in _THROUGH_MEDIA:
+        return
+    places = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
+    if any(places) or any(end.get_medium() for end in (*scene.emitters(), *scene.sensors())):
+        raise InputError(
+            "the scene holds a participating medium, which only Mitsuba's integrators volpath and volpathmis see: "
+            "use one of them, or take it out."
+        )
+
+
+def _refuse_samplers(scene: Any) -> None:
+    for sensor in scene.sensors():
+        sampler = sensor.sampler()
+        if not hasattr(sampler, "place"):
+            raise InputError(f"phototransistor: its sampler must be owen_sobol, not {kind_of(sampler)}.", sampler)
+
+
+def _refuse_moved_packages(scene: Any) -> None:
+    """Raise where a package is no longer where its LED and phototransistor are taken to be."""
+    for shape in scene.shapes():
+        if hasattr(shape, "face_grid") and not shape.is_as_built():
+            raise InputError(
+                "photo_reflector: its vertex_positions or faces were changed, which LED and phototransistor do not "
+                "follow: load the scene anew with another to_world."
+            )
+
+
+def _refuse_far_faces(scene: Any, ours: bool) -> None:
+    for part in (*scene.emitters(), *scene.sensors()):
+        if not hasattr(part, "faces"):
+            continue
+        reach = float(np.abs(np.array(part.faces.centres)).max())
+        side = float(np.sqrt(np.array(part.faces.size, dtype=float).prod()))
+        furthest = LARGEST_REACH * side if ours else LARGEST_STEP * side / 9e-5 - 1
+        if reach > furthest:
+            what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where single precision"
+            if not ours:
+                what = f"{kind_of(part)} lies {reach:.3g} mm from the origin, where Mitsuba's own integrator"
+            raise InputError(
+                f"{what} does not tell its face of {side:.3g} mm well enough from others: at most "
+                f"{max(furthest, 0):.3g} mm are allowed, so move the whole scene to the origin"
+                f"{'' if ours else ', scale it up, or use taxel_tracer'}.",
+                part,
+            )

@@ -1,0 +1,189 @@
+"""What was left out for a scene, and why: what it does not hold is neither imported, meshed, solved nor traced.
+
+Every line follows from the loaded scene, never from what its file may have meant.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import walls_of
+from mitsuba_taxel.sensing.runs import Prepared
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.geometry.mirror import Mirror
+    from mitsuba_taxel.mechanics import State
+
+_PARTS = {1: "half", 2: "a quarter", 4: "an eighth"}
+"""What is left of a pad by so many mirrors."""
+_PLANES = {"x": "x = 0", "y": "y = 0", "xy": "y = x", "-xy": "y = -x"}
+"""The plane of each mirror, by its name."""
+_SPECULAR = ("mirror", "mixed", "rough_mirror")
+"""Walls for which `taxel_tracer` makes a pilot run, see `aim_for`."""
+_FLAT = 4e-7
+"""Distance from a common plane, relative to the largest coordinate, that single precision does not tell from none."""
+
+
+def left_out(
+    ready: Prepared, *, irradiance: bool = False, crosstalk: bool = False, began: float | None = None
+) -> list[str]:
+    """What the readings of a scene leave out, one line each with its reason.
+
+    Parameters
+    ----------
+    ready : the scene, from `prepare`
+    irradiance, crosstalk : whether the irradiance map, or each LED on each phototransistor, is asked for as well
+    began : ``time.time()`` before the scene was loaded for the first time; with it, it is said where neither mesh nor
+        solution has been computed since, because all were kept on disk
+
+    Raises
+    ------
+    InputError
+        where LEDs and phototransistors do not pair up.
+    """
+    scene = ready.scene
+    pads = [shape for shape in scene.shapes() if hasattr(shape, "state")]
+    lines = [line for pad in pads for line in _of_pad(pad)]
+    if not pads:
+        lines.append("no pad: no mechanics imported, meshed or solved")
+    elif began is not None and _all_kept_before(began):
+        lines.append("meshes and solutions kept on disk: nothing meshed or solved anew")
+    pairs = taxels_of(scene)
+    lines += [*_of_cells(pads, pairs), *_of_paths(ready, pairs)]
+    taxels = sum(pair.count for pair in pairs)
+    if hasattr(ready.integrator, "sample_paths") and taxels > 1 and not crosstalk:
+        lines.append(f"no crosstalk asked for: {taxels} pairs of LED and phototransistor traced, not {taxels**2}")
+    if not irradiance:
+        lines.append("no irradiance map asked for: none accumulated")
+    if mi.variant().endswith("_mono") or hasattr(ready.integrator, "sample_paths"):  # which reads the first alone
+        lines.append("one narrow band of wavelengths: one channel traced, not three")
+    return list(dict.fromkeys(lines))
+
+
+def _of_pad(pad: Any) -> Iterator[str]:
+    """What the mechanics of one pad leave out."""
+    if not any(pad.value):
+        yield "pad without load: no error of the mechanics to find out"
+        if pad.mesh_tolerance is None:
+            yield "pad without load: meshed, nothing solved"
+    for end, mirrors in _symmetric_legs(pad.state):
+        planes = ", ".join(_PLANES[mirror.name] for mirror in mirrors)
+        where = f"({', '.join(f'{component:g}' for component in end)})" if len(end) > 1 else f"{end[0]:g}"
+        yield (
+            f"symmetric pad and load: {_PARTS[len(mirrors)]} of the pad solved on the way to {pad.load.quantity} "
+            f"{where} {pad.load.unit}, mirrored in {planes}"
+        )
+    if pad.finish is None:
+        yield "smooth cells: no relief laid on them"
+
+
+def _symmetric_legs(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
+    """Where each leg of the path to a state ends, and the mirrors that leave pad and leg as they are, if any do."""
+    from mitsuba_taxel.mechanics.elements.loads import keeps
+    from mitsuba_taxel.mechanics.elements.symmetry import node_images
+
+    if not state.value.any():
+        return
+    images = node_images(state.mesh)
+    mirrors = [mirror for mirror, image in images.items() if keeps(state.load, state.mesh, image)]
+    legs = [(state.value, mirrors)]
+    if len(state.value) == 3:
+        normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0
+        direction = np.round(tangential / (np.hypot(*tangential[:2]) or 1.0), 12)  # as `load_path` has it
+        keeping = [mirror for mirror in mirrors if np.array_equal(mirror.image(direction), direction)]
+        legs = [(normal, mirrors)] * bool(normal.any()) + [(state.value, keeping)] * bool(tangential.any())
+    yield from ((end, kept) for end, kept in legs if kept)
+
+
+def _all_kept_before(began: float) -> bool:
+    """Whether the folder of kept meshes and solutions can take new ones, and has none since ``began``."""
+    from mitsuba_taxel.mechanics.path import cache
+
+    folder = cache.folder()
+    times = [file.stat().st_mtime for file in folder.glob("*.npz")]
+    return bool(times) and os.access(folder, os.W_OK) and max(times) < began
+
+
+def _of_cells(pads: list[Any], pairs: list[TaxelPair]) -> Iterator[str]:
+    """Which cells of pads are cut coarsely, or not traced."""
+    cells = [set(np.unique(pad.state.mesh.face_cell)) - {0} for pad in pads]
+    total = sum(map(len, cells))
+    coarse = sum(len(all_ - set(pad.read_cells or all_)) for pad, all_ in zip(pads, cells, strict=True))
+    if coarse:
+        yield f"{coarse} of {total} cells not read: their surface not cut finely"
+    middles = [_middle(pad, cell) for pad, all_ in zip(pads, cells, strict=True) for cell in sorted(all_)]
+    leds = np.concatenate([np.array(pair.led.faces.centres).T for pair in pairs])
+    if middles:
+        lit = np.unique(np.linalg.norm(leds[:, None] - np.array(middles), axis=2).argmin(axis=1))
+        if len(lit) < total:
+            yield f"no photo-reflector in {total - len(lit)} of {total} cells: no path starts there"
+
+
+def _middle(pad: Any, cell: int) -> np.ndarray:
+    """(3,) middle of a cell of the deformed pad in the world, in mm."""
+    mesh = pad.state.mesh
+    nodes = np.unique(mesh.faces[mesh.face_cell == cell])
+    middle = (mesh.points + pad.state.displacement)[nodes].mean(axis=0)
+    return pad.to_world[:3, :3] @ middle + pad.to_world[:3, 3]
+
+
+def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
+    """Where paths of light end, and which are not looked for."""
+    scene, integrator = ready.scene, ready.integrator
+    surfaces = [surface for shape in scene.shapes() for surface in _surfaces(shape)]
+    absorbing = dict.fromkeys(name for name, wall, _ in surfaces if _absorbs(wall))
+    if absorbing:
+        yield f"absorbing walls ({', '.join(absorbing)}): paths end there"
+    if not hasattr(integrator, "sample_paths"):
+        return
+    if _in_one_plane([corners for _, wall, corners in surfaces if not _absorbs(wall)]):
+        yield "all that reflects lies in one plane: paths end after one reflection"
+    if all(pair.coplanar for pair in pairs):
+        yield "LED and phototransistor in one plane: no light looked for that goes straight across"
+    specular = any(getattr(wall, "scattering", "") in _SPECULAR for wall in walls_of(scene))
+    if hasattr(integrator, "sample_aimed") and not specular:
+        yield "no mirror: no pilot run to learn where to aim"
+
+
+def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
+    """Name and wall of each region of a shape, and (N, 3) points between which it lies; None where none are known."""
+    bsdf, parameters = shape.bsdf(), mi.traverse(shape)
+    kind = shape.class_name().lower()
+    if not (shape.is_mesh() and shape.has_attribute("face_region")):
+        points = None
+        if kind == "rectangle":
+            to_world = np.array(parameters["to_world"].matrix, dtype=float).reshape(4, 4)
+            points = to_world[:3, 3] + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ to_world[:3, :2].T
+        yield shape.id() or kind, bsdf, points
+        return
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    triangles = np.array(parameters["faces"]).reshape(-1, 3)
+    codes = np.rint(np.array(parameters["face_region"])).astype(int)
+    for name, code in ALL_REGIONS.items():
+        if (codes == code).any():
+            wall = bsdf.walls.get(name) if hasattr(bsdf, "walls") else bsdf
+            yield name, wall, vertices[triangles[codes == code]].reshape(-1, 3)
+
+
+def _absorbs(wall: Any) -> bool:
+    """Whether a wall reflects nothing; None stands for a region of which nothing is said."""
+    reflectance = getattr(wall, "reflectance", None)
+    return wall is None or (reflectance is not None and float(reflectance[0]) == 0)
+
+
+def _in_one_plane(reflecting: list[np.ndarray | None]) -> bool:
+    """Whether points of all that reflects lie in one plane, so that none of it sees any other."""
+    known = [points for points in reflecting if points is not None]
+    if not known or len(known) < len(reflecting):
+        return False
+    points = np.concatenate(known)
+    normal = np.linalg.svd(np.cov((points - points.mean(axis=0)).T))[0][:, 2]
+    return float(np.ptp(points @ normal)) <= _FLAT * float(np.abs(points).max())

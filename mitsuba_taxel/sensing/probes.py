@@ -1,0 +1,84 @@
+"""What a few rays tell of a scene before it is read: light that never ends, and paths that would hardly find it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.kernels.ray_offsets import clearance_of, release
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.sensing.ray_paths import Step, emit, follow
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+NARROWEST_GAP = 0.14
+"""Distance from a phototransistor to what lies before it, over that to its LED, at which `taxel_path` still finds the
+light's way: below, one path in a thousand does, with far more weight than all others, and 256 points may miss it."""
+_PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
+"""If so many paths after so many reflections leave that share under way, 1e-4 is left after 131072 reflections."""
+
+
+def refuse_unreadable(scene: mi.Scene, integrator: Any) -> None:
+    """Raise a ComputationError for a scene whose light never ends, or hardly comes into the paths of `taxel_path`."""
+    if getattr(integrator, "max_depth", None) in (None, -1):
+        _refuse_endless_light(scene)
+    if kind_of(integrator) == "taxel_path":
+        _refuse_narrow_gaps(scene)
+
+
+def _refuse_endless_light(scene: mi.Scene) -> None:
+    ends = (*scene.emitters(), *scene.sensors())
+    if not all(hasattr(end, "faces") and _may_return_all(end) for end in ends):
+        return  # in a closed cavity light comes to the faces, and ends there
+    for pair in taxels_of(scene):
+        set_wavelength(scene, [pair.led])
+        if float(pair.led.power[0]) > 0 and _share_under_way(scene, pair) > _LEFT:
+            raise ComputationError(
+                f"light in a closed cavity is not absorbed anywhere: after {_REFLECTIONS} reflections most of it is "
+                "still under way, and a reading has no limit. Let LED, phototransistor or a wall reflect less."
+            )
+
+
+def _may_return_all(end: Any) -> bool:
+    """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or nothing is known of that."""
+    cover = end.get_shape().bsdf()
+    name = "led" if hasattr(end, "sample_direction_of_emission") else "phototransistor"
+    wall = cover.walls.get(name) if hasattr(cover, "walls") else cover
+    if wall is None or getattr(wall, "scattering", "") == "absorbing":
+        return False
+    reflectance = getattr(wall, "reflectance", None)
+    return reflectance is None or float(reflectance[0]) > 1 - 1e-4
+
+
+def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
+    sampler = make_plugin("owen_sobol", sample_count=_PATHS)
+    sampler.seed(0, _PATHS)
+    index = sampler.index % dr.opaque(mi.UInt32, pair.count)
+    left = dr.zeros(mi.Float, _PATHS)
+    lane = dr.arange(mi.UInt32, _PATHS)
+
+    def count(step: Step) -> None:
+        dr.scatter(left, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
+
+    _, ray = emit(pair, index, sampler)
+    follow(scene, ray, mi.Float(1) + dr.zeros(mi.Float, _PATHS), clearance_of(pair), sampler, _REFLECTIONS, 0, count)
+    return float(np.mean(left.numpy()))
+
+
+def _refuse_narrow_gaps(scene: mi.Scene) -> None:
+    for pair in taxels_of(scene):
+        places, sources = pair.sensor.faces.centres, pair.led.faces.centres
+        normal = pair.sensor.normal
+        gap = scene.ray_intersect(release(places, normal, normal, clearance_of(pair))).t
+        share = np.array(gap / dr.norm(sources - places), dtype=float)
+        if pair.coplanar and np.any(share < NARROWEST_GAP):
+            taxel = int(np.argmin(share)) + 1
+            raise ComputationError(
+                f"taxel_path: before the phototransistor of taxel {taxel} lies a gap of {share.min():.2g} of its "
+                "distance from the LED, through which hardly a path finds the light: use taxel_tracer."
+            )

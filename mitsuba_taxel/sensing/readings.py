@@ -1,0 +1,196 @@
+"""What phototransistors read, with its error and its cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
+from mitsuba_taxel.base.display import Displayed
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import RoofError
+
+
+def standard_error(replicates: np.ndarray) -> np.ndarray:
+    """One standard deviation of the mean over the first axis of ``replicates`` (R, ...), from their scatter."""
+    return replicates.std(axis=0, ddof=1) / math.sqrt(len(replicates))
+
+
+def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
+    """Relative error by the finite elements of readings (T,) in W that deviate so on elements of twice the size."""
+    return ERROR_SHARE * _mean_share(deviation, power)
+
+
+def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
+    """Relative error by the facets of readings (T,) in W that change so where these are chords of the curved walls."""
+    return FACETS_SHARE * _mean_share(facets, power)
+
+
+def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
+    """Root of the mean square of a relative change, over the readings that have any power."""
+    lit = power > 0
+    return math.sqrt(np.mean((change[lit] / power[lit]) ** 2)) if lit.any() else 0.0
+
+
+def largest_share(error: np.ndarray, power: np.ndarray) -> float:
+    """Largest ratio of an error to the power that it belongs to, where there is any; 0 where there is none."""
+    lit = power > 0
+    return float(np.max(error[lit] / power[lit], initial=0.0))
+
+
+def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
+    """Largest relative errors of readings, all in W: of the light, the mechanics and the geometry, and in total."""
+    total = np.hypot(np.hypot(light, mechanics), geometry)
+    errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
+    return {name: largest_share(error, power) for name, error in errors.items()}
+
+
+@dataclass(frozen=True)
+class Readings(Displayed):
+    """What the phototransistors of a scene read.
+
+    Attributes
+    ----------
+    replicates : (R, T) power in W for each independent randomisation and taxel
+    points : light paths for each taxel and replicate
+    seed : what the random numbers came from
+    seconds : time by stage, in s
+    parameters : values of the scene's parameters
+    irradiance : (height, width) map in W/mm², one block of pixels for each taxel, or None
+    responsivity : (T,) photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None
+    deviation : (T,) W, by how much the power changes where loaded pads have the shape that coarser finite elements give
+        them; not a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors
+        are then those of the light alone
+    facets : (T,) W, by how much the power changes where the triangles of curved walls are their chords; 0 where all
+        walls are flat; None where it was not asked for
+    mesh_size : mm, of the finite elements of pads that the scene leaves open; None for the default
+    roof_errors : of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown
+    remarks : what the reader of the numbers must know besides, in words
+    """
+
+    replicates: np.ndarray
+    points: int
+    seed: int
+    seconds: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)
+    irradiance: np.ndarray | None = None
+    responsivity: np.ndarray | None = None
+    deviation: np.ndarray | None = None
+    facets: np.ndarray | None = None
+    mesh_size: float | None = None
+    roof_errors: list[RoofError | None] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the reader of the numbers must know, in words."""
+        return [*self.remarks, *describe_mechanics(self.roof_errors)]
+
+    @property
+    def taxel(self) -> np.ndarray:
+        """(T,) numbers of the taxels, from 1."""
+        return np.arange(1, self.replicates.shape[1] + 1)
+
+    @property
+    def power(self) -> np.ndarray:
+        """(T,) optical power in W."""
+        return self.replicates.mean(axis=0)
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """(T,) one standard deviation of :attr:`power` by the light, in W, from the scatter of the replicates."""
+        return standard_error(self.replicates)
+
+    @property
+    def mechanics_error(self) -> np.ndarray:
+        """(T,) W, what :attr:`power` is off by for the finite elements, as one standard deviation.
+
+        The same share of every reading, from the mean square of the :attr:`deviation` of all: meshes are irregular,
+        and one cell of two meshes may agree by chance.
+        """
+        if self.deviation is None:
+            return np.zeros(len(self.taxel))
+        return self.power * mechanics_share(self.deviation, self.power)
+
+    @property
+    def geometry_error(self) -> np.ndarray:
+        """(T,) W, what :attr:`power` is off by for the flat triangles of curved walls, as one standard deviation.
+
+        The same share of every reading, as of the :attr:`mechanics_error`.
+        """
+        if self.facets is None:
+            return np.zeros(len(self.taxel))
+        return self.power * geometry_share(self.facets, self.power)
+
+    @property
+    def total_error(self) -> np.ndarray:
+        """(T,) W, of light, mechanics and geometry together, as the root of the sum of their squares."""
+        return np.hypot(np.hypot(self.standard_error, self.mechanics_error), self.geometry_error)
+
+    @property
+    def photocurrent(self) -> np.ndarray | None:
+        """(T,) current of each phototransistor, in A, or None if the responsivity is not known."""
+        return None if self.responsivity is None else self.power * self.responsivity
+
+    @property
+    def relative_error(self) -> float:
+        """Largest relative standard error of any taxel that receives light; 0 if none does."""
+        return largest_share(self.standard_error, self.power)
+
+    @property
+    def relative_total_error(self) -> float:
+        """Largest relative total error of any taxel that receives light; 0 if none does."""
+        return largest_share(self.total_error, self.power)
+
+    @property
+    def error_budget(self) -> dict[str, float]:
+        """Largest relative error of any taxel that receives light, by its source and in total."""
+        return error_budget(self.power, self.standard_error, self.mechanics_error, self.geometry_error)
+
+
+@dataclass(frozen=True)
+class Crosstalk:
+    """Power that each LED alone brings to each phototransistor.
+
+    Attributes
+    ----------
+    replicates : (R, T, T) power in W for each independent randomisation, LED and phototransistor
+    points : light paths for each of them
+    seed : what the random numbers came from
+    """
+
+    replicates: np.ndarray
+    points: int
+    seed: int
+
+    @property
+    def power(self) -> np.ndarray:
+        """(T, T) optical power in W: row LED, column phototransistor."""
+        return self.replicates.mean(axis=0)
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        """(T, T) one standard deviation of :attr:`power`, in W."""
+        return standard_error(self.replicates)
+
+
+def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
+    """What is known of the error of loaded pads; for the worst."""
+    if not errors:
+        return []
+    known = [error for error in errors if error is not None]
+    if len(known) < len(errors):
+        return [
+            "mechanics error unknown, as no second mesh can be loaded so far: the stated error is that of the light "
+            "alone; a smaller mesh_size or a smaller load may tell it"
+        ]
+    worst = max(known, key=lambda error: error.displacement)
+    return [
+        f"mechanics: roofs right to {worst.displacement:.2g} mm (at worst {worst.largest:.2g} mm, {worst.relative:.1%} "
+        f"of the largest displacement) and {worst.slope:.2g} degrees"
+    ]

@@ -1,0 +1,43 @@
+"""What `mi.render` asks of our integrators: an image of one sensor, of a scene that may be read at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.sensing.modelled import refuse_unmodelled
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+
+def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, develop: bool, evaluate: bool):
+    """What `mi.render` asks of an integrator: the irradiance map [W/mm²] of one sensor, (height, width, channels)."""
+    sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+    film = sensor.film()
+    refuse_unmodelled(scene, integrator)
+    pair = next((pair for pair in taxels_of(scene) if pair.sensor is sensor), None)
+    if pair is None:
+        raise InputError("the sensor to render is not a phototransistor.")
+    _, image, _ = trace(integrator, scene, pair, spp or sensor.sampler().sample_count(), int(seed), image=True)
+    film.prepare([])
+    block = film.create_block()
+    height, width = image.shape
+    pixel = dr.arange(mi.UInt32, height * width)
+    centre = mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + 0.5
+    block.put(centre, dr.zeros(mi.Color0f), mi.Spectrum(mi.Float(image.ravel())), 1.0, 1.0)
+    film.put_block(block)
+    result = film.develop() if develop else None
+    if evaluate:
+        dr.eval(result)
+    return result
+
+
+def refuse_derivatives(integrator: Any, *_: Any, **__: Any) -> None:
+    """What `dr.forward` and `dr.backward` come to through the image of one of our integrators; raises `InputError`."""
+    raise InputError(
+        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take differences of "
+        "readings of the same seed, which share their random numbers."
+    )

@@ -1,0 +1,149 @@
+"""Readings that grow: scenes made ready, traced point by point, within a time."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.sensing.modelled import refuse_unmodelled
+from mitsuba_taxel.sensing.probes import refuse_unreadable
+from mitsuba_taxel.sensing.readings import Readings
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+REPLICATES = 32
+"""Independent randomisations of each reading; the standard error comes from their scatter."""
+MOST_POINTS = 1 << 20
+FIRST_POINTS = 256
+
+
+class Prepared(NamedTuple):
+    """A scene that is ready to be read."""
+
+    scene: Any  # mi.Scene
+    integrator: Any
+    parameters: dict[str, str]
+    notes: list[str]  # which integrator was chosen and why, where the scene names none
+
+
+@in_turn
+def prepare(scene: Any) -> Prepared:
+    """Load whatever describes a scene, and choose an integrator if it names none."""
+    scene = described(scene)
+    if isinstance(scene, Prepared):
+        refuse_unmodelled(scene.scene, scene.integrator)  # it may have been changed
+        return scene
+    live, parameters = (scene.load(), scene.parameters) if isinstance(scene, Scene) else (scene, {})
+    integrator, notes = live.integrator(), []
+    if integrator is None:
+        integrator = make_plugin("taxel_tracer")
+        notes.append("integrator taxel_tracer: it joins paths from both ends, and is right for every wall")
+    refuse_unmodelled(live, integrator)
+    refuse_unreadable(live, integrator)
+    return Prepared(live, integrator, parameters, notes)
+
+
+def described(scene: Any) -> Any:
+    """A scene given by name, by path or as a dictionary as a `Scene`; one that Mitsuba has loaded as it is."""
+    if isinstance(scene, (str, Path, dict)):
+        return Scene(scene)
+    activate_variant()
+    require("scene", scene, (Scene, Prepared, mi.Scene), "a Scene, a path, a name, a dictionary or an mi.Scene")
+    return scene
+
+
+class Clock:
+    """How much of a time budget is left."""
+
+    def __init__(self, budget: float | None) -> None:
+        self.end = math.inf if budget is None else time.perf_counter() + budget
+
+    @property
+    def left(self) -> float:
+        """Seconds."""
+        return self.end - time.perf_counter()
+
+    def allows(self, seconds: float) -> bool:
+        """Whether something that takes so many seconds would end in time."""
+        return seconds <= self.left
+
+
+class Run:
+    """Readings that grow: each step traces as many points again as there are, and goes on in the same sequences."""
+
+    def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:
+        self.ready, self.seed, self.with_image = ready, seed, image
+        self.points = continued.points if continued else 0
+        self.powers = continued.replicates if continued else np.empty((REPLICATES, 0))
+        self.image: np.ndarray | None = None
+        self.seconds = 0.0  # that the last step took
+
+    def go_on(self, wanted: int, clock: Clock | None = None) -> None:
+        """Trace until there are ``wanted`` points, or until the next step would not end in time."""
+        if not self.points and (clock is None or clock.end == math.inf):
+            self._step(wanted)
+            return
+        if not self.points:
+            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles, so that the steps are timed without it
+        while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
+            self._step(self.points or min(FIRST_POINTS, wanted))
+
+    def _step(self, points: int) -> None:
+        start = time.perf_counter()
+        powers, image, points = _trace(self.ready, points, self.seed, self.points, self.with_image)
+        total = self.points + points
+        share = points / total
+        self.powers = powers if not self.points else (1 - share) * self.powers + share * powers
+        if self.with_image:
+            self.image = image if self.image is None else (1 - share) * self.image + share * image
+        self.points = total
+        self.seconds = time.perf_counter() - start
+
+
+def derived_seed(seed: int, index: int) -> int:
+    """One of many seeds that follow from ``seed``, each with random numbers independent of the others'."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+
+
+def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
+    """Powers (replicates, taxels), the irradiance map of the first sensor if asked for, and the points used."""
+    scene, integrator = ready.scene, ready.integrator
+    if not hasattr(integrator, "sample_paths"):
+        set_wavelength(scene, scene.emitters())
+        return _render(scene, points, seed, first)
+    results = []
+    for pair in taxels_of(scene):
+        set_wavelength(scene, [pair.led])
+        results.append(trace(integrator, scene, pair, points, seed, REPLICATES, first=first, image=image))
+    return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
+
+
+def _render(scene: Any, points: int, seed: int, first: int):
+    """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
+
+    What goes on from ``first`` points has random numbers of its own.
+    """
+    import drjit as dr
+
+    columns, images = [], []
+    for sensor in scene.sensors():
+        faces = sensor.faces
+        # Kept out of the kernel, which would otherwise be compiled anew for each of them.
+        numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
+        seeds = [dr.opaque(mi.UInt32, derived_seed(seed, number)) for number in numbers]
+        renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)
+        maps = np.array([np.asarray(image)[:, :, 0] for image in renders], dtype=float)
+        blocks = maps.reshape(REPLICATES, faces.rows, sensor.block[1], faces.columns, sensor.block[0])
+        columns.append(blocks.mean(axis=(2, 4)).reshape(REPLICATES, -1) * faces.area[0])
+        images.append(maps.mean(axis=0))
+    return np.concatenate(columns, axis=1), images[0], points

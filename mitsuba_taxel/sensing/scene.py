@@ -1,0 +1,338 @@
+"""A scene as the user describes it: an XML file with parameters, or a dictionary as Mitsuba takes it."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of
+from mitsuba_taxel.base.atomic import WriteError, replacing
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import ComputationError, InputError
+
+FURTHEST = 1e8
+"""mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
+END_OF_PATH = "the load path ends at"
+"""Words of the error of a pad that cannot be loaded as far as it should."""
+DEEPEST = 16
+"""Most elements of a scene, one in the other: Mitsuba's parser calls itself for each."""
+
+NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
+
+
+class Scene(Displayed):
+    """A description from which Mitsuba scenes are made, with the values of its parameters.
+
+    Parameters
+    ----------
+    source : path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with
+        ``"type": "scene"``)
+    parameters : values for the ``<default>``s of the file, by name
+    mesh_size : mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance;
+        None for the default
+
+    Raises
+    ------
+    InputError
+        if the file does not exist, is no XML, or a parameter is not one of the file's.
+    """
+
+    def __init__(
+        self,
+        source: str | Path | dict[str, Any],
+        parameters: Mapping[str, object] | None = None,
+        mesh_size: float | None = None,
+    ) -> None:
+        self.source = source if isinstance(source, dict) else find_scene(source)
+        if not (mesh_size is None or (is_number(mesh_size) and mesh_size > 0)):
+            raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
+        self.mesh_size = mesh_size
+        self.defaults: dict[str, str] = {}
+        given = {name: str(value) for name, value in table_of("parameters", parameters, "values").items()}
+        allowed: set[str] = set()
+        if isinstance(self.source, Path):
+            self.defaults, allowed = _declared_parameters(self.source)
+        for name in given:
+            if name not in allowed:
+                names = ", ".join(sorted(allowed)) or "none"
+                raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
+        self.parameters = {**self.defaults, **given}
+        self.leaves_mesh_open = False  # this is known once the scene has been loaded
+
+    @classmethod
+    def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
+        """The scene in an XML file, given by path or, for a shipped scene, by name (``pad.xml``)."""
+        require("source", source, (str, Path), "the path or name of an XML scene")
+        return cls(source, parameters)
+
+    @property
+    def name(self) -> str:
+        """The file's name, or ``scene`` for one made in Python."""
+        return self.source.name if isinstance(self.source, Path) else "scene"
+
+    def with_mesh_size(self, mesh_size: float | None) -> Scene:
+        """The same scene with another size of elements where it leaves that open."""
+        given = {} if isinstance(self.source, dict) else self.parameters
+        return Scene(self.source, given, mesh_size)
+
+    @in_turn
+    def load(self) -> Any:
+        """Build the ``mi.Scene``, in the current variant or the default one.
+
+        Raises
+        ------
+        InputError
+            if Mitsuba or a plugin refuses the description; the message is one line.
+        ComputationError
+            if a pad could not be deformed as asked, or touches a package.
+        """
+        import mitsuba as mi
+
+        from mitsuba_taxel.sensing.clearance import refuse_contact
+
+        with stages.stage("load"), self.files_beside_it():
+            config = parser_config(activate_variant())
+            try:
+                state = self._parse(config)
+                self._refuse_far_transforms(state)
+                mi.parser.transform_all(config, state)
+                live = mi.parser.instantiate(config, state)
+            except RuntimeError as error:
+                failure = _one_line(error, self)
+                if END_OF_PATH in str(failure):
+                    self._refuse_contact(config)
+                raise failure from error
+            refuse_contact(live)
+            return live
+
+    def _refuse_contact(self, config: Any) -> None:
+        """Raise where a pad touches a package on its way to where its load path ends: pads do not know the packages."""
+        import mitsuba as mi
+
+        from mitsuba_taxel.kernels.pad_parameters import take_value
+        from mitsuba_taxel.sensing.clearance import refuse_contact
+
+        state = self._parse(config)
+        mi.parser.transform_all(config, state)
+        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+        values = {pad.id(): take_value(pad) for pad in pads}
+        at_rest = mi.parser.instantiate(config, state)
+        for shape in at_rest.shapes():
+            if shape.id() in values:
+                shape.value = values[shape.id()]
+        refuse_contact(at_rest)
+
+    @in_turn
+    def write_xml(self, path: str | Path) -> None:
+        """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
+        import mitsuba as mi
+
+        path = path_of("path", path)
+        config = parser_config(activate_variant())
+        try:
+            text = mi.parser.write_string(self._parse(config))
+        except RuntimeError as error:
+            raise _one_line(error, self) from error
+        try:
+            with replacing(path) as file:
+                file.write_text(text, encoding="utf-8")
+        except WriteError as error:
+            raise InputError(str(error)) from error
+
+    @contextmanager
+    def files_beside_it(self) -> Iterator[None]:
+        """Let a scene name files (meshes, say) relative to its own folder."""
+        import mitsuba as mi
+
+        before = mi.file_resolver()
+        if isinstance(self.source, Path):
+            resolver = mi.FileResolver(before)
+            resolver.prepend(str(self.source.resolve().parent))
+            mi.set_file_resolver(resolver)
+        try:
+            yield
+        finally:
+            mi.set_file_resolver(before)
+
+    def _refuse_far_transforms(self, state: Any) -> None:
+        for props in (node.props for node in state.nodes):
+            for message in far_transforms(props).values():
+                raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
+
+    def _parse(self, config: Any) -> Any:
+        import mitsuba as mi
+
+        if isinstance(self.source, dict):
+            state = mi.parser.parse_dict(config, self.source)
+        else:
+            state = mi.parser.parse_file(config, str(self.source), **self.parameters)
+        if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
+            raise InputError(f"{self.name}: {NESTED_SCENE}")
+        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+        open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
+        self.leaves_mesh_open = bool(open_ones)
+        for pad in open_ones if self.mesh_size is not None else []:
+            pad["mesh_size"] = self.mesh_size
+        return state
+
+
+def write_xml(scene: Scene, path: str | Path) -> None:
+    """Write a scene as XML; see :meth:`Scene.write_xml`."""
+    require("scene", scene, Scene, "a Scene")
+    scene.write_xml(path)
+
+
+def find_scene(source: str | Path) -> Path:
+    """The file that ``source`` names: a path, or the name of a scene that ships with the package.
+
+    Raises
+    ------
+    InputError
+        if there is neither.
+    """
+    path = path_of("scene", source)
+    if is_file(path):
+        return path
+    folder = shipped_scenes()
+    shipped = folder / path.name
+    if path.parent == Path(".") and is_file(shipped):
+        return shipped
+    hindrance = hindrance_to(path)
+    if hindrance:
+        raise InputError(f"scene {str(source)!r} cannot be read: {hindrance}.")
+    names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
+    raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
+
+
+def hindrance_to(path: Path) -> str | None:
+    """Why something that is there cannot be read as a file, or what is on the way to it; None if nothing is there."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return error.strerror
+    return "it is a folder" if path.is_dir() else None
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file of that name; a name too long for one is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def shipped_scenes() -> Path:
+    """The folder of the scenes that ship with the package."""
+    from importlib.resources import files
+
+    return Path(str(files("mitsuba_taxel.scenes"))).resolve()
+
+
+def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dict[str, str], set[str]]:
+    """Defaults of an XML scene, and the names of all parameters that it uses; ``around`` are files that include it."""
+    if path.resolve() in around:
+        raise InputError(f"{path.name} is not allowed: it includes itself.")
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path.name} does not parse as XML: {error}.") from error
+    except (OSError, LookupError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        within = f", which {around[-1].name} includes," if around else ""
+        raise InputError(f"{path}{within} cannot be read: {reason}.") from error
+    if _depth(root) > DEEPEST:
+        raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
+    defaults: dict[str, str] = {}
+    for element in root.iter("default"):
+        name = element.get("name", "")
+        if name in defaults:
+            raise InputError(f"{path.name}: the <default> {name} is given twice: take one of them out.")
+        defaults[name] = element.get("value", "")
+    used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
+    for include in root.iter("include"):
+        inner = path.parent / include.get("filename", "")
+        inner_defaults, inner_used = _declared_parameters(inner, (*around, path.resolve()))
+        defaults, used = {**inner_defaults, **defaults}, used | inner_used
+    return defaults, used | set(defaults)
+
+
+def _depth(root: ElementTree.Element) -> int:
+    depth, level = 0, [root]
+    while level and depth <= DEEPEST:
+        depth, level = depth + 1, [child for element in level for child in element]
+    return depth
+
+
+def far_transforms(props: Any) -> dict[str, str]:
+    """What is wrong with the transformations of a part that would put it nowhere, by name."""
+    import mitsuba as mi
+    import numpy as np
+
+    refused = {}
+    for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
+        matrix = np.array(props[name].matrix, dtype=float)
+        props.mark_queried(name, False)  # or a plugin that does not know it would not be found out
+        if not np.all(np.abs(matrix) <= FURTHEST):
+            plugin = props.plugin_name()
+            refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
+    return refused
+
+
+def guilty_parameters(parameters: Mapping[str, str]) -> str:
+    """The parameters that are no numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
+    found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
+    return f" (parameter {', '.join(found)})" if found else ""
+
+
+def _is_near(value: str) -> bool:
+    try:
+        return abs(float(value)) <= FURTHEST
+    except ValueError:
+        return True  # a word
+
+
+def parser_config(variant: str) -> Any:
+    """How Mitsuba's parser is to read scenes."""
+    import mitsuba as mi
+
+    config = mi.parser.ParserConfig(variant)
+    config.parallel = False  # meshing and solving do not run in parallel, and are slower when they try
+    config.merge_meshes = False  # merged meshes lose their names
+    config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
+    return config
+
+
+def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
+    """What Mitsuba says of a scene that it cannot build, as one line without traceback or source location.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        if that is what stopped a plugin: Mitsuba passes it on as an error like any other.
+    """
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines[-1].startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
+    for kind in (ComputationError, InputError):
+        if lines[-1].startswith(f"{kind.__name__}: "):
+            return kind(lines[-1].removeprefix(f"{kind.__name__}: "))
+    if lines[-1].startswith("MemoryError"):
+        return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
+    head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
+    tail = lines[-1:] if "Traceback" in lines[0] else [line.lstrip("- ") for line in lines[1:]]
+    text = re.sub(r": \[\w+\] ", ": ", " ".join([head, *tail])).rstrip("!")
+    text = text.replace("unreferenced property", "unknown parameter").replace(f"{scene.source} ", "")
+    text = text.replace("Found unused parameters:", "<default>s that are used nowhere, take them out:")
+    unparsed = re.search(r'could not parse \w[\w ]* value "(.*)"', text)
+    if unparsed:
+        guilty = [name for name, value in scene.parameters.items() if value.strip() == unparsed[1].strip()]
+        text += f" (parameter {', '.join(guilty)})" if guilty else ""
+    return InputError(f"{scene.name}: {text}.")

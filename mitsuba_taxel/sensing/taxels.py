@@ -1,0 +1,116 @@
+"""Which LED is read by which phototransistor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import matrix_of
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.sensing.clearance import refuse_contact
+
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
+
+
+def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
+    """Pairs of LEDs and phototransistors, in the order in which the scene lists them.
+
+    Raises
+    ------
+    InputError
+        if an emitter is no `annular_led`, a sensor is no `phototransistor`, or their numbers differ, or if another
+        surface lies where one of them is, so that nobody could say which of the two a ray hits.
+    ComputationError
+        if a deformed pad touches a package.
+    """
+    leds = scene.emitters()
+    sensors = scene.sensors()
+    for emitter in leds:
+        if not hasattr(emitter, "sample_direction_of_emission"):
+            raise InputError(f"every emitter must be an annular_led, not a {kind_of(emitter)}.", emitter)
+    refuse_foreign_sensors(scene)
+    counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
+    if counts[0] != counts[1] or len(leds) != len(sensors):
+        raise InputError(
+            f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: one of each for every taxel is needed."
+        )
+    pairs = [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
+    refuse_shared_places(scene)
+    refuse_contact(scene)
+    return pairs
+
+
+def refuse_foreign_sensors(scene: mi.Scene) -> None:
+    """Raise an InputError unless a scene has emitters and phototransistors, and no sensors of other kinds."""
+    emitters, sensors = scene.emitters(), scene.sensors()
+    for sensor in sensors:
+        if not hasattr(sensor, "spread_film"):
+            raise InputError(f"every sensor must be a phototransistor, not a {kind_of(sensor)}.", sensor)
+    if not emitters or not sensors:
+        raise InputError(
+            f"the scene holds {len(emitters)} LEDs and {len(sensors)} phototransistors: at least one of each is needed."
+        )
+
+
+def refuse_shared_places(scene: mi.Scene) -> None:
+    """Raise an InputError where another surface lies on an LED or a phototransistor, in its plane and facing alike.
+
+    One that faces the other way touches it, as a plate may, and light between the two goes nowhere.
+    """
+    ends = [end for end in (*scene.emitters(), *scene.sensors()) if hasattr(end, "faces")]
+    surfaces = [(shape, _triangles_of(shape)) for shape in scene.shapes() if not hasattr(shape, "pad")]
+    for end in ends:
+        for shape, triangles in surfaces:
+            if shape.ptr != end.get_shape().ptr and _lie_on(end.faces, triangles):
+                raise InputError(
+                    f"{kind_of(end)}: the {kind_of(shape)} {shape.id()!r} lies in its plane and overlaps it, so that "
+                    "light would hit either: move or shrink one of them.",
+                    end,
+                )
+
+
+def _triangles_of(shape: mi.Shape) -> np.ndarray:
+    """(K, 3, 3) corners in the world of the triangles of a shape; none of one that is neither flat nor a mesh."""
+    kind = shape.class_name()
+    if kind in ("Rectangle", "Disk"):
+        to_world = matrix_of(shape)
+        rim = _SQUARE if kind == "Rectangle" else _CIRCLE
+        corners = np.stack([np.roll(rim, 1, axis=0), rim, np.zeros_like(rim)], axis=1)
+        return corners @ to_world[:3, :2].T + to_world[:3, 3]
+    if not shape.is_mesh():
+        return np.empty((0, 3, 3))
+    parameters = mi.traverse(shape)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    return vertices[np.array(parameters["faces"]).reshape(-1, 3)]
+
+
+def _lie_on(faces: Any, triangles: np.ndarray) -> bool:
+    """Whether one of some triangles (K, 3, 3) overlaps any of ``faces``, in their plane and facing alike."""
+    frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
+    half = 0.5 * np.array(faces.size, dtype=float).ravel()
+    centres = np.array(faces.centres, dtype=float).T @ frame
+    corners = triangles @ frame
+    furthest = np.abs(triangles).max(initial=0)
+    step = 1e-5 * 2 * np.sqrt(half.prod()) + 3e-6 * furthest  # as far as rays are kept clear
+    low, high = centres.min(axis=0) - (*half, step), centres.max(axis=0) + (*half, step)
+    corners = corners[np.all((corners.min(axis=1) < high) & (corners.max(axis=1) > low), axis=1)]
+    corners = corners[np.abs(corners[:, :, 2] - centres[0, 2]).max(axis=1, initial=0) <= step][:, :, :2]
+    sides = np.roll(corners, -1, axis=1) - corners
+    alike = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
+    corners, sides = corners[alike], sides[alike]
+    # Two convex outlines are apart if they are so along one of the normals of their sides.
+    normals = np.concatenate([np.broadcast_to(np.eye(2), (len(sides), 2, 2)), sides @ [[0, 1], [-1, 0]]], axis=1)
+    spans = np.einsum("kni,kci->knc", normals, corners)
+    reach = np.abs(normals) @ half
+    slack = 1e-5 * reach
+    for middle in centres[:, :2] if len(corners) else ():
+        place = normals @ middle
+        apart = (spans.min(axis=2) > place + reach - slack) | (spans.max(axis=2) < place - reach + slack)
+        if not apart.any(axis=1).all():
+            return True
+    return False

@@ -1,0 +1,1 @@
+"""What a study computes: scenes, varied parameters, load steps."""

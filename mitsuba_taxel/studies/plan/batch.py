@@ -1,0 +1,215 @@
+"""A batch: one scene, what is varied in it, and how well it is read; and the TOML file that says the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.arguments import is_number, table_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing import Scene, find_scene
+from mitsuba_taxel.sensing.measurement import check_request
+from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
+from mitsuba_taxel.studies.plan.steps import read_steps
+from mitsuba_taxel.studies.plan.vary import STEP, Axis, make_axes
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+TABLES = ("define", "vary", "together")
+SCENE_KEYS = ("scene", *TABLES, "steps")
+RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps")
+WRITTEN_KEYS = ("provenance",)
+"""What a study file in a folder of results holds besides; it may be run again as it is."""
+CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
+"""A dotted key that no study has: the memory that reading one takes goes with the square of its length."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One scene at every combination of its varied values.
+
+    Attributes
+    ----------
+    name : label, and folder of the results within those of a study of several scenes; may be blank
+    file : the scene
+    defines : values of parameters that are not varied, by name
+    axes : dimensions, at least one
+    target_error, points, time_budget, mesh_size, seed : as for ``sweep``; all scenes share them
+    maps : whether irradiance maps are stored as well
+    """
+
+    name: str
+    file: Path
+    defines: dict[str, str]
+    axes: tuple[Axis, ...]
+    target_error: float | None
+    points: int | None
+    time_budget: float | None
+    mesh_size: float | None
+    seed: int
+    maps: bool = False
+
+    def scene(self, values: Mapping[str, str]) -> Scene:
+        """The scene with these values of the varied parameters."""
+        return Scene(self.file, {**self.defines, **values}, self.mesh_size)
+
+    def as_toml(self) -> dict[str, Any]:
+        """The batch as a study file says it, with every value written out."""
+        vary = {axis.dim: axis.values[axis.dim] for axis in self.axes if axis.dim != STEP}
+        together = {
+            name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
+        }
+        chosen = {name: getattr(self, name) for name in ("target_error", "points", "time_budget", "mesh_size")}
+        tables = {"define": self.defines, "vary": vary, "together": together}
+        return {
+            "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
+            "seed": self.seed,
+            **{name: value for name, value in chosen.items() if value is not None},
+            **({"maps": True} if self.maps else {}),
+            **{name: table for name, table in tables.items() if table},
+        }
+
+
+def make_batch(
+    source: str | Path,
+    vary: Mapping[str, str | Iterable[object]],
+    defines: Mapping[str, object] | None = None,
+    *,
+    together: Mapping[str, str | Iterable[object]] | None = None,
+    target_error: float | None = None,
+    points: int | None = None,
+    time_budget: float | None = None,
+    mesh_size: float | None = None,
+    seed: int = 0,
+    maps: bool = False,
+    name: str = "",
+    folder: Path = Path(),
+) -> Batch:
+    """A batch, checked as far as it can be without loading a scene; parameters are those of ``sweep``.
+
+    Raises
+    ------
+    InputError
+        if a parameter or a value is refused.
+    """
+    if not isinstance(source, (str, Path)):
+        kind = type(source).__name__
+        raise InputError(f"a scene of type {kind} is not allowed in a study: path or name of an XML file is needed.")
+    beside = folder / source
+    file = find_scene(beside if is_file(beside) else source).resolve()
+    fixed = {name: str(value) for name, value in table_of("defines", defines, "values").items()}
+    axes = make_axes(vary, together, folder)
+    for parameter in (name for axis in axes for name in axis.values):
+        if parameter in fixed:
+            raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
+    check_request(target_error, points, seed, time_budget)
+    if points is not None and time_budget is not None:
+        raise InputError("points and time_budget exclude each other in a study: give one of them.")
+    if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
+        raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
+    if not isinstance(maps, bool):
+        raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
+    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps)
+    batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
+    return batch
+
+
+def read_study(file: str | Path) -> dict[str, Any]:
+    """A study file as it stands, its scenes in a list under ``scenes``.
+
+    Raises
+    ------
+    InputError
+        if it cannot be read, or holds what no study has.
+    """
+    try:
+        text = Path(file).read_bytes().decode("utf-8-sig")
+        if CHAIN.search(text):
+            raise RecursionError
+        content = tomllib.loads(text)
+    except OSError as error:
+        raise InputError(f"study {str(file)!r} cannot be read: {error.strerror}.") from error
+    except ValueError as error:
+        raise InputError(f"study {str(file)!r} is no TOML: {error}.") from error
+    except RecursionError as error:
+        raise InputError(f"study {str(file)!r} is not allowed: it is nested too deeply.") from error
+    several = "scenes" in content
+    allowed = (*RUN_KEYS, *WRITTEN_KEYS, *(("scenes",) if several else SCENE_KEYS))
+    _check_names(content, allowed, f"study {Path(file).name}")
+    scenes = content.pop("scenes", None)
+    if not several:
+        scenes = [{name: content.pop(name) for name in SCENE_KEYS if name in content}]
+    if not (isinstance(scenes, list) and scenes and all(isinstance(scene, dict) for scene in scenes)):
+        raise InputError(f"study {Path(file).name}: scenes is not allowed as it stands: [[scenes]] tables are needed.")
+    for number, scene in enumerate(scenes, start=1):
+        where = f"scene {number} of {Path(file).name}" if several else f"study {Path(file).name}"
+        _check_names(scene, (*SCENE_KEYS, *(("name",) if several else ())), where)
+        if several:
+            scene.setdefault("name", f"scene_{number}")
+        for name in TABLES:
+            if not isinstance(scene.get(name, {}), dict):
+                raise InputError(
+                    f"{where}: {name} = {scene[name]!r} is not allowed: a table of values by parameter is needed."
+                )
+    names = [scene.get("name", "") for scene in scenes]
+    if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
+    if len(set(names)) < len(names):
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: each once is needed.")
+    return {**content, "scenes": scenes}
+
+
+def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
+    """The batch of one scene of what :func:`read_study` returned; files are named relative to ``folder``.
+
+    Raises
+    ------
+    InputError
+        if a parameter or a value is refused.
+    """
+    scene = study["scenes"][number]
+    if "scene" not in scene:
+        raise InputError("scene is missing: a file, or the name of a shipped scene, is needed.")
+    tables = {name: scene.get(name, {}) for name in TABLES}
+    together = dict(tables["together"])
+    if "steps" in scene:
+        together.update(columns_of(folder / str(scene["steps"])))
+    run = {name: study[name] for name in RUN_KEYS if name in study}
+    return make_batch(
+        str(scene["scene"]),
+        {name: _listed(values) for name, values in tables["vary"].items()},
+        {name: _word(value) for name, value in tables["define"].items()},
+        together={name: _listed(values) for name, values in together.items()},
+        name=scene.get("name", ""),
+        folder=folder,
+        **run,
+    )
+
+
+def columns_of(file: Path) -> dict[str, list[str]]:
+    """The columns of a CSV file of steps; see :func:`read_steps`."""
+    rows = read_steps(file)
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def _listed(values: object) -> str | list[object]:
+    """Values as :func:`make_axes` takes them: one number alone is a list of one."""
+    if isinstance(values, list):
+        return [_word(value) for value in values]
+    return values if isinstance(values, str) else [_word(values)]
+
+
+def _word(value: object) -> object:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _check_names(table: Mapping[str, Any], allowed: Iterable[str], where: str) -> None:
+    for name in table:
+        if name not in allowed:
+            raise InputError(f"{where}: {name} is not known: allowed are {', '.join(sorted(allowed))}.")

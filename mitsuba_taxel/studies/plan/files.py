@@ -1,0 +1,60 @@
+"""Places of results, checked before anything is computed."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.atomic import remove_stale
+from mitsuba_taxel.base.errors import InputError
+
+
+def make_folder(folder: Path) -> None:
+    """Make ``folder`` and its parents where they are missing, and check that files can be made in it.
+
+    Raises
+    ------
+    InputError
+        if it cannot be made or written to.
+    """
+    path_of("output folder", folder)
+    try:
+        if folder.is_file():
+            raise InputError(f"output folder {folder} is a file: a folder is needed.")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        remove_stale(folder)
+    except OSError as error:
+        raise InputError(f"output folder {folder} cannot be written: {error.strerror or error}.") from error
+
+
+def make_empty_folder(folder: Path) -> None:
+    """The same for a folder that must hold nothing yet, so that two studies never mix."""
+    make_folder(folder)
+    if any(folder.iterdir()):
+        raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
+
+
+def check_new_file(file: Path, *suffixes: str) -> None:
+    """Check that ``file`` can be written later.
+
+    Raises
+    ------
+    InputError
+        if its name ends in none of ``suffixes``, it is a folder, or its folder cannot be written to.
+    """
+    if file.suffix.lower() not in suffixes:
+        raise InputError(f"output {file} must end in {' or '.join(suffixes)}.")
+    path_of("output", file)
+    try:
+        if file.is_dir():
+            raise InputError(f"output {file} is a folder: a file is needed.")
+        if not file.parent.is_dir():
+            raise InputError(f"output {file} cannot be written: there is no folder {file.parent}.")
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+        remove_stale(file.parent)
+    except OSError as error:
+        raise InputError(f"output {file} cannot be written: {error.strerror or error}.") from error

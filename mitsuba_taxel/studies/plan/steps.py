@@ -1,0 +1,39 @@
+"""Steps of a load path, or any other row of scenes, from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.studies.plan.vary import MOST_JOBS
+
+
+def read_steps(file: str | Path) -> list[dict[str, str]]:
+    """The rows of a CSV file: values by the parameter of the scene that heads their column.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or is no table with a heading and a value in every place.
+    """
+    given = f"steps = {str(file)!r}"
+    try:
+        text = Path(file).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
+    except ValueError as error:
+        raise InputError(f"{given} is no text: a CSV file is needed.") from error
+    lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
+    try:
+        names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
+    except csv.Error as error:
+        raise InputError(f"{given} is no CSV file: {error}.") from error
+    if not rows or not all(names) or len(set(names)) < len(names):
+        raise InputError(f"{given} is not allowed: a heading of distinct parameters and at least one row are needed.")
+    if len(rows) > MOST_JOBS:
+        raise InputError(f"{given} holds {len(rows)} rows: at most {MOST_JOBS} are allowed.")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(names) or not all(row):
+            raise InputError(f"{given}: row {number} is not allowed: {len(names)} values are needed.")
+    return [dict(zip(names, row, strict=True)) for row in rows]

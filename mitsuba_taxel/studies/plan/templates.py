@@ -1,0 +1,180 @@
+"""Files to start from: a scene, a study and a table of steps, with comments that say what may stand where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.studies.plan.files import check_new_file
+
+SUFFIXES = {"scene": ".xml", "study": ".toml", "steps": ".csv"}
+
+_SCENE = """\
+<!-- A silicone pad of hollow cells on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
+     taxel render scene.xml                  what each phototransistor reads
+     taxel render scene.xml -D fz=-10        the same with another value of a default
+     taxel plugins deformable_pad            all that a pad may say; likewise for every other type -->
+<scene version="3.9.0">
+    <!-- Load: total force on the top of the pad, in N; compression is fz below 0. -->
+    <default name="fx" value="0"/>
+    <default name="fy" value="0"/>
+    <default name="fz" value="-5"/>
+
+    <!-- Pad, in mm. The height of a cell is its shape's own; for another, write a cell_height into the pad below. -->
+    <default name="cell" value="parallelepiped"/>        <!-- parallelepiped, cylindrical, spherical, hemispheric -->
+    <default name="rows" value="3"/>                     <!-- of cells and photo-reflectors, along y -->
+    <default name="columns" value="3"/>                  <!-- along x -->
+    <default name="pitch" value="3.55"/>                 <!-- between centres of neighbouring cells -->
+    <default name="wall" value="1"/>                     <!-- silicone around the outermost cells -->
+    <default name="height" value="4.55"/>                <!-- from the board to the loaded top -->
+    <default name="cell_size" value="2.55"/>             <!-- side or diameter of a cell -->
+
+    <!-- Silicone: neo-Hookean. Others, some of them measured: taxel plugins deformable_pad. -->
+    <default name="youngs_modulus" value="4.16"/>        <!-- MPa, above 0 -->
+    <default name="poisson_ratio" value="0.49"/>         <!-- 0 to 0.5; 0.5 is incompressible -->
+
+    <!-- Walls of the cells. -->
+    <default name="roof" value="isotropic"/>             <!-- mirror, lambertian, isotropic -->
+    <default name="roof_reflectance" value="1"/>         <!-- 0 to 1 -->
+    <default name="side" value="absorbing"/>             <!-- mirror, lambertian, isotropic, absorbing -->
+
+    <!-- LED, a square. -->
+    <default name="power" value="1"/>                    <!-- W, of each LED -->
+    <default name="wavelength" value="925"/>             <!-- nm -->
+    <default name="led_size" value="0.25"/>              <!-- mm -->
+    <default name="hole" value="0.1"/>                   <!-- mm, dark centre; 0 for none -->
+    <default name="law" value="uniform_solid_angle"/>    <!-- uniform_solid_angle, uniform_polar_angle, lambertian -->
+
+    <!-- Phototransistor, a rectangle. -->
+    <default name="spacing" value="0.9"/>                <!-- mm, between its centre and that of the LED, along x -->
+    <default name="width" value="0.52"/>                 <!-- mm, along x -->
+    <default name="depth" value="0.3"/>                  <!-- mm, along y -->
+    <default name="quantum_efficiency" value="1"/>       <!-- electrons per photon, above 0, at most 1 -->
+
+    <integrator type="taxel_tracer"/>
+
+    <shape type="deformable_pad">
+        <string name="cell" value="$cell"/>
+        <integer name="rows" value="$rows"/>
+        <integer name="columns" value="$columns"/>
+        <float name="pitch" value="$pitch"/>
+        <float name="wall" value="$wall"/>
+        <float name="height" value="$height"/>
+        <float name="cell_size" value="$cell_size"/>
+        <float name="youngs_modulus" value="$youngs_modulus"/>
+        <float name="poisson_ratio" value="$poisson_ratio"/>
+        <!-- A target error chooses the finite elements, unless their size is given here:
+             <float name="mesh_size" value="1.25"/> in mm -->
+        <vector name="force" value="$fx, $fy, $fz"/>
+        <bsdf type="region">                             <!-- what is not named here absorbs -->
+            <bsdf name="roof" type="wall">
+                <string name="scattering" value="$roof"/>
+                <float name="reflectance" value="$roof_reflectance"/>
+            </bsdf>
+            <bsdf name="side" type="wall">
+                <string name="scattering" value="$side"/>
+            </bsdf>
+        </bsdf>
+    </shape>
+
+    <!-- One under each cell. Taxels are numbered from 1 at (-x, +y), row by row towards -y. -->
+    <shape type="photo_reflector">
+        <integer name="rows" value="$rows"/>
+        <integer name="columns" value="$columns"/>
+        <float name="pitch" value="$pitch"/>
+        <float name="spacing" value="$spacing"/>
+        <emitter type="annular_led">
+            <float name="power" value="$power"/>
+            <float name="wavelength" value="$wavelength"/>
+            <float name="size" value="$led_size"/>
+            <float name="hole" value="$hole"/>
+            <string name="law" value="$law"/>
+        </emitter>
+        <sensor type="phototransistor">
+            <float name="width" value="$width"/>
+            <float name="depth" value="$depth"/>
+            <float name="quantum_efficiency" value="$quantum_efficiency"/>
+        </sensor>
+    </shape>
+
+    <!-- The board, in the plane of the pad's bottom. -->
+    <shape type="rectangle">
+        <transform name="to_world"><scale value="100"/></transform>
+        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+    </shape>
+</scene>
+"""
+
+_STUDY = """\
+# taxel sweep study.toml -o runs/study
+
+target_error = 0.005      # relative, of light and mechanics, for the worst taxel; or: points = 4096
+seed = 0                  # 0 to 2**32 - 1
+
+# Any number of scenes. For one alone, leave out [[scenes]] and name, and write scene, [define], [vary] and
+# [together] instead of scene, [scenes.define], [scenes.vary] and [scenes.together].
+
+[[scenes]]
+name = "normal"           # its results' folder and label: letters, digits and _
+scene = "pad.xml"         # a shipped scene, or a file beside this one
+
+[scenes.define]           # values of the scene's <default>s
+cell = "hemispheric"
+
+[scenes.vary]             # each a dimension; several make a product
+fz = "0:-20:-0.5"         # N; start:stop:step (stop included), a list, "a,b,c", or "@file.txt" with one value per line
+
+[[scenes]]
+name = "tangential"
+scene = "pad.xml"
+
+[scenes.define]
+cell = "hemispheric"
+fz = -8                   # N
+
+[scenes.together]         # values taken row by row, as one dimension "step";
+fx = "0:4:0.25"           # or, in [[scenes]], steps = "path.csv": see taxel new steps
+fy = "0:4:0.25"
+"""
+
+_STEPS = """\
+# taxel deform pad.xml --steps steps.csv -o runs/steps
+# The first line that is no comment names parameters of the scene; each line after it is a step, taken in this order.
+# Forces in N; compression is fz below 0. Here: pressed first, then pushed along x.
+fx,fy,fz
+0,0,-2
+0,0,-4
+0,0,-6
+0,0,-8
+1,0,-8
+2,0,-8
+3,0,-8
+4,0,-8
+"""
+
+_TEXTS = {"scene": _SCENE, "study": _STUDY, "steps": _STEPS}
+
+
+def write_template(kind: str, file: str | Path) -> None:
+    """Write a commented file to start from; it can be used as it is.
+
+    Parameters
+    ----------
+    kind : ``scene`` (Mitsuba XML), ``study`` (TOML) or ``steps`` (CSV)
+    file : a new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``
+
+    Raises
+    ------
+    InputError
+        if there is no such kind, or the file exists or cannot be written.
+    """
+    if not isinstance(kind, str) or kind not in _TEXTS:
+        raise InputError(f"kind = {kind!r} is not allowed: one of {', '.join(_TEXTS)} is needed.")
+    file = path_of("file", file)
+    check_new_file(file, SUFFIXES[kind])
+    if file.exists():
+        raise InputError(f"{file} exists: the name of a new file is needed.")
+    with replacing(file) as new:
+        new.write_text(_TEXTS[kind], encoding="utf-8")

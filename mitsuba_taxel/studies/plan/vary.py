@@ -1,0 +1,183 @@
+"""What a study varies: ranges, lists and files of parameter values; products of them, or values taken row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal, InvalidOperation
+from itertools import product
+from math import isfinite, prod
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import table_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
+
+MOST_CHECKED = 5
+"""Places along a smooth curve where it is found out what the mechanics' error does."""
+MOST_JOBS = 100_000
+"""More scenes than this in one study are taken for a slip."""
+STEP = "step"
+"""The dimension of values that are taken together, row by row."""
+
+
+class Axis(NamedTuple):
+    """One dimension of a study.
+
+    Attributes
+    ----------
+    dim : its name: that of its one parameter, or ``step``
+    values : by parameter, one word for each place along the dimension
+    """
+
+    dim: str
+    values: dict[str, list[str]]
+
+    @property
+    def size(self) -> int:
+        """Number of places along the dimension."""
+        return len(next(iter(self.values.values())))
+
+
+def make_axes(
+    vary: Mapping[str, str | Iterable[object]],
+    together: Mapping[str, str | Iterable[object]] | None = None,
+    folder: Path = Path(),
+) -> tuple[Axis, ...]:
+    """The dimensions of a study.
+
+    Parameters
+    ----------
+    vary : values by parameter, a dimension each
+    together : values by parameter, all of one length, that make one more dimension
+    folder : what files of values are named relative to
+
+    Raises
+    ------
+    InputError
+        if nothing is varied, a parameter comes twice, values are not allowed, or there are too many scenes.
+    """
+    vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
+    rows = {name: parse_values(name, values, folder) for name, values in together.items()}
+    axes = [Axis(name, {name: _distinct(name, parse_values(name, values, folder))}) for name, values in vary.items()]
+    lengths = {name: len(words) for name, words in rows.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+        raise InputError(f"values that go together must be equally many, but {shown}.")
+    for name in rows:
+        if name in vary:
+            raise InputError(f"{name} is varied twice, alone and together with others: take one of them out.")
+    if rows:
+        axes.append(Axis(STEP, rows))
+    if STEP in (*vary, *rows):
+        raise InputError(f"{STEP} cannot be varied, as a dimension of the results has that name: give it another name.")
+    if not axes:
+        raise InputError("nothing is varied: values of at least one parameter are needed, by vary, together or steps.")
+    count = prod(axis.size for axis in axes)
+    if count > MOST_JOBS:
+        raise InputError(f"the study holds {count} scenes: at most {MOST_JOBS} are allowed.")
+    return tuple(axes)
+
+
+def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
+    """The values of one varied parameter, as the words that the scene gets.
+
+    Parameters
+    ----------
+    name : the parameter, for error messages
+    values : ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values
+    folder : what a file is named relative to
+
+    Raises
+    ------
+    InputError
+        if the range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
+    """
+    if not isinstance(values, str):
+        words = [str(value) for value in (values if isinstance(values, Iterable) else [values])]
+    elif values.startswith("@"):
+        words = _lines(name, folder / values[1:])
+    else:
+        words = _range(name, values) if ":" in values else [word.strip() for word in values.split(",")]
+    if not words or not all(words):
+        raise InputError(f"{name} = {values!r}: at least one value, and none of them blank, is needed.")
+    return words
+
+
+def _lines(name: str, file: Path) -> list[str]:
+    """The lines of a file without what follows a #."""
+    try:
+        lines = file.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise InputError(
+            f"{name} = '@{file}' cannot be read ({reason}): a file with a value per line is needed."
+        ) from error
+    return [word for line in lines if (word := line.split("#")[0].strip())]
+
+
+def _distinct(name: str, words: list[str]) -> list[str]:
+    if len(set(as_numbers(words) or words)) < len(words):
+        raise InputError(f"{name} = {','.join(words)!r} holds a value twice: each once is needed.")
+    return words
+
+
+def as_numbers(words: Sequence[str]) -> list[float] | None:
+    """The values as numbers, or None where one of them is no finite number."""
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return None
+    return numbers if all(map(isfinite, numbers)) else None
+
+
+def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:
+    """Every combination of values: its index along each dimension, and its values; the last dimension runs fastest."""
+    for index in product(*(range(axis.size) for axis in axes)):
+        places = zip(axes, index, strict=True)
+        yield index, {name: words[i] for axis, i in places for name, words in axis.values.items()}
+
+
+def _range(name: str, text: str) -> list[str]:
+    try:
+        start, stop, step = (Decimal(part) for part in text.split(":"))
+    except (ValueError, InvalidOperation):
+        raise InputError(f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed.") from None
+    if not all(map(_is_in_range, (start, stop, step))):
+        raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
+    if step == 0:
+        raise InputError(f"{name} = {text!r} is endless: a step other than 0 is needed.")
+    steps = (stop - start) / step
+    if steps < 0:
+        raise InputError(f"{name} = {text!r} is empty: its step leads away from {stop}.")
+    if steps >= MOST_JOBS:
+        raise InputError(f"{name} = {text!r} holds {steps + 1:.3g} values: at most {MOST_JOBS} are allowed.")
+    if steps != int(steps):
+        raise InputError(f"{name} = {text!r}: steps of {step} from {start} do not meet {stop}, which is included.")
+    return [f"{start + i * step:f}" for i in range(int(steps) + 1)]
+
+
+def _is_in_range(number: Decimal) -> bool:
+    """Whether a number is one in double precision too, where others overflow, or vanish."""
+    return number.is_finite() and isfinite(float(number)) and (number == 0 or float(number) != 0)
+
+
+def curve_dimension(axes: Sequence[Axis]) -> str:
+    """What readings are drawn against: steps or the first force, else the first number, else the first parameter."""
+    longer = [axis for axis in axes if axis.size > 1]
+    forces = [axis.dim for axis in longer if axis.dim in (STEP, *FORCES)]
+    numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
+    return next(iter([*forces, *numeric]), axes[0].dim)
+
+
+def checked_places(axis: Axis) -> set[int]:
+    """Where along an axis it is found out what the mechanics' error does: that changes slowly along a smooth curve.
+
+    Everywhere, where the values do not all rise or fall, or there are few.
+    """
+    steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
+    smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)
+    count = MOST_CHECKED if smooth else axis.size
+    return set(np.linspace(0, axis.size - 1, min(count, axis.size)).round().astype(int).tolist())

@@ -1,0 +1,1 @@
+"""Studies computed: jobs, processes, pilot runs, results."""

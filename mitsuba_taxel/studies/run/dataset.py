@@ -1,0 +1,241 @@
+"""A study as a labelled array: readings with units, errors, cost and provenance."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import PARAMETER_UNITS
+from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.readings import (
+    describe_mechanics,
+    error_budget,
+    geometry_share,
+    mechanics_share,
+    standard_error,
+)
+from mitsuba_taxel.studies.plan.vary import STEP, Axis, as_numbers, combinations, curve_dimension
+from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
+from mitsuba_taxel.studies.store.folder import Kept
+
+Place = tuple[int, ...]
+
+
+def assemble(
+    axes: Sequence[Axis], results: Mapping[Place, Kept], failures: Mapping[Place, Failure], about: Mapping[str, Any]
+) -> xr.Dataset:
+    """Dataset over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
+
+    Parameters
+    ----------
+    results, failures : by place along the axes; where there is no result, readings are not a number
+    about : ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``versions``,
+        ``pilot_seconds``
+
+    Raises
+    ------
+    InputError
+        if not all results are of the same number of taxels.
+    """
+    counts = sorted({result.readings.replicates.shape[1] for result in results.values()})
+    if len(counts) > 1:
+        raise InputError(
+            f"the study holds scenes of {' and '.join(map(str, counts))} taxels: as many in each are needed."
+        )
+    shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
+    first = next(iter(results.values())).readings
+    stages = sorted({stage for result in results.values() for stage in result.seconds})
+    replicates = np.full(shape + first.replicates.shape, math.nan)
+    seconds = np.zeros((*shape, len(stages)))
+    for place, result in results.items():
+        replicates[place] = result.readings.replicates
+        seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
+    power = replicates.mean(axis=-2)
+    error = standard_error(np.moveaxis(replicates, -2, 0))
+    deviation = _deviation(results, power, dims.index(curve_dimension(axes)))
+    geometry = power * _shares(_facets(results, power, dims.index(curve_dimension(axes))), power, geometry_share)
+    total = np.hypot(np.hypot(error, power * _shares(deviation, power, mechanics_share)), geometry)
+    about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
+    about_total = {"units": "W", "long_name": "error of power (light, mechanics and geometry)"}
+    notes = _notes(results)
+    if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
+        notes.insert(0, missed)
+    return xr.Dataset(
+        {
+            "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
+            "standard_error": ([*dims, "taxel"], error, about_error),
+            "total_error": ([*dims, "taxel"], total, about_total),
+            "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
+            **_responsivity(first),
+            **_mechanics(dims, deviation, results),
+            **_geometry(dims, geometry),
+            "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
+            **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
+            **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
+        },
+        coords={
+            **_coordinates(axes),
+            "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
+            "stage": ("stage", stages),
+        },
+        attrs={
+            "scene": about["scene"],
+            "curve": curve_dimension(axes),
+            "seed": about["seed"],
+            "points": about["points"],
+            **{name: about[name] for name in ("target_error", "mesh_size") if about[name] is not None},
+            **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
+            "notes": "\n".join(notes),
+            "failures": "\n".join(_failures(axes, failures)),
+        },
+    )
+
+
+def _files(
+    name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]
+) -> dict[str, tuple]:
+    """The variable ``name``: the files in a folder that came with each result; nothing if there are none."""
+    names = np.full(shape, "", dtype=object)
+    for place, result in results.items():
+        names[place] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
+    return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
+
+
+def _coordinates(axes: Sequence[Axis]) -> dict[str, tuple]:
+    """Values along each dimension; the parameters that go together are values along ``step``."""
+    coordinates: dict[str, tuple] = {}
+    for axis in axes:
+        for name, words in axis.values.items():
+            coordinates[name] = (axis.dim, as_numbers(words) or words, _unit(name, words))
+        if axis.dim == STEP:
+            coordinates[STEP] = (STEP, np.arange(1, axis.size + 1))
+    return coordinates
+
+
+def _notes(results: Mapping[Place, Kept]) -> list[str]:
+    """What the reader of the numbers must know, each once; of the mechanics, the worst."""
+    remarks = [remark for result in results.values() for remark in result.readings.remarks]
+    errors = [error for result in results.values() for error in result.readings.roof_errors]
+    return [*dict.fromkeys(remarks), *describe_mechanics(errors)]
+
+
+def _failures(axes: Sequence[Axis], failures: Mapping[Place, Failure]) -> list[str]:
+    values = dict(combinations(axes))
+    return [f"{describe(values[place])}: {failure.message}" for place, failure in failures.items()]
+
+
+def _responsivity(readings: Readings) -> dict[str, tuple]:
+    if readings.responsivity is None:
+        return {}
+    about = {"units": "A/W", "long_name": "photocurrent per optical power"}
+    return {"responsivity": ("taxel", readings.responsivity, about)}
+
+
+def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, what the mechanics' error does to each reading."""
+
+    def found(readings: Readings) -> np.ndarray | None:
+        unloaded = readings.deviation is None and not readings.roof_errors
+        return np.zeros(len(readings.taxel)) if unloaded else readings.deviation
+
+    return _along_curves({place: found(result.readings) for place, result in results.items()}, power, curve)
+
+
+def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, what chords instead of the facets of curved walls do to each reading."""
+    facets = _along_curves({place: result.readings.facets for place, result in results.items()}, power, curve)
+    return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
+
+
+def _along_curves(changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int) -> np.ndarray:
+    """(..., T) W, changes of readings; along the curve, between scenes where they were found out, by straight lines of
+    their share of the power."""
+    share = np.full(power.shape, math.nan)
+    open_places = np.zeros(power.shape[:-1], dtype=bool)
+    for place, change in changes.items():
+        if change is None:
+            open_places[place] = True
+        else:
+            share[place] = np.divide(change, power[place], out=np.zeros_like(change), where=power[place] > 0)
+    for line, is_open in zip(_lines_along(share, curve), _lines_along(open_places[..., None], curve), strict=True):
+        known, wanted = np.isfinite(line).all(axis=1), is_open[:, 0]
+        if known.any() and wanted.any():
+            columns = [np.interp(np.flatnonzero(wanted), np.flatnonzero(known), column[known]) for column in line.T]
+            line[wanted] = np.column_stack(columns)
+    return share * power
+
+
+def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
+    """Views (n, last) of an array along one of its axes and the last one."""
+    lines = np.moveaxis(array, axis, -2)
+    for index in np.ndindex(lines.shape[:-2]):
+        yield lines[index]
+
+
+def _shares(change: np.ndarray, power: np.ndarray, share: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
+    """(..., 1) relative error of each scene whose readings change so."""
+    shares = [share(change[place], power[place]) for place in np.ndindex(power.shape[:-1])]
+    return np.reshape(shares, (*power.shape[:-1], 1))
+
+
+def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, Kept]) -> dict[str, tuple]:
+    """What the mechanics does to the readings, and the worst error of the pads; not a number where it is unknown."""
+    if not any(result.readings.roof_errors for result in results.values()):
+        return {}
+    shape = deviation.shape[:-1]
+    displacement, slope = np.full(shape, math.nan), np.full(shape, math.nan)
+    for index, result in results.items():
+        errors = result.readings.roof_errors
+        displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
+        slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
+    about = "error of the roofs' {} by finite elements, root mean square"
+    off = {"units": "W", "long_name": "change of power if roofs were as coarser finite elements have them"}
+    return {
+        "deviation": ([*dims, "taxel"], deviation, off),
+        "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
+        "slope_error": (dims, slope, {"units": "degrees", "long_name": about.format("slope")}),
+    }
+
+
+def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
+    """What to say of readings (..., T) in W whose total error is beyond a target, or unknown; empty if none is."""
+    read = np.isfinite(power).all(axis=-1)
+    lit = power[read] > 0
+    shares = total[read][lit] / power[read][lit]
+    beyond = ~(shares <= target_error)
+    if not beyond.any():
+        return ""
+    worst = "unknown" if np.isnan(shares).any() else f"{shares.max():.2g}"
+    return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
+
+
+def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:
+    """The error by the facets of curved walls; nothing where there are none."""
+    about = {"units": "W", "long_name": "1 sigma of power (flat triangles of curved walls)"}
+    return {"geometry_error": ([*dims, "taxel"], geometry, about)} if np.nan_to_num(geometry).any() else {}
+
+
+def study_error_budget(study: xr.Dataset) -> dict[str, float]:
+    """As that of `Readings`, for the worst of a study that is not missing."""
+    power, light = study.power.values, study.standard_error.values
+    geometry = study.geometry_error.values if "geometry_error" in study else np.zeros_like(light)
+    mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2 - geometry**2, 0))
+    return error_budget(power, light, mechanics, geometry)
+
+
+def stage_totals(study: xr.Dataset) -> dict[str, float]:
+    """Seconds that a study took by stage, pilot runs included."""
+    totals = json.loads(study.attrs["pilot_seconds"])
+    for stage in study.stage.values:
+        totals[str(stage)] = totals.get(str(stage), 0.0) + float(study.seconds.sel(stage=stage).sum())
+    return totals
+
+
+def _unit(name: str, words: list[str]) -> dict[str, str]:
+    return {"units": PARAMETER_UNITS[name]} if name in PARAMETER_UNITS and as_numbers(words) else {}

@@ -1,0 +1,116 @@
+"""The deformed pads of a scene, as meshes on disk."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing import Scene, find_scene
+from mitsuba_taxel.studies.plan.files import make_folder
+
+
+@in_turn
+def deform(
+    source: str | Path,
+    defines: Mapping[str, object],
+    folder: Path,
+    steps: Sequence[Mapping[str, object]] = ({},),
+    *,
+    vtu: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Write the deformed pads of a scene, one mesh per pad and load step; no light is traced.
+
+    Parameters
+    ----------
+    source : path of a scene, or the name of a shipped one
+    defines : values for the scene's parameters
+    folder : made where it is missing; meshes of the same name are replaced
+    steps : of a load path: values for the scene's parameters that each step has of its own
+    vtu : whether to write displacement, stress and strain inside the silicone too, for ParaView
+    progress : called with (steps done, steps in all)
+
+    Returns
+    -------
+    Per pad and step ``file`` (PLY, mm; a VTU bears the same name), the load's ``quantity``, ``value`` and ``unit``,
+    ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest force
+    out of balance where the path was solved, relative to the load), ``stable`` (None if it was not checked),
+    ``imbalance`` (board's reaction against the load, relative, of this very state), ``roof_error_mm`` and
+    ``slope_error_degrees`` (estimated discretisation error; None if unknown).
+
+    Raises
+    ------
+    InputError
+        if the scene is refused, holds no pad, or the folder cannot be written to.
+    ComputationError
+        if the pad could not be deformed so far.
+    """
+    make_folder(folder)
+    rows = []
+    for step, values in enumerate(steps, start=1):
+        scene = Scene(find_scene(source), {**defines, **values})
+        pads = deformed_pads(scene.load())
+        if not pads:
+            raise InputError(f"{scene.name} holds no deformable_pad: there is nothing to deform.")
+        for number, pad in enumerate(pads, start=1):
+            name = f"pad_{number}" + (f"_step_{step:0{len(str(len(steps)))}}" if len(steps) > 1 else "")
+            rows.append(_written(pad, folder / f"{name}.ply", vtu))
+        if progress:
+            progress(step, len(steps))
+    return rows
+
+
+def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
+    """Write one deformed pad, and say what it is."""
+    from mitsuba_taxel.mechanics import reactions, write_vtu
+
+    state = pad.state
+    board = reactions(state)
+    write_mesh(pad, file)
+    if vtu:
+        write_vtu(file.with_suffix(".vtu"), state.mesh, state.displacement, state.pressure, state.material)
+    return {
+        "file": str(file),
+        "quantity": state.load.quantity,
+        "value": [float(component) for component in state.value],
+        "unit": state.load.unit,
+        "triangles": pad.face_count(),
+        "min_jacobian": float(state.min_jacobian),
+        "newton_iterations": int(state.newton_iterations),
+        "residual": float(state.residual),
+        "stable": True if state.stability_checked else None,
+        "imbalance": float(board.imbalance),
+        "board_force_N": board.force.tolist(),
+        "board_force_error_N": None if np.isnan(board.force_error) else float(board.force_error),
+        "roof_error_mm": None if state.error is None else state.error.displacement,
+        "slope_error_degrees": None if state.error is None else state.error.slope,
+    }
+
+
+def deformed_pads(scene: Any) -> list[Any]:
+    """The ``deformable_pad``s among the shapes of an ``mi.Scene``."""
+    return [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "pad")]
+
+
+def write_mesh(pad: Any, file: Path) -> None:
+    """Write a deformed pad as PLY (mm), with region and cell per face."""
+    with replacing(file) as temporary:
+        pad.closed().write_ply(str(temporary))
+
+
+def mesh_key(pad: Any) -> str:
+    """A key that two pads share only if they are the same surface."""
+    import mitsuba as mi
+
+    parameters = mi.traverse(pad)
+    digest = hashlib.sha256()
+    for name in ("vertex_positions", "faces"):
+        digest.update(np.ascontiguousarray(parameters[name]).tobytes())
+    return digest.hexdigest()

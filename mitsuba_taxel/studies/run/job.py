@@ -1,0 +1,160 @@
+"""One job of a study: a scene read once. It and its result can be sent to another process."""
+
+from __future__ import annotations
+
+import gc
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
+from mitsuba_taxel.sensing import Readings, Scene, measure
+from mitsuba_taxel.sensing.irradiance_file import write_irradiance
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.studies.run.deformation import deformed_pads, mesh_key, write_mesh
+
+MESHES, MAPS = "meshes", "maps"
+"""Folders of a study for the files that come with results."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene to read.
+
+    Attributes
+    ----------
+    number : place in its batch's row of scenes, from 0; the last dimension runs fastest
+    file : the scene
+    parameters : values that it gets
+    varied : those of them that the batch varies
+    points, seed : as for ``measure``
+    mesh_size : as for ``Scene``
+    mechanics_error : as for ``measure``
+    meshes, maps : whether the surfaces of its pads, and its irradiance map, are wanted
+    """
+
+    number: int
+    file: Path
+    parameters: dict[str, str]
+    varied: dict[str, str]
+    points: int
+    seed: int
+    mesh_size: float | None
+    mechanics_error: bool
+    meshes: bool
+    maps: bool
+
+    @property
+    def label(self) -> str:
+        """The varied values, in words."""
+        return describe(self.varied)
+
+
+class Result(NamedTuple):
+    """What a job gave: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
+
+    readings: Readings
+    seconds: dict[str, float]
+    files: dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a job gave nothing.
+
+    Attributes
+    ----------
+    message : one line
+    bad_input : whether the scene was refused, as against a computation that failed
+    """
+
+    message: str
+    bad_input: bool = field(default=False)
+
+    def error(self) -> InputError | ComputationError:
+        """The failure as an exception."""
+        return (InputError if self.bad_input else ComputationError)(self.message)
+
+
+def run(job: Job) -> Result | Failure:
+    """Read the scene of a job; whatever goes wrong in it is its result, so that others go on. An interrupt ends it."""
+    with _scenes_ended():
+        try:
+            return _read(job)
+        except Exception as error:
+            if comes_from_interrupt(error):
+                raise KeyboardInterrupt from error
+            return failure_of(error)
+
+
+_LOCK = threading.Lock()
+_at_work = 0  # jobs in this process: a worker of a cluster may have several threads
+
+
+@contextmanager
+def _scenes_ended() -> Iterator[None]:
+    """Let no scene made within live on: it would add its plugins to the kernels of the next one.
+
+    Looking for what nobody refers to any more goes through all objects; those that were there before are left out,
+    which makes it some ten times as quick.
+    """
+    global _at_work
+    with _LOCK:
+        if not _at_work:
+            gc.freeze()
+        _at_work += 1
+    try:
+        yield
+    finally:
+        gc.collect()
+        with _LOCK:
+            _at_work -= 1
+            if not _at_work:
+                gc.unfreeze()
+
+
+def failure_of(error: BaseException) -> Failure:
+    """An exception as a failure."""
+    if isinstance(error, (InputError, ComputationError)):
+        return Failure(str(error), isinstance(error, InputError))
+    return Failure(" ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def describe(values: Mapping[str, str]) -> str:
+    """Values of parameters, in words."""
+    return ", ".join(" ".join(f"{name}={value}".split()) for name, value in values.items())
+
+
+@in_turn
+def _read(job: Job) -> Result:
+    with stages.record() as seconds:
+        ready = prepare(Scene(job.file, job.parameters, job.mesh_size))
+        readings = measure(
+            ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
+        )
+        files = {}
+        with stages.stage("files"):
+            if job.meshes:
+                files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
+            if job.maps:
+                files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
+    return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size), seconds, files)
+
+
+def _name(pad: object) -> str:
+    """A name that only the same surface has."""
+    return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
+
+
+def _content(suffix: str, write: Callable[[Path], None]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"file{suffix}"
+        write(file)
+        return file.read_bytes()

@@ -1,0 +1,107 @@
+"""How many points, and how fine a mesh, the scenes of a batch need, from pilot runs of some of them."""
+
+from __future__ import annotations
+
+import gc
+import math
+import time
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
+from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
+from mitsuba_taxel.sensing.targets import Settings, aim, points_for
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
+from mitsuba_taxel.studies.run.job import describe
+
+MOST_PILOT_CURVES = 8
+"""Curves of a study, spread evenly over it, whose scenes say how many points it takes."""
+
+
+@in_turn
+def piloted_settings(batch: Batch, machines: int) -> Settings:
+    """Points and mesh size by which the first, middle and last scene of some of the curves reach the target.
+
+    Without a target that is 0.005 for the light alone, on the scene's own mesh. Under a time budget there are at most
+    as many points as so many machines would trace in what is left of it.
+
+    Raises
+    ------
+    InputError, ComputationError
+        that of the first scene, if none of them can be read.
+    """
+    pilot = _Pilot(batch, machines)
+    failed = []
+    for values in _pilot_scenes(batch):
+        try:
+            pilot.read(values)
+        except (InputError, ComputationError) as error:
+            failed.append(type(error)(f"{describe(values)}: {error}"))
+        gc.collect()
+    if not pilot.points:
+        raise failed[0]
+    return Settings(min(max(pilot.points), pilot.affordable_points()), pilot.mesh_size)
+
+
+class _Pilot:
+    """What the pilot scenes of a batch need, and what they cost."""
+
+    def __init__(self, batch: Batch, machines: int) -> None:
+        self.batch, self.machines = batch, machines
+        self.clock = Clock(batch.time_budget)
+        self.points: list[int] = []
+        self.mesh_size = batch.mesh_size
+        self._seconds: list[tuple[float, float]] = []  # of a scene, apart from tracing; of tracing the first points
+
+    def read(self, values: Mapping[str, str]) -> None:
+        scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
+        if self.batch.target_error is None:
+            points = points_for(prepare(scene), LIGHT_ERROR, self.batch.seed)
+        else:
+            curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
+            allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
+            points, self.mesh_size = aim(scene, self.batch.target_error, self.batch.seed, allowed).settings
+        if self.batch.time_budget is not None:
+            self._seconds.append(self._costs(scene.with_mesh_size(self.mesh_size)))
+        self.points.append(points)
+
+    def _costs(self, scene: Scene) -> tuple[float, float]:
+        """Seconds that a scene takes apart from tracing, and for the first points."""
+        start = time.perf_counter()
+        run = Run(prepare(scene), self.batch.seed)
+        apart = time.perf_counter() - start
+        run.go_on(FIRST_POINTS)
+        return apart, run.seconds
+
+    def affordable_points(self) -> int:
+        """Points for each taxel and replicate that the rest of the time budget is enough for."""
+        if self.batch.time_budget is None:
+            return MOST_POINTS
+        jobs = math.prod(axis.size for axis in self.batch.axes)
+        apart, tracing = np.mean(self._seconds, axis=0)
+        steps = (self.clock.left * self.machines / jobs - apart) / tracing
+        return int(min(FIRST_POINTS * 2 ** math.floor(math.log2(max(steps, 1))), MOST_POINTS))
+
+    @property
+    def _curve_size(self) -> int:
+        curve = curve_dimension(self.batch.axes)
+        return next(axis.size for axis in self.batch.axes if axis.dim == curve)
+
+
+def _pilot_scenes(batch: Batch) -> Iterator[dict[str, str]]:
+    dims = [axis.dim for axis in batch.axes]
+    curve = dims.index(curve_dimension(batch.axes))
+    count = batch.axes[curve].size
+    ends = sorted({0, count // 2, count - 1})
+    starts = [index for index, _ in combinations(batch.axes) if index[curve] == 0]
+    chosen = np.unique(np.linspace(0, len(starts) - 1, MOST_PILOT_CURVES).round().astype(int))
+    for start in (starts[i] for i in chosen):
+        for end in ends:
+            index = (*start[:curve], end, *start[curve + 1 :])
+            places = zip(batch.axes, index, strict=True)
+            yield {name: words[i] for axis, i in places for name, words in axis.values.items()}

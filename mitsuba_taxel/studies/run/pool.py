@@ -1,0 +1,201 @@
+"""Where the jobs of a study are done: in this process, in processes of this machine, or on a Dask cluster.
+
+A result depends on its job alone, and not on who does it, how many there are, or in which order.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from itertools import chain
+from typing import Protocol
+
+from mitsuba_taxel.base.arguments import is_whole, require
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.threads import set_thread_count
+from mitsuba_taxel.studies.run import processes
+from mitsuba_taxel.studies.run.job import Failure, Job, Result, failure_of, run
+
+MOST_WORKERS = 120
+"""Each takes eight of the 1024 open files that a process is commonly allowed."""
+
+Curve = Sequence[Job]
+"""Jobs that may share a load path."""
+Outcomes = Iterator[tuple[Job, "Result | Failure"]]
+
+
+class Pool(Protocol):
+    """Does jobs; says what became of each as it comes, in any order.
+
+    Attributes
+    ----------
+    name : what it is, in words
+    machines : about how many times as fast as this machine it is: local processes share its cores
+    """
+
+    name: str
+    machines: int
+
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes: ...
+
+
+@contextmanager
+def open_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
+    """Those who do jobs: this process, ``workers`` processes, or the Dask cluster of a ``scheduler``.
+
+    Raises
+    ------
+    InputError
+        if the number is not allowed, both are given, Dask is not installed, or the scheduler does not answer.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError(f"workers = {workers} and scheduler = {scheduler!r} exclude each other: give one of them.")
+    if workers is not None and not (is_whole(workers) and 1 <= workers <= MOST_WORKERS):
+        raise InputError(f"workers = {workers!r} is not allowed: a whole number from 1 to {MOST_WORKERS} is needed.")
+    if scheduler is not None:
+        require("scheduler", scheduler, str, "an address, as tcp://host:8786,")
+        with _cluster(scheduler) as cluster:
+            yield cluster
+    elif workers is not None:
+        pool = _Processes(workers)
+        try:
+            yield pool
+        finally:
+            pool.stop()
+    else:
+        yield _Here()
+
+
+class _Here:
+    name = "this process"
+    machines = 1
+
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
+        for job in chain.from_iterable(curves):
+            yield job, run(job)
+
+
+class _Processes:
+    """Local processes, each at a curve of its own while there are enough: of those at one, one solves, others wait.
+
+    One that dies is replaced. Its job is tried again when nothing else is left, alone, as it may have been for want of
+    memory.
+    """
+
+    machines = 1
+
+    def __init__(self, count: int) -> None:
+        self.name = f"{count} {'process' if count == 1 else 'processes'}"
+        self._count = count
+        self._executors: dict[int, ProcessPoolExecutor] = {}  # of one process each, which alone can be chosen
+
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
+        deadly = []
+        for job, outcome in self._spread([curve for curve in curves if curve], self._count):
+            if outcome is None:
+                deadly.append(job)
+            else:
+                yield job, outcome
+        if deadly:
+            self.stop()  # idle processes hold memory as well
+        for job, outcome in self._spread([deadly], 1):
+            yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
+
+    def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, Result | Failure | None]]:
+        """What became of each job, as it comes, by so many processes; None if its process died.
+
+        Each process goes along a curve, then along the next that nobody was at, then helps where most is left.
+        """
+        threads = processes.share_of_cores(min(count, max(len(curves), 1)))
+        untouched = deque(map(deque, curves))
+        ahead: list[deque[Job]] = [deque()] * count
+        running: dict[Future[Result | Failure], tuple[int, Job]] = {}
+        came: list[tuple[Job, Result | Failure | None]] = []
+        idle = list(range(count))
+        while True:
+            for process in idle:
+                ahead[process] = ahead[process] or (untouched.popleft() if untouched else max(ahead, key=len))
+                if ahead[process]:
+                    job = ahead[process].popleft()
+                    running[self._submit(process, job, threads)] = process, job
+            yield from came
+            if not running:
+                return
+            idle, came = [], []
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                process, job = running.pop(future)
+                idle.append(process)
+                died = isinstance(future.exception(), BrokenProcessPool)
+                if died:
+                    processes.end(self._executors.pop(process))
+                came.append((job, None if died else future.result()))
+
+    def _submit(self, process: int, job: Job, threads: int) -> Future[Result | Failure]:
+        if process not in self._executors:
+            self._executors[process] = processes.start(1, sharing=self._count)
+        try:
+            return self._executors[process].submit(do, job, threads)
+        except BrokenProcessPool:  # it died when there was nothing to do
+            processes.end(self._executors.pop(process))
+            return self._submit(process, job, threads)
+
+    def stop(self) -> None:
+        """End all processes, whatever they are at."""
+        processes.end(*self._executors.values())
+        self._executors.clear()
+
+
+def do(job: Job, threads: int) -> Result | Failure:
+    """What a process does with a job; with so many threads for the mechanics."""
+    set_thread_count(threads)
+    return run(job)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Pool]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError("a scheduler needs Dask: install mitsuba_taxel[cluster].") from error
+    try:
+        # As the default of this process xarray would use it too, even one that does not answer.
+        client = Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"scheduler = {address!r} is not allowed: no Dask scheduler answers there.") from error
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    log.setLevel(logging.CRITICAL)  # of a scheduler that is gone it writes pages
+    try:
+        yield _Cluster(client, address)
+    finally:
+        client.close()
+        log.setLevel(before)
+
+
+class _Cluster:
+    """The workers of a Dask cluster; Dask gives the jobs of one that dies to others."""
+
+    def __init__(self, client, address: str) -> None:
+        self.name = f"scheduler {address}"
+        self.machines = max(1, len(client.scheduler_info()["workers"]))
+        self._client, self._address = client, address
+
+    def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
+        from distributed import as_completed
+
+        submit: Callable = self._client.submit
+        jobs = chain.from_iterable(curves)
+        given = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
+        for future in as_completed(list(given), loop=self._client.loop):
+            job = given.pop(future)
+            if future.cancelled():
+                raise ComputationError(
+                    f"the Dask scheduler at {self._address} is gone: what came is kept, and the same call goes on."
+                )
+            error = future.exception()
+            yield job, future.result() if error is None else failure_of(error)
+            future.release()

@@ -1,0 +1,60 @@
+"""Processes that work for this one: they share its cores, leave interrupts to it, and do not outlive it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
+
+from mitsuba_taxel.base.threads import set_thread_count
+
+
+def start(count: int, sharing: int) -> ProcessPoolExecutor:
+    """``count`` processes, of ``sharing`` that share the cores; each starts when there is work for it."""
+    _start_tracker()
+    return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (sharing,))
+
+
+def _start_tracker() -> None:
+    """Start Python's process that clears up after others, deaf to what a terminal sends to all when it closes."""
+    if threading.current_thread() is not threading.main_thread():
+        resource_tracker.ensure_running()
+        return
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def end(*executors: ProcessPoolExecutor) -> None:
+    """End all processes, whatever they are at."""
+    for executor in executors:
+        for process in list((executor._processes or {}).values()):
+            process.terminate()
+    for executor in executors:
+        executor.shutdown(cancel_futures=True)
+
+
+def share_of_cores(sharing: int) -> int:
+    """Cores for each of so many."""
+    return max(1, (os.cpu_count() or 1) // sharing)
+
+
+def _begin(sharing: int) -> None:
+    import drjit as dr
+
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent says when to end
+        signal.signal(number, signal.SIG_IGN)
+    threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
+    dr.set_thread_count(share_of_cores(sharing))
+    set_thread_count(share_of_cores(sharing))
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

@@ -1,0 +1,60 @@
+"""Where results come from: versions, this package's own code, and the content of a scene and its files."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.backend import report
+from mitsuba_taxel.base.sources import code_digest
+from mitsuba_taxel.sensing.scene import is_file
+from mitsuba_taxel.studies.plan.batch import Batch
+
+ROOMS = ("backend", "base", "geometry", "pads", "mechanics", "kernels", "sensing", "plugins", "studies")
+"""Where the code is that decides what a reading of a study is."""
+
+
+def provenance(batch: Batch) -> dict[str, Any]:
+    """What the results of a batch depend on besides its values.
+
+    Returns
+    -------
+    ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
+    that decide what a reading is; ``versions`` by name; and ``parameters``, values of all that are not varied.
+    """
+    first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    parameters = batch.scene(first).parameters
+    words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
+    return {
+        "scene_content": _digest(_files_of(batch.file, set(words))),
+        "code": code_digest(*ROOMS)[:16],
+        "versions": {name: str(version) for name, version in _versions().items()},
+        "parameters": {name: value for name, value in parameters.items() if name not in first},
+    }
+
+
+def _versions() -> dict[str, str]:
+    versions = report()["versions"]
+    assert isinstance(versions, dict)
+    return versions
+
+
+def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:
+    """The scene, and every file beside it that it or one of the values of its parameters names."""
+    yield scene
+    words = {word for element in ElementTree.parse(scene).iter() for word in element.attrib.values()}
+    for word in sorted(words | values):
+        file = scene.parent / re.sub(r"^@", "", word)
+        if word and is_file(file) and file != scene:
+            yield from _files_of(file, set()) if file.suffix == ".xml" else [file]
+
+
+def _digest(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:16]

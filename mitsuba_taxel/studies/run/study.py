@@ -1,0 +1,283 @@
+"""Studies: scenes read at every combination of their varied parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import xarray as xr
+
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.sensing.targets import Settings
+from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
+from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension
+from mitsuba_taxel.studies.run.dataset import assemble
+from mitsuba_taxel.studies.run.job import Failure, Job, describe
+from mitsuba_taxel.studies.run.pilots import piloted_settings
+from mitsuba_taxel.studies.run.pool import Pool, open_pool
+from mitsuba_taxel.studies.run.provenance import provenance
+from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
+from mitsuba_taxel.studies.store.opening import open_study
+
+
+class Progress(NamedTuple):
+    """How far a study is.
+
+    Attributes
+    ----------
+    done, failed, total : jobs that are finished, failed ones among them, and all
+    error : largest relative total error of a reading so far
+    """
+
+    done: int
+    failed: int
+    total: int
+    error: float
+
+
+def sweep(
+    source: str | Path,
+    vary: Mapping[str, str | Iterable[object]],
+    defines: Mapping[str, object] | None = None,
+    *,
+    together: Mapping[str, str | Iterable[object]] | None = None,
+    target_error: float | None = None,
+    points: int | None = None,
+    time_budget: float | None = None,
+    mesh_size: float | None = None,
+    seed: int = 0,
+    output: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    maps: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xr.Dataset:
+    """Read a scene at every combination of the varied parameters.
+
+    All readings use the same seed and the same number of points, so that neighbouring ones share their random
+    numbers and a slope between them is not noise. With ``output``, each is on disk as soon as it is there, and the same
+    call goes on where one before was stopped.
+
+    Parameters
+    ----------
+    source : path of a scene, or the name of a shipped one
+    vary : by parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
+        values themselves; each makes a dimension
+    defines : values for other parameters of the scene
+    together : values by parameter, all of one length, that are taken row by row along a dimension ``step``
+    target_error : relative total error, of mechanics and light, wanted for the worst taxel of the first, middle and
+        last scene of each curve; without target and points, 0.005 for the light alone
+    points : light paths for each taxel and randomisation, instead of a target
+    time_budget : seconds in which the study should end: limits the points, and how fine a mesh is tried
+    mesh_size : mm, of the finite elements of pads that the scene leaves open; a target error may make them smaller
+    seed : whole number from 0 to 2**32 - 1
+    output : folder for the results; new, empty, or that of the same study
+    workers : number of processes to use, in place of this one
+    scheduler : address of a Dask scheduler whose workers to use; they must see the same files
+    retry_failed : whether scenes that failed in an earlier call are computed again
+    maps : whether to write irradiance maps to ``output`` as well, as OpenEXR
+    parquet : whether to write the readings to ``output`` as ``readings.parquet`` as well
+    progress : called when a scene is done
+
+    Returns
+    -------
+    Over the varied parameters and ``taxel``: ``power``, ``standard_error`` (light) and ``total_error`` in W, and
+    ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
+    ``mesh``, the file of the pad. What failed is not a number, and the attribute ``failures`` says why, line by line.
+    Other attributes are seed, points, mesh size, versions, the other parameters, and the seconds of the pilot runs
+    that chose points and mesh.
+
+    Raises
+    ------
+    InputError
+        if a parameter, a value or the folder is refused, or every scene.
+    ComputationError
+        if no scene could be computed, or results could not be stored.
+    """
+    what: dict[str, Any] = {
+        "target_error": target_error,
+        "points": points,
+        "time_budget": time_budget,
+        "mesh_size": mesh_size,
+        "seed": seed,
+        "maps": maps,
+    }
+    batch = make_batch(source, vary, defines, together=together, **what)
+    folder = None if output is None else path_of("output", output)
+    check_flags(retry_failed=retry_failed, parquet=parquet)
+    check_progress(progress)
+    with open_pool(workers, scheduler) as pool:
+        return run_batch(batch, pool, folder, retry_failed, parquet, progress)
+
+
+def run_batch(
+    batch: Batch,
+    pool: Pool,
+    folder: Path | None,
+    retry_failed: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xr.Dataset:
+    """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
+    origin = provenance(batch)
+    if folder is None:
+        return _dataset(batch, origin, _compute(batch, pool, None, progress))
+    from mitsuba_taxel.studies.store.tables import check_parquet, write_results
+
+    if parquet:
+        check_parquet()
+    store = Store(folder)
+    with store.writing({**batch.as_toml(), "provenance": origin}, pool.name):
+        if retry_failed:
+            store.forget_failures()
+        study = _dataset(batch, origin, _compute(batch, pool, store, progress))
+        write_results(study, folder, parquet)
+    return study
+
+
+def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr.Dataset:
+    """What was computed, as :func:`sweep` returns it; raises the first failure if there is nothing else."""
+    failures = computed.failures
+    if not computed.results:
+        index, failure = next(iter(failures.items()))
+        values = dict(combinations(batch.axes))[index]
+        raise type(failure.error())(f"{describe(values)}: {failure.message}")
+    about = {"scene": batch.file.name, "seed": batch.seed, "target_error": batch.target_error}
+    run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
+    return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
+
+
+class _Computed(NamedTuple):
+    """What the jobs of a batch gave, by place along its dimensions."""
+
+    results: dict[tuple[int, ...], Kept]
+    failures: dict[tuple[int, ...], Failure]
+    settings: Settings
+    pilot_seconds: dict[str, float]
+
+
+def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[Progress], None] | None) -> _Computed:
+    settings, pilot_seconds = _settings(batch, store, pool.machines)
+    place = {number: index for number, (index, _) in enumerate(combinations(batch.axes))}
+    curves = _curves(batch, settings, store is not None)
+    jobs = [job for curve in curves for job in curve]
+    failures = {number: failure for number, failure in store.failures().items() if number in place} if store else {}
+    stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
+    results = {number: kept for number, kept in stored if kept is not None}
+    errors = [kept.readings.relative_total_error for kept in results.values()]
+    known = {*results, *failures}
+    for job, outcome in pool.outcomes([job for job in curve if job.number not in known] for curve in curves):
+        if store:
+            store.keep(job, outcome)
+        if isinstance(outcome, Failure):
+            failures[job.number] = outcome
+        else:
+            results[job.number] = keepable(outcome)
+            errors.append(outcome.readings.relative_total_error)
+        if progress:
+            done = len(results) + len(failures)
+            progress(Progress(done, len(failures), len(jobs), max(errors, default=0.0)))
+    return _Computed(
+        {place[number]: kept for number, kept in sorted(results.items())},
+        {place[number]: failure for number, failure in sorted(failures.items())},
+        settings,
+        pilot_seconds,
+    )
+
+
+def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
+    """The jobs, those of one curve together: they may share a load path."""
+    curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
+    checked = checked_places(batch.axes[curve])
+    curves: dict[tuple[int, ...], list[Job]] = {}
+    for number, (place, values) in enumerate(combinations(batch.axes)):
+        job = Job(
+            number=number,
+            file=batch.file,
+            parameters=batch.scene(values).parameters,
+            varied=values,
+            points=settings.points,
+            seed=batch.seed,
+            mesh_size=settings.mesh_size,
+            mechanics_error=place[curve] in checked,
+            meshes=stored,
+            maps=stored and batch.maps,
+        )
+        curves.setdefault((*place[:curve], *place[curve + 1 :]), []).append(job)
+    return list(curves.values())
+
+
+def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
+    """Points and mesh size for every scene: those asked for, those of an earlier run, or those that pilot runs say."""
+    if batch.points is not None:
+        return Settings(batch.points, batch.mesh_size), {}
+    choice = store.choice if store else None
+    if choice is not None:
+        return choice
+    with stages.record() as seconds, stages.stage("optics"):
+        settings = piloted_settings(batch, machines)
+    if store:
+        store.keep_choice(settings, seconds)
+    return settings, seconds
+
+
+def run_study(
+    file: str | Path,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    parquet: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> xr.Dataset | xr.DataTree:
+    """Run a study file: one scene, or several whose results go to folders of their own.
+
+    Parameters
+    ----------
+    file : TOML, as ``taxel new study`` writes it
+    output : folder for the results; new, empty, or that of the same study
+
+    The others are those of :func:`sweep`.
+
+    Returns
+    -------
+    The dataset of :func:`sweep`, or a tree of them by the scenes' names. A scene that failed as a whole is not there;
+    the tree's attribute ``failures`` says why, a line for each.
+
+    Raises
+    ------
+    InputError
+        if the study or the folder is refused.
+    ComputationError
+        if no scene could be computed, or results could not be stored.
+    """
+    file, folder = path_of("file", file), path_of("output", output)
+    check_flags(retry_failed=retry_failed, parquet=parquet)
+    check_progress(progress)
+    content, here = read_study(file), file.resolve().parent
+    with open_pool(workers, scheduler) as pool:
+        if not content["scenes"][0].get("name"):
+            return run_batch(batch_from(content, 0, here), pool, folder, retry_failed, parquet, progress)
+        begin_tree(folder, content)
+        failures: dict[str, InputError | ComputationError] = {}
+        for number, scene in enumerate(content["scenes"]):
+            try:
+                batch = batch_from(content, number, here)
+                run_batch(batch, pool, folder / batch.name, retry_failed, parquet, progress)
+            except StoreError:
+                raise
+            except (InputError, ComputationError) as error:
+                failures[scene["name"]] = error
+    if len(failures) == len(content["scenes"]):
+        name, reason = next(iter(failures.items()))
+        raise type(reason)(f"{name}: {reason}")
+    tree = open_study(folder)
+    lines = [*tree.attrs["failures"].splitlines(), *(f"{name}: {reason}" for name, reason in failures.items())]
+    tree.attrs["failures"] = "\n".join(lines)
+    return tree

@@ -1,0 +1,239 @@
+"""Training sets: force against readings, with noise, in three parts that share no force."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from hashlib import sha256
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, path_of, require
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES, PARAMETER_UNITS
+from mitsuba_taxel.studies.plan.files import make_empty_folder
+from mitsuba_taxel.studies.store.datasheet import Making, datasheet
+
+PARTS = ("train", "validation", "test")
+
+LEAST_FORCES = 10
+"""Fewer different forces than this cannot be split into three parts that each say something."""
+
+
+class _Rows(NamedTuple):
+    """One row for each job: its parameters as columns; power and standard error in W, of shape (rows, taxels)."""
+
+    parameters: pd.DataFrame
+    power: np.ndarray
+    standard_error: np.ndarray
+
+
+def training_set(
+    study: xr.Dataset | xr.DataTree,
+    output: str | Path | None = None,
+    *,
+    noise: float | str = 0.0,
+    copies: int = 1,
+    split: Sequence[float] = (0.7, 0.15, 0.15),
+    seed: int = 0,
+    parquet: bool = False,
+) -> dict[str, pd.DataFrame]:
+    """Tables of force and readings to train a calibration model on.
+
+    Every force, with all its noisy copies and all values of the other parameters, goes into one part. Forces are
+    ranked by a hash of seed and force, and the ranking is cut at the shares. So the part of a force changes neither
+    with noise, copies or other parameters, nor when failed jobs are done again; where forces are added, the ranking
+    of the old ones stays, and only those beside a cut can change part.
+
+    Parameters
+    ----------
+    study : readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such
+    output : folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be empty
+        or not exist
+    noise : standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W,
+        or a share of the reading, as ``"0.5%"``
+    copies : noisy copies of each job
+    split : shares of train, validation and test, above 0, together 1
+    seed : of split and noise, from 0 to 2**32 - 1
+    parquet : whether to write each table as Parquet too
+
+    Returns
+    -------
+    By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name where
+    there are several, other parameters that differ between jobs, ``power_1_W``, ... with the noise, and
+    ``standard_error_1_W``, ..., which is that of the light, without the noise. Jobs without a reading are left out.
+
+    Raises
+    ------
+    InputError
+        if a value is refused, the study holds too few forces, or the folder cannot be written to.
+    """
+    folder = None if output is None else path_of("output", output)
+    check_flags(parquet=parquet)
+    sigma, relative = _read_noise(noise)
+    _check(split, copies, seed, sigma)
+    if parquet and find_spec("pyarrow") is None:
+        raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
+    studies = _scenes(study)
+    rows = _rows(studies)
+    part = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
+    done = np.isfinite(rows.power).all(axis=1)
+
+    random = np.random.default_rng(seed)
+    spread = sigma * np.abs(rows.power) if relative else sigma
+    noisy = rows.power + spread * random.standard_normal((copies, *rows.power.shape))
+    taxels = next(iter(studies.values())).taxel.values
+    copied = [_table(rows._replace(power=power), taxels)[done] for power in noisy]
+    tables = {
+        name: pd.concat([table[part[done] == number] for table in copied], ignore_index=True)
+        for number, name in enumerate(PARTS)
+    }
+    for name, table in tables.items():
+        if table.empty:
+            raise InputError(f"split = {tuple(split)} is not allowed: no job with readings is left for {name}.")
+    if folder is not None:
+        left_out = rows.parameters[~done]
+        making = Making(f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W", sigma > 0, copies, seed)
+        _write(folder, tables, datasheet(studies, tables, making, left_out), parquet)
+    return tables
+
+
+def _read_noise(noise: float | str) -> tuple[float, bool]:
+    """Standard deviation of the noise, and whether it is a share of the reading; else it is in W."""
+    words = str(noise).strip()
+    try:
+        sigma = float(words.removesuffix("%"))
+    except ValueError:
+        sigma = math.nan
+    if not 0 <= sigma < math.inf:
+        raise InputError(f"noise = {noise!r} is not allowed: 0 or above, in W or as 0.5% of each reading, is needed.")
+    return (sigma / 100, True) if words.endswith("%") else (sigma, False)
+
+
+def _check(split: Sequence[float], copies: int, seed: int, sigma: float) -> None:
+    good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
+    if not (good and math.isclose(sum(split), 1)):
+        raise InputError(f"split = {split!r} is not allowed: three shares above 0 that together make 1 are needed.")
+    if not is_whole(copies) or copies < 1 or (copies > 1 and sigma == 0):
+        raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
+    if not (is_whole(seed) and 0 <= seed < 1 << 32):
+        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+
+
+def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
+    """The studies of single scenes by name, which is blank for a study of one scene; raises `InputError`."""
+    require("study", study, (xr.Dataset, xr.DataTree), "what sweep or open_study returned")
+    if isinstance(study, xr.Dataset):
+        scenes = {"": study}
+    else:
+        scenes = {node.path.strip("/"): node.to_dataset() for node in study.subtree}
+    scenes = {name: scene for name, scene in scenes.items() if "power" in scene}
+    if not scenes:
+        raise InputError("the study holds no power: readings are needed.")
+    return scenes
+
+
+def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
+    """The jobs of all scenes, one below the other.
+
+    Raises
+    ------
+    InputError
+        if the scenes have not the same taxels, or not the same components of force.
+    """
+    each = [_rows_of(study) for study in studies.values()]
+    first, *others = each
+    for name, rows in zip(list(studies)[1:], others, strict=True):
+        if rows.power.shape[1] != first.power.shape[1]:
+            raise InputError(f"scene {name} has {rows.power.shape[1]} taxels: {first.power.shape[1]} are needed.")
+        if _force_columns(rows.parameters) != _force_columns(first.parameters):
+            raise InputError(f"scene {name} has not the forces that others have as parameters: the same are needed.")
+    if len(studies) > 1:
+        for name, rows in zip(studies, each, strict=True):
+            rows.parameters.insert(0, "scene", name)
+    parameters = pd.concat([rows.parameters for rows in each], ignore_index=True)
+    return _Rows(
+        parameters.apply(_as_numbers),
+        np.concatenate([rows.power for rows in each]),
+        np.concatenate([rows.standard_error for rows in each]),
+    )
+
+
+def _rows_of(study: xr.Dataset) -> _Rows:
+    """The jobs of one scene, with the values of all of its parameters, varied or not."""
+    power = study.power.transpose(..., "taxel")
+    dims = power.dims[:-1]
+    one_each = power.isel(taxel=0, drop=True)
+    values: dict[Hashable, object] = dict(json.loads(study.attrs["parameters"]))
+    for name, coordinate in one_each.coords.items():
+        if name != "step":  # it only counts
+            values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
+    count = power.shape[-1]
+    return _Rows(
+        pd.DataFrame(values, index=range(one_each.size)),
+        power.values.reshape(-1, count),
+        study.standard_error.transpose(*power.dims).values.reshape(-1, count),
+    )
+
+
+def _as_numbers(column: pd.Series) -> pd.Series:
+    try:
+        return pd.to_numeric(column)
+    except (ValueError, TypeError):
+        return column
+
+
+def _force_columns(parameters: pd.DataFrame) -> list[str]:
+    return [name for name in FORCES if name in parameters]
+
+
+def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
+    """The number of the part that each row belongs to.
+
+    Raises
+    ------
+    InputError
+        if there are too few different forces.
+    """
+    words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
+    ranked = sorted(set(words), key=lambda force: sha256(f"{seed} {force}".encode()).digest())
+    if len(ranked) < LEAST_FORCES:
+        raise InputError(f"different forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
+    cuts = np.round(np.cumsum(split)[:-1] * len(ranked))
+    parts = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
+    return np.array([parts[force] for force in words])
+
+
+def _table(rows: _Rows, taxels: np.ndarray) -> pd.DataFrame:
+    """The columns of a training set, for all rows."""
+    forces = _force_columns(rows.parameters)
+    others = [name for name in rows.parameters if name not in forces]
+    varied = [name for name in others if rows.parameters[name].nunique() > 1]
+    parameters = rows.parameters[[*forces, *varied]].rename(columns=_with_unit)
+    power = pd.DataFrame(rows.power, columns=[f"power_{taxel}_W" for taxel in taxels])
+    error = pd.DataFrame(rows.standard_error, columns=[f"standard_error_{taxel}_W" for taxel in taxels])
+    return pd.concat([parameters, power, error], axis="columns")
+
+
+def _with_unit(name: str) -> str:
+    unit = PARAMETER_UNITS.get(name, "1")
+    return name if unit == "1" else f"{name}_{unit}"
+
+
+def _write(folder: Path, tables: Mapping[str, pd.DataFrame], sheet: str, parquet: bool) -> None:
+    make_empty_folder(folder)
+    for name, table in tables.items():
+        with replacing(folder / f"{name}.csv") as file:
+            table.to_csv(file, index=False)
+        if parquet:
+            with replacing(folder / f"{name}.parquet") as file:
+                table.to_parquet(file, index=False)
+    with replacing(folder / "README.md") as file:
+        file.write_text(sheet, encoding="utf-8")

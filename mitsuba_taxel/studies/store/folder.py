@@ -1,0 +1,286 @@
+"""The folder of a study: what it is, and one file for each job that is done or has failed.
+
+``study.toml`` says what is computed and by what; ``jobs/000042.npz`` is a result, whole or not there, and
+``failed/000042.json`` says why there is none. Everything else in the folder is derived from them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import tomli_w
+
+from mitsuba_taxel.base import archive
+from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics import RoofError
+from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
+from mitsuba_taxel.sensing.targets import Settings
+from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, Result
+
+STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
+JOBS, FAILED = "jobs", "failed"
+MOST_LETTERS = 200
+"""Of a line of a study file, that a message shows."""
+_LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
+HEADING = "# What the results beside this file are of; it can be run again, into another folder.\n"
+
+
+class StoreError(ComputationError):
+    """Results cannot be written: there is no sense in computing more of them."""
+
+
+class Kept(NamedTuple):
+    """The result of a job as it is stored: files that come with it are named, and lie beside it."""
+
+    readings: Readings
+    seconds: dict[str, float]
+    files: list[str]
+
+
+class Store:
+    """The folder of a study of one scene."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @contextmanager
+    def writing(self, content: Mapping[str, Any], workers: str) -> Iterator[None]:
+        """Keep the folder for one run of the study ``content``, which begins it or goes on with it.
+
+        Raises
+        ------
+        InputError
+            if the folder cannot be written to, another run is at work in it, or it holds something else.
+        """
+        from filelock import FileLock, Timeout
+
+        make_folder(self.folder)
+        lock = FileLock(self.folder / LOCK)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise InputError(f"output folder {self.folder} is in use: another run is at work in it.") from None
+        try:
+            self._begin(content)
+            self._note_run(workers)
+            yield
+        finally:
+            lock.release()
+
+    def _begin(self, content: Mapping[str, Any]) -> None:
+        if not (self.folder / STUDY).exists():
+            if any(not file.name.startswith(".") for file in self.folder.iterdir()):
+                raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
+            with replacing(self.folder / STUDY) as file:
+                file.write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
+        before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
+        difference = _difference(tomli_w.dumps(content), before)
+        if difference:
+            raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
+        for name in (JOBS, FAILED):
+            make_folder(self.folder / name)
+        for name in (JOBS, FAILED, MESHES, MAPS):
+            for stale in (self.folder / name).glob(".*"):
+                stale.unlink()  # a temporary file of a run that was killed
+
+    def _note_run(self, workers: str) -> None:
+        """Who is at work, and since when: for :func:`status`."""
+        about = {"started": time.time(), "finished_before": len(self.done()) + len(self.failures()), "workers": workers}
+        self._write_json(RUN, {**about, "host": socket.gethostname(), "process": os.getpid()})
+
+    @property
+    def choice(self) -> tuple[Settings, dict[str, float]] | None:
+        """What pilot runs have led to, and the seconds that these took by stage; None before.
+
+        Raises
+        ------
+        InputError
+            if that can no longer be read: other points would not belong to the results that there are.
+        """
+        file = self.folder / CHOICE
+        try:
+            chosen = json.loads(file.read_text(encoding="utf-8"))
+            settings, seconds = Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
+            _require(isinstance(settings.points, int) and 1 <= settings.points <= MOST_POINTS)
+            _require(settings.mesh_size is None or 0 < settings.mesh_size < math.inf)
+            _require(_is_seconds(seconds))
+        except OSError:
+            return None
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise InputError(f"{file} is damaged: remove it, and the results in {JOBS} beside it.") from error
+        return settings, seconds
+
+    def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
+        """Store what :attr:`choice` is from now on."""
+        self._write_json(CHOICE, {**settings._asdict(), "pilot_seconds": dict(pilot_seconds)})
+
+    def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
+        with replacing(self.folder / name) as file:
+            file.write_text(json.dumps(content), encoding="utf-8")
+
+    def done(self) -> list[int]:
+        """Numbers of the jobs that a result is there of."""
+        return sorted(_numbered(self.folder / JOBS, ".npz"))
+
+    def failures(self) -> dict[int, Failure]:
+        """Why there is none, by the numbers of the jobs that failed; a damaged file says nothing."""
+        files = sorted(_numbered(self.folder / FAILED, ".json").items())
+        read = {number: _failure(file) for number, file in files}
+        return {number: failure for number, failure in read.items() if failure is not None}
+
+    def forget_failures(self) -> None:
+        """Let the jobs that failed be done again."""
+        for file in (self.folder / FAILED).glob("*.json"):
+            file.unlink()
+
+    def keep(self, job: Job, outcome: Result | Failure) -> None:
+        """Store what a job gave; it is on disk when this returns. Raises `StoreError`."""
+        try:
+            if isinstance(outcome, Failure):
+                with replacing(self._failed(job.number)) as file:
+                    file.write_text(json.dumps(asdict(outcome)), encoding="utf-8")
+                return
+            self._keep_files(outcome.files)
+            with replacing(self._job(job.number)) as file:
+                file.write_bytes(archive.pack(_arrays(keepable(outcome))))
+        except (OSError, WriteError) as error:
+            raise StoreError(
+                f"results cannot be kept in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are kept; "
+                "the same command goes on from there."
+            ) from error
+
+    def _keep_files(self, files: Mapping[str, bytes]) -> None:
+        for name, content in files.items():
+            target = self.folder / name
+            if not target.exists():
+                target.parent.mkdir(exist_ok=True)
+                with replacing(target) as file:
+                    file.write_bytes(content)
+
+    def load(self, number: int, parameters: Mapping[str, str]) -> Kept | None:
+        """What a job with these parameters gave; None if there is no result, or one that is damaged or another's."""
+        try:
+            arrays = archive.unpack(self._job(number).read_bytes())
+            kept = None if arrays is None else _kept(arrays)
+        except Exception:  # not there, or whole, but not what this version writes
+            return None
+        return kept if kept is not None and kept.readings.parameters == parameters else None
+
+    def _job(self, number: int) -> Path:
+        return self.folder / JOBS / f"{number:06d}.npz"
+
+    def _failed(self, number: int) -> Path:
+        return self.folder / FAILED / f"{number:06d}.json"
+
+
+def keepable(result: Result) -> Kept:
+    """A result with its files named, and not held."""
+    return Kept(result.readings, result.seconds, list(result.files))
+
+
+_OPTIONAL = ("responsivity", "deviation", "facets")
+
+
+def _arrays(kept: Kept) -> dict[str, np.ndarray]:
+    readings = kept.readings
+    words = {
+        "points": readings.points,
+        "seed": readings.seed,
+        "parameters": readings.parameters,
+        "mesh_size": readings.mesh_size,
+        "remarks": readings.remarks,
+        "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
+        "seconds": kept.seconds,
+        "files": kept.files,
+    }
+    optional = {name: getattr(readings, name) for name in _OPTIONAL}
+    arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
+    return {**arrays, **{name: array for name, array in optional.items() if array is not None}}
+
+
+def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
+    words = json.loads(str(arrays["words"]))
+    seconds, files = words.pop("seconds"), words.pop("files")
+    errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
+    replicates = arrays["replicates"]
+    _require(replicates.ndim == 2 and replicates.dtype == float and len(replicates) == REPLICATES)
+    for name in set(_OPTIONAL) & arrays.keys():
+        _require(arrays[name].shape == replicates.shape[1:] and arrays[name].dtype == float)
+    _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
+    readings = Readings(
+        replicates,
+        seconds=seconds,
+        responsivity=arrays.get("responsivity"),
+        deviation=arrays.get("deviation"),
+        facets=arrays.get("facets"),
+        roof_errors=errors,
+        **words,
+    )
+    return Kept(readings, seconds, files)
+
+
+def _require(condition: bool) -> None:
+    if not condition:
+        raise ValueError
+
+
+def _is_seconds(seconds: object) -> bool:
+    """Whether these are times by stage."""
+    return isinstance(seconds, dict) and all(isinstance(time, (int, float)) for time in seconds.values())
+
+
+def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
+    """The files of jobs in a folder by number; others that lie there do not count."""
+    return {int(file.stem): file for file in folder.glob(f"*{suffix}") if re.fullmatch("[0-9]{6}", file.stem)}
+
+
+def _failure(file: Path) -> Failure | None:
+    try:
+        failure = Failure(**json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError):
+        return None
+    return failure if isinstance(failure.message, str) else None
+
+
+def _difference(now: str, before: str) -> str:
+    """The first parameter in which two study files differ, or nothing."""
+    pairs = zip_longest(*(_LIST.sub(_on_one_line, text).splitlines() for text in (now, before)), fillvalue="nothing")
+    return next((f"it says {_short(old)}, and not {_short(new)}" for new, old in pairs if new != old), "")
+
+
+def _on_one_line(found: re.Match[str]) -> str:
+    return f"[{', '.join(line.strip().removesuffix(',') for line in found[1].splitlines())}]"
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= MOST_LETTERS else f"{line[:MOST_LETTERS]} ..."
+
+
+def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
+    """Make the folder of a study of several scenes, which each get a folder in it.
+
+    Raises
+    ------
+    InputError
+        if it cannot be written to, or holds something else.
+    """
+    make_folder(folder)
+    if any(folder.iterdir()) and not (folder / STUDY).exists():
+        raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
+    with replacing(folder / STUDY) as file:
+        file.write_text(HEADING + tomli_w.dumps(study), encoding="utf-8")

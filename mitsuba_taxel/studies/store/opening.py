@@ -1,0 +1,84 @@
+"""Results that are on disk, as labelled arrays; no scene is loaded for it, and nothing executed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.scene import hindrance_to, is_file
+from mitsuba_taxel.sensing.targets import Settings
+from mitsuba_taxel.studies.plan.batch import read_study
+from mitsuba_taxel.studies.plan.vary import combinations, make_axes
+from mitsuba_taxel.studies.run.dataset import assemble
+from mitsuba_taxel.studies.store.folder import STUDY, Store
+
+
+def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
+    """The results in a folder, as far as they go.
+
+    Returns
+    -------
+    What ``sweep`` or ``run_study`` returned, or of a study that has not ended what there is of it; what is missing is
+    not a number.
+
+    Raises
+    ------
+    InputError
+        if the folder holds no study, or no result yet.
+    """
+    folder = path_of("folder", folder)
+    study = read_results(folder)
+    names = [scene.get("name") for scene in study["scenes"]]
+    if names != [None]:
+        begun = [name for name in names if (folder / name / STUDY).exists() and Store(folder / name).done()]
+        if not begun:
+            raise InputError(f"study {folder} holds no result yet: run it first.")
+        tree = xr.DataTree.from_dict({name: open_study(folder / name) for name in begun})
+        lines = [f"{name}: {line}" for name in begun for line in tree[name].attrs["failures"].splitlines()]
+        tree.attrs["failures"] = "\n".join(lines)
+        return tree
+    (scene,), origin, store = study["scenes"], study["provenance"], Store(folder)
+    axes = make_axes(scene.get("vary", {}), scene.get("together"))
+    places = dict(enumerate(combinations(axes)))
+    results = {}
+    for number in sorted(places.keys() & store.done()):
+        place, values = places[number]
+        kept = store.load(number, {**origin["parameters"], **values})
+        if kept:
+            results[place] = kept
+    if not results:
+        raise InputError(f"study {folder} holds no result yet: run it first.")
+    failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
+    settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
+    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"], "target_error": study.get("target_error")}
+    run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
+    return assemble(axes, results, failures, {**origin, **about, **run})
+
+
+def read_results(folder: Path) -> dict[str, Any]:
+    """The study that the results in a folder are of, as :func:`read_study` returns it.
+
+    Raises
+    ------
+    InputError
+        if there is none, or one that no run has written.
+    """
+    hindrance = hindrance_to(folder / STUDY)
+    if hindrance:
+        raise InputError(f"study {folder} cannot be read: {hindrance}.")
+    if not is_file(folder / STUDY):
+        raise InputError(
+            f"study {folder} is not allowed: the folder that a study was written to, with {STUDY}, is needed."
+        )
+    study = read_study(folder / STUDY)
+    if not study["scenes"][0].get("name"):
+        origin, scene = study.get("provenance"), study["scenes"][0].get("scene")
+        tables = [origin.get(name) for name in ("parameters", "versions")] if isinstance(origin, dict) else [None]
+        words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
+        if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
+            raise InputError(f"study {folder} holds no results: its {STUDY} lacks scene, seed or provenance.")
+    return study

@@ -1,0 +1,62 @@
+"""A study on disk: NetCDF, CSV, summary and plot, each file written whole or not at all."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.characterise import sensitivity_table
+from mitsuba_taxel.plots.curves import plot_curves
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
+    """Write ``readings.nc``, ``readings.csv``, ``power.png``, ``power.svg`` and, if a force is varied, ``summary.csv``.
+
+    With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
+    """
+    table = _readings(study)
+    with replacing(folder / "readings.nc") as file:
+        study.to_netcdf(file, engine="scipy")
+    with replacing(folder / "readings.csv") as file:
+        file.write_text("\n".join(_head(study)) + "\n" + table.to_csv(index=False), encoding="utf-8")
+    if parquet:
+        with replacing(folder / "readings.parquet") as file:
+            table.to_parquet(file, engine="pyarrow", index=False)
+    for form in ("png", "svg"):
+        with replacing(folder / f"power.{form}") as file:
+            plot_curves(study, file, form)
+    slopes = sensitivity_table(study)
+    if len(slopes):
+        with replacing(folder / "summary.csv") as file:
+            slopes.to_csv(file, index=False)
+
+
+def check_parquet() -> None:
+    """Raise `InputError` if Parquet files cannot be written here."""
+    if find_spec("pyarrow") is None:
+        raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
+
+
+def _head(study: xr.Dataset) -> list[str]:
+    """Lines that start with # and tell where the numbers come from."""
+    lines = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")]
+    return lines + [f"# {note}" for note in study.attrs["notes"].splitlines()]
+
+
+def _readings(study: xr.Dataset) -> pandas.DataFrame:
+    """One row per scene and taxel."""
+    names = ["power", "standard_error", "total_error", *(["mesh"] if "mesh" in study else [])]
+    dims = [str(dim) for dim in study.power.dims]
+    together = [str(name) for name in study.power.coords if name not in dims]
+    table = study[names].to_dataframe().reset_index()[[*dims[:-1], *together, dims[-1], *names]]
+    units = {name: study[name].attrs.get("units") for name in table.columns}
+    table.columns = [f"{name}_{units[name]}" if units[name] not in (None, "1") else name for name in table.columns]
+    return table

@@ -1,0 +1,442 @@
+"""Contact is found exactly where closed forms and a test of all triangles against all say, and nowhere else."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.six_node import shape_functions
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.surface.tessellation import _grid
+from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+
+LIFT = 20.0
+"""Height in mm at which blocks are out of the board's reach."""
+BOX = np.array(
+    [[[0, 0, 0], [1, 1, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 0, 1], [1, 0, 1], [1, 1, 1]]]
+    + [[[0, 0, 1], [1, 1, 1], [0, 1, 1]], [[0, 0, 0], [1, 0, 0], [1, 0, 1]], [[0, 0, 0], [1, 0, 1], [0, 0, 1]]]
+    + [[[0, 1, 0], [1, 1, 1], [1, 1, 0]], [[0, 1, 0], [0, 1, 1], [1, 1, 1]], [[0, 0, 0], [0, 1, 1], [0, 1, 0]]]
+    + [[[0, 0, 0], [0, 0, 1], [0, 1, 1]], [[1, 0, 0], [1, 1, 0], [1, 1, 1]], [[1, 0, 0], [1, 1, 1], [1, 0, 1]]],
+    dtype=float,
+)
+
+
+def box(low, high):
+    """Twelve triangles."""
+    return np.array(low) + BOX * (np.array(high) - low)
+
+
+def lifted(mesh):
+    return replace(mesh, points=mesh.points + (0, 0, LIFT))
+
+
+def moved(mesh, place):
+    """The displacement to the deformed ``place`` (N, 3)."""
+    return place - mesh.points
+
+
+def first_contact(test, displacement, low, high):
+    """Least amplitude at which there is contact, and that contact; there is none at ``low``, and there is at ``high``.
+
+    ``displacement`` is a function of the amplitude.
+    """
+    assert test.find(displacement(low)) is None
+    contact = test.find(displacement(high))
+    while high - low > 1e-8 * high:
+        middle = (low + high) / 2
+        at_middle = test.find(displacement(middle))
+        low, high, contact = (low, middle, at_middle) if at_middle else (middle, high, contact)
+    return high, contact
+
+
+# ---- the pad against itself ------------------------------------------------------------------------------------------
+
+
+def bent(mesh, angle, length, start=0.0, thickness=0.0):
+    """A bar along x whose part of ``length`` from ``start`` is bent upwards by ``angle``; the rest is straight."""
+    x, y, z = mesh.points.T
+    z = z - LIFT - thickness / 2
+    radius = length / angle
+    turn = np.clip((x - start) / radius, 0, angle)
+    beyond = x - start - radius * turn
+    place = [
+        (radius - z) * np.sin(turn) + beyond * np.cos(turn),
+        y,
+        LIFT + radius - (radius - z) * np.cos(turn) + beyond * np.sin(turn),
+    ]
+    return moved(mesh, np.stack(place, axis=1))
+
+
+@pytest.mark.parametrize("size", [(6.0, 1.0, 0.5), (0.06, 0.02, 0.001)])
+def test_a_bar_bent_to_a_ring_touches_its_other_end(block, size):
+    mesh = lifted(block(size, (12, 2, 1)))
+    angle, contact = first_contact(
+        ContactTest(mesh), lambda angle: bent(mesh, angle, size[0], thickness=size[2]), 6.0, 6.4
+    )
+    assert angle == pytest.approx(2 * math.pi, rel=2e-8)
+    assert contact.what == "itself"
+    assert contact.place[0] == pytest.approx(0, abs=1e-7)
+
+
+@pytest.mark.parametrize(("flap", "arc", "thickness"), [(2.0, 2.0, 0.3), (3.0, 1.5, 0.1)])
+def test_flaps_folded_on_each_other_touch_with_their_tips(block, flap, arc, thickness):
+    """Half the arc takes the tip, at a flap's length from its end, to the plane of symmetry."""
+    mesh = lifted(block((2 * flap + arc, 1.0, thickness), (int(8 * flap + 4 * arc), 2, 1)))
+
+    def height_of_tip(half):
+        return (arc / (2 * half) - thickness / 2) * math.sin(half) + flap * math.cos(half)
+
+    expected = 2 * brentq(height_of_tip, math.pi / 2, math.pi * 0.8, xtol=1e-14)
+    angle, contact = first_contact(
+        ContactTest(mesh), lambda angle: bent(mesh, angle, arc, flap, thickness), 0.9 * expected, 1.1 * expected
+    )
+    assert angle == pytest.approx(expected, rel=2e-8)
+    assert contact.what == "itself"
+
+
+@pytest.mark.parametrize("shift", [(0, 0), (0.013, 0.4)])
+@pytest.mark.parametrize("gap", [1e-6, 0.0, -1e-6])
+def test_flaps_in_parallel_touch_when_the_gap_is_nothing(block, gap, shift):
+    """Two blocks over each other, turned together."""
+    one = block((1.0, 0.7, 0.2), (4, 3, 1))
+    count = len(one.points)
+    points = np.concatenate([one.points, one.points + (*shift, 0.2 + gap)])
+    arrays = [np.concatenate([nodes, count + nodes]) for nodes in (one.tets, one.faces)]
+    mesh = VolumeMesh(points, *arrays, np.tile(one.face_region, 2), np.tile(one.face_cell, 2))
+    turned = Rotation.from_rotvec([0.3, 0.2, 0.5]).apply(np.array(points)) + (0, 0, LIFT)
+    contact = ContactTest(mesh).find(moved(mesh, turned))
+    assert (contact is not None) == (gap <= 0)
+    assert contact is None or contact.what == "itself"
+
+
+@pytest.mark.parametrize("cells", [(2, 1, 1), (4, 3, 2)])
+def test_faces_fold_on_each_other_at_a_common_edge(block, cells):
+    """Both halves of the top turn about its middle line, until they lie on each other at a right angle."""
+    mesh = lifted(block((2.0, 1.0, 1.0), cells))
+
+    def folded(angle):
+        place = mesh.points - (1, 0, LIFT + 1)
+        c, s = np.cos(angle), np.sin(angle) * -np.sign(place[:, 0])
+        x, z = place[:, 0], place[:, 2]
+        below = (z < 0) & (x == 0)
+        place = np.stack([np.where(below, 0, c * x + s * z), place[:, 1], np.where(below, z, -s * x + c * z)], axis=1)
+        straight = mesh.tets[:, 4:].ravel()
+        place[straight] = place[mesh.tets[:, TET_EDGES]].mean(axis=2).reshape(-1, 3)
+        return moved(mesh, place + (1, 0, LIFT + 1))
+
+    angle, contact = first_contact(ContactTest(mesh), folded, 1.4, 1.6)
+    # The bisector of nearly the same directions is as good as the rounding of nodes over the angle: 1e-14 / 1e-7.
+    assert angle == pytest.approx(math.pi / 2, rel=1e-7)
+    assert contact.what == "itself"
+
+
+@pytest.mark.parametrize("chosen", [0, 5])
+def test_a_side_wall_bulges_against_the_opposite_one(chosen):
+    """A face whose mid-edge nodes move by a bulges by 4/3 a in its middle, where there is no node."""
+    pad = Pad(rows=1, columns=1)
+    mesh = mesh_pad(pad, 0.8)
+    centre = mesh.points[mesh.faces[:, :3]].mean(axis=1)
+    wall = np.isclose(centre[:, 0], -pad.cell_size / 2) & (mesh.face_region == REGIONS["side"])
+    at_border = np.isin(mesh.faces[:, 3:], mesh.faces[~wall, 3:]).any(axis=1)
+    face = np.flatnonzero(wall & ~at_border)[chosen]
+    push = np.zeros_like(mesh.points)
+    push[mesh.faces[face, 3:], 0] = 1
+    amplitude, contact = first_contact(ContactTest(mesh), lambda a: a * push, 1.8, 2.0)
+    assert amplitude == pytest.approx(0.75 * pad.cell_size, rel=2e-8)
+    assert contact.what == "itself"
+    assert contact.place == pytest.approx((pad.cell_size / 2, *centre[face, 1:]), abs=1e-3)
+
+
+# ---- all against all -------------------------------------------------------------------------------------------------
+
+
+def segments_meet_triangles(start, end, triangle):
+    """Whether segments (n, 3) go through triangles (n, 3, 3), by solving for the point."""
+    a, b, c = triangle[:, 0], triangle[:, 1], triangle[:, 2]
+    matrix = np.stack([start - end, b - a, c - a], axis=2)
+    size = np.linalg.norm(matrix, axis=1)
+    regular = np.abs(np.linalg.det(matrix)) > 1e-9 * size.prod(axis=1)
+    t, u, v = np.linalg.solve(matrix[regular], (start - a)[regular][:, :, None])[:, :, 0].T
+    meets = np.zeros(len(a), dtype=bool)
+    meets[regular] = (t >= 0) & (t <= 1) & (u >= 0) & (v >= 0) & (u + v <= 1)
+    return meets
+
+
+def any_two_meet(points, triangles):
+    """Whether any two triangles meet elsewhere than in common vertices: a side of one goes through the other.
+
+    Of two with a common vertex, the sides that it is on are left out; those with a common edge never count.
+    """
+    low, high = points[triangles].min(axis=1), points[triangles].max(axis=1)
+    near = np.all([low[:, None, k] <= high[None, :, k] for k in range(3)], axis=0)
+    first, second = np.nonzero(near & near.T & ~np.eye(len(low), dtype=bool))
+    one, other = triangles[first], triangles[second]
+    common = (one[:, :, None] == other[:, None, :]).any(axis=2)
+    for k in range(3):
+        free = ~common[:, k] & ~common[:, (k + 1) % 3] & (common.sum(axis=1) < 2)
+        start, end = points[one[free, k]], points[one[free, (k + 1) % 3]]
+        if segments_meet_triangles(start, end, points[other[free]]).any():
+            return True
+    return False
+
+
+def flat(mesh, place):
+    """Places with the mid-edge nodes of the surface midway between corners."""
+    place = place.copy()
+    for k, (i, j) in enumerate(FACE_EDGES, start=3):
+        place[mesh.faces[:, k]] = (place[mesh.faces[:, i]] + place[mesh.faces[:, j]]) / 2
+    return place
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 0.14, 0.18, 0.25])
+def test_flat_faces_give_the_verdict_of_all_against_all(block, amplitude):
+    mesh = lifted(block((1.0, 1.0, 0.6), (2, 2, 1)))
+    test = ContactTest(mesh)
+    verdicts = []
+    for seed in range(25):
+        noise = np.random.default_rng(seed).normal(size=mesh.points.shape)
+        place = flat(mesh, mesh.points + amplitude * noise)
+        verdicts.append(any_two_meet(place, mesh.faces[:, :3]))
+        assert (test.find(moved(mesh, place)) is not None) == verdicts[-1], seed
+    assert amplitude in (0.1, 0.25) or 0 < sum(verdicts) < 25
+
+
+def pieces(faces, place, barycentric, pattern):
+    """Points and triangles of faces whose points at ``barycentric`` (F, P, 3) are joined by a ``pattern``."""
+    weights = np.array([shape_functions(face) for face in barycentric])
+    points = np.einsum("fpk,fkx->fpx", weights, place[faces])
+    triangles = (points.shape[1] * np.arange(len(faces))[:, None, None] + pattern).reshape(-1, 3)
+    _, first, number = np.unique(np.round(points.reshape(-1, 3), 12), axis=0, return_index=True, return_inverse=True)
+    return points.reshape(-1, 3)[first], number.ravel()[triangles]
+
+
+def any_pieces_meet(mesh, place):
+    """Whether flat pieces of the faces meet: of all faces, and, ever smaller, next to each corner."""
+    barycentric, pattern = _grid(12)
+    if any_two_meet(*pieces(mesh.faces, place, np.tile(barycentric, (len(mesh.faces), 1, 1)), pattern)):
+        return True
+    barycentric, pattern = _grid(4)
+    for corner in range(mesh.corner_count):
+        at_corner = (mesh.faces[:, :3] == corner).any(axis=1)
+        own = (mesh.faces[at_corner, :3] == corner).astype(float)[:, None]
+        for zoom in (4, 16, 64, 256):
+            if any_two_meet(*pieces(mesh.faces[at_corner], place, own + (barycentric - own) / zoom, pattern)):
+                return True
+    return False
+
+
+@pytest.mark.parametrize("amplitude", [0.04, 0.05, 0.06])
+def test_curved_faces_give_the_verdict_of_all_their_pieces_against_all(block, amplitude):
+    mesh = lifted(block((1.0, 1.0, 0.6), (1, 1, 1)))
+    test = ContactTest(mesh)
+    verdicts = []
+    for seed in range(12):
+        place = mesh.points + amplitude * np.random.default_rng(seed).normal(size=mesh.points.shape)
+        verdicts.append(any_pieces_meet(mesh, place))
+        assert (test.find(moved(mesh, place)) is not None) == verdicts[-1], seed
+    assert 0 < sum(verdicts) < 12
+
+
+def test_rotation_does_not_change_the_verdict(block):
+    mesh = lifted(block((1.0, 1.0, 0.6), (2, 2, 1)))
+    test, verdicts = ContactTest(mesh), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        place = mesh.points + 0.035 * rng.normal(size=mesh.points.shape)
+        verdicts.append(test.find(moved(mesh, place)) is not None)
+        turned = Rotation.random(random_state=seed).apply(place - (0, 0, LIFT)) + (0, 0, LIFT)
+        assert (test.find(moved(mesh, turned)) is not None) == verdicts[-1]
+    assert 0 < sum(verdicts) < 20
+
+
+# ---- the pad against the board and packages --------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def single():
+    """A cell with a flat roof: the pad and its mesh."""
+    pad = Pad("parallelepiped", rows=1, columns=1)
+    return pad, mesh_pad(pad, 1.2)
+
+
+def roof_down(pad, mesh, x0, y0):
+    """A roof sunk as a paraboloid, by 1 at its lowest point (x0, y0) between nodes; the faces of the roof are exact."""
+    x, y, z = mesh.points.T
+    shape = 1 - ((x - x0) ** 2 + (y - y0) ** 2) / 16
+    return np.stack([0 * x, 0 * x, -shape * np.minimum(z / pad.top_of_cell, 1)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "nearest"),
+    [
+        ((-0.53, -0.73, 0), (0.53, 0.73, 0.5), (0.13, 0.21)),
+        ((0.4, 0.3, 0), (0.9, 0.8, 0.7), (0.4, 0.3)),
+        ((-0.9, -0.1, 0), (-0.3, 0.9, 0.4), (-0.3, 0.21)),
+    ],
+)
+def test_a_roof_comes_down_on_a_box(single, low, high, nearest):
+    """On its face, a corner or an edge, whichever is under the lowest point over the box."""
+    pad, mesh = single
+    x0, y0 = 0.13, 0.21
+    sink = roof_down(pad, mesh, x0, y0)
+    depth = 1 - ((nearest[0] - x0) ** 2 + (nearest[1] - y0) ** 2) / 16
+    amplitude, contact = first_contact(ContactTest(mesh, box(low, high)), lambda a: a * sink, 0.7, 1.4)
+    assert amplitude == pytest.approx((pad.top_of_cell - high[2]) / depth, rel=2e-8)
+    assert contact.what == "a package"
+    assert contact.place == pytest.approx((*nearest, high[2]), abs=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 1e2])
+def test_a_roof_comes_down_on_the_board(single, scale):
+    pad, mesh = single
+    sink = scale * roof_down(pad, mesh, 0.13, 0.21)
+    test = ContactTest(replace(mesh, points=scale * mesh.points))
+    amplitude, contact = first_contact(test, lambda a: a * sink, 1.4, 1.7)
+    assert amplitude == pytest.approx(pad.top_of_cell, rel=2e-8)
+    assert contact.what == "the board"
+    assert contact.place == pytest.approx((scale * 0.13, scale * 0.21, 0), abs=scale * 1e-3)
+
+
+def test_an_outer_wall_bulges_below_the_board(block):
+    """z - a z (1 - z / H)^2 is below 0 next to the rim as soon as a > 1; it sinks by 0.23 H with a = 3.
+
+    Up to 0.02 H does not count in the strip along the rim, where it is the answer to a singular stress.
+    """
+    mesh, height = block((2.0, 2.0, 1.5), (3, 3, 6)), 1.5
+    z = mesh.points[:, 2]
+    grown = z * (1 - z / height) ** 2
+    bulge = grown[:, None] * np.column_stack([mesh.points[:, :2] - 1, np.full(len(z), -1.0)])
+    test = ContactTest(mesh)
+    sink = [(amplitude * grown - z).max() / height for amplitude in (1.2, 3)]
+    assert 0 < sink[0] < 0.02 < sink[1]
+    assert test.find(0.99 * bulge) is None
+    assert test.find(1.2 * bulge) is None
+    assert test.find(3 * bulge).what == "the board"
+
+
+@pytest.mark.parametrize("cell", CELL_SHAPES)
+def test_the_tip_of_a_needle_in_a_face(cell):
+    """A needle from the board ends just below or just above a point of a roof that is no node."""
+    mesh = mesh_pad(Pad(cell, rows=1, columns=1), 1.2)
+    roof = np.flatnonzero(mesh.face_region == REGIONS["roof"])
+    for face in roof[:: len(roof) // 3]:
+        weights = shape_functions(np.array([[0.23, 0.36, 0.41]]))[0]
+        tip = weights @ mesh.points[mesh.faces[face]]
+        foot = np.array([[0.02, 0, 0], [-0.01, 0.02, 0], [-0.01, -0.02, 0]]) + 0.5 * tip * (1, 1, 0) + (0, 0, 0.1)
+        for beyond in (-1e-6, 1e-6):
+            end = tip + beyond * (tip - foot.mean(axis=0)) / np.linalg.norm(tip - foot.mean(axis=0))
+            needle = np.array([foot, *([foot[k], foot[k - 1], end] for k in range(3))])
+            contact = ContactTest(mesh, needle).find(np.zeros_like(mesh.points))
+            assert (contact is not None) == (beyond > 0)
+            if contact:
+                assert contact.what == "a package"
+                assert contact.place == pytest.approx(tuple(tip), abs=2e-6)
+
+
+@pytest.mark.parametrize("cell", CELL_SHAPES)
+def test_a_body_within_the_silicone_and_the_pad_within_a_body(cell):
+    pad = Pad(cell, rows=2, columns=1)
+    mesh = mesh_pad(pad, 1.2)
+    rest = np.zeros_like(mesh.points)
+    free = [box((x - 0.5, y - 0.7, 0), (x + 0.5, y + 0.7, 0.5)) for x, y in pad.cell_centres]
+    assert ContactTest(mesh, np.concatenate(free)).find(rest) is None
+    beside = box((9, 9, 1), (10, 10, 2))
+    assert ContactTest(mesh, beside).find(rest) is None
+    for low in ((0, 0, 3), (-2, -0.1, 1), (0.3, 1, 4)):
+        high = np.array(low) + 0.2
+        hidden = np.concatenate([*free, box(low, high), beside])
+        contact = ContactTest(mesh, hidden).find(rest)
+        assert contact.what == "a package"
+        assert np.all((contact.place >= np.array(low)) & (contact.place <= high))
+    assert ContactTest(mesh, box((-50, -50, -50), (50, 50, 50))).find(rest).what == "a package"
+
+
+def test_packages_may_be_looked_at_alone(single):
+    """A roof that comes down on the board, and on a package if there is one."""
+    pad, mesh = single
+    sink = roof_down(pad, mesh, 0.13, 0.21)
+    deep = (pad.top_of_cell + 0.1) * sink
+    low, high = (0.3, 0.3, 0.0), (0.6, 0.6, 0.5)
+    test = ContactTest(mesh, box(low, high))
+    assert test.find(deep).what == "the board" and test.find_package(deep).what == "a package"
+    assert test.at_rest is None and test.find_package(0.2 * sink) is None
+    assert ContactTest(mesh).find_package(deep) is None
+    aside = ContactTest(mesh, box((9, 9, 0), (10, 10, 1)))
+    assert aside.find(deep).what == "the board" and aside.find_package(deep) is None
+
+
+# ---- no false alarm --------------------------------------------------------------------------------------------------
+
+
+def smooth(mesh, amplitude, seed):
+    """Waves about as long as the pad, with nothing moved at the board."""
+    rng = np.random.default_rng(seed)
+    length = np.ptp(mesh.points, axis=0).max()
+    wave, phase = rng.normal(size=(3, 3)) * 4 / length, rng.uniform(0, 6, 3)
+    height = mesh.points[:, 2:] / mesh.points[:, 2].max()
+    return amplitude * length * height * np.sin(mesh.points @ wave + phase)
+
+
+@pytest.mark.parametrize(
+    ("pad", "mesh_size"),
+    [(Pad(cell, rows=1, columns=2), 0.8) for cell in CELL_SHAPES]
+    + [(Pad(cell, rows=1, columns=2, pitch=2.6, wall=0.05), 0.8) for cell in CELL_SHAPES[:3]]
+    + [(Pad("hemispheric", rows=1, columns=1, wall=0.05), 0.5)]
+    + [
+        (Pad("hemispheric", 1, 1, wall=0.1, height=0.5, cell_size=0.4, cell_height=0.3), 0.1),
+        (Pad("spherical", 1, 1, wall=200, height=800, cell_size=500, cell_height=300), 150.0),
+    ],
+    ids=lambda value: f"{value.cell}-{value.wall:g}" if isinstance(value, Pad) else "",
+)
+def test_no_false_alarm(pad, mesh_size):
+    mesh = mesh_pad(pad, mesh_size)
+    size = pad.cell_size / 2.55
+    packages = [
+        box((x - 0.5 * size, y - 0.5 * size, 0), (x + 0.5 * size, y + 0.5 * size, 0.2 * size))
+        for x, y in pad.cell_centres
+    ]
+    test = ContactTest(mesh, np.concatenate(packages))
+    assert test.find(np.zeros_like(mesh.points)) is None
+    pressed = mesh.points * (0, 0, -0.15)
+    for seed in range(2):
+        assert test.find(smooth(mesh, 0.02, seed) + pressed) is None
+
+
+def test_a_turned_pad_touches_nothing():
+    """Faces in one plane are so to rounding only."""
+    mesh = mesh_pad(Pad("cylindrical", rows=1, columns=2), 0.8)
+    for seed in range(5):
+        turned = Rotation.random(random_state=seed).apply(np.array(mesh.points)) + (0, 0, 1000)
+        assert (
+            ContactTest(replace(mesh, points=mesh.points + (0, 0, 1000))).find(turned - mesh.points - (0, 0, 1000))
+            is None
+        )
+
+
+def test_triangles_without_area_do_no_harm(single):
+    """Points, needles and doubled sides in an obstacle count where they are, and nowhere else."""
+    _, mesh = single
+    rest = np.zeros_like(mesh.points)
+    package = box((-0.5, -0.5, 0), (0.5, 0.5, 0.5))
+    line = np.array([[[-0.5, -0.5, 0.5], [0, 0, 0.5], [0.5, 0.5, 0.5]]])
+    point = np.full((1, 3, 3), 0.5)
+    harmless = np.concatenate([package, line, point])
+    assert ContactTest(mesh, harmless).find(rest) is None
+    through = np.array([[[0, 0, 0.5], [0, 0, 1.0], [0, 0, 2.0]]])
+    assert ContactTest(mesh, np.concatenate([harmless, through])).find(rest).what == "a package"
+    crushed = rest.copy()
+    crushed[mesh.points[:, 2] > 1, 2] = 1 - mesh.points[mesh.points[:, 2] > 1, 2]
+    assert ContactTest(mesh, harmless).find(crushed) is not None
+
+
+@pytest.mark.parametrize("obstacles", [np.zeros((3, 3)), np.zeros((0, 3, 3)), np.full((1, 3, 3), np.nan)])
+def test_what_is_no_triangle(single, obstacles):
+    with pytest.raises(InputError, match=r"^obstacles = .* is not allowed: .* needed\.$"):
+        ContactTest(single[1], obstacles)

@@ -1,0 +1,87 @@
+"""Memory that ends is one line, before a compiled solver ends the process."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import pytest
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics import NeoHookean, linearise, load_path
+from mitsuba_taxel.mechanics.elements import memory, solvers
+from mitsuba_taxel.pads import Pad
+
+PAD = Pad("hemispheric", rows=1, columns=1)
+FORCES = [(0, 0, -0.3)]
+WORDS = (
+    r"^there is not enough memory for {} \(.* GB, and 0.09 GB are free\): larger finite elements or fewer cells need"
+)
+
+
+@pytest.fixture
+def no_memory(monkeypatch):
+    monkeypatch.setattr(memory, "free_memory", lambda: 9e7)
+
+
+def test_a_pad_that_memory_does_not_suffice_for_is_an_error_in_one_line(fresh, no_memory):
+    with pytest.raises(ComputationError, match=WORDS.format("a pad of finite elements of 1.2 mm")) as caught:
+        load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
+    assert "\n" not in str(caught.value)
+
+
+def test_so_is_the_whole_pad_for_its_derivatives(monkeypatch):
+    (state,) = load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
+    monkeypatch.setattr(memory, "free_memory", lambda: 9e7)
+    with pytest.raises(ComputationError, match=WORDS.format("the whole pad")):
+        linearise(state)
+
+
+@pytest.mark.parametrize("error", [MemoryError("Unable to allocate 2 GiB"), RuntimeError("can't start new thread")])
+def test_so_is_memory_that_ends_anywhere_else(fresh, monkeypatch, error):
+    def fail(*arguments):
+        raise error
+
+    monkeypatch.setattr(solvers.Rslab, "factor", fail)
+    with pytest.raises(ComputationError, match=f"there is not enough memory .*{error}"):
+        load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
+
+
+def test_free_memory_follows_the_limit_of_the_process():
+    """What is filled is no longer free; without a limit, the machine's memory is what counts."""
+    assert 1e8 < memory.free_memory() < math.inf
+    program = f"""
+import resource
+import numpy as np
+from mitsuba_taxel.mechanics.elements.memory import free_memory
+resource.setrlimit(resource.RLIMIT_AS, ({4 * 2**30},) * 2)
+before = free_memory()
+filled = np.ones({2**26})
+print(before, before - free_memory())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    before, less = map(float, done.stdout.split())
+    assert 0 < before < 4 * 2**30 or before == pytest.approx(memory.free_memory(), rel=0.5)
+    assert less == pytest.approx(2**29, rel=0.2)
+
+
+def test_a_stated_need_is_what_a_factor_takes():
+    """By the growth of the process, in one that has done nothing else."""
+    program = """
+import numpy as np, rslab, scipy.sparse as sparse
+from mitsuba_taxel.mechanics import solvers
+chain = sparse.diags([1.0, 1.0, 1.0], [-1, 0, 1], shape=(20, 20))
+grid = sparse.kron(sparse.kron(sparse.kron(chain, chain), chain), np.ones((3, 3)))
+matrix = sparse.csc_matrix(sparse.tril(grid) + 300 * sparse.eye(grid.shape[0]))
+needs = []
+solvers.require_memory = lambda size, purpose: needs.append(size)
+def kilobytes(name): return int(open("/proc/self/status").read().split(name + ":")[1].split()[0])
+open("/proc/self/clear_refs", "w").write("5")  # the most so far is what it takes now
+before = kilobytes("VmRSS")
+factor = solvers.Rslab().factor(matrix)
+print(needs[-1], 1024 * (kilobytes("VmHWM") - before))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    stated, taken = map(float, done.stdout.split())
+    assert 0.7 * taken - memory.ROOM < stated < 1.3 * taken

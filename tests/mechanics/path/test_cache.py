@@ -1,0 +1,117 @@
+"""The cache on disk: used where it is whole and fits, ignored where it does not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.pads import Pad
+
+PAD = Pad("cylindrical", rows=1, columns=1)
+FILES = 6
+"""Its mesh and one of twice the size, and for each a normal leg and a tangential one."""
+
+
+def displacement(material=None, size=1.25, pad=PAD):
+    return load_path(pad, material or NeoHookean(), [(0.1, 0, -0.5)], mesh_size=size)[0].displacement
+
+
+def files():
+    return sorted(cache.folder().glob("*.npz"))
+
+
+def test_a_kept_solution_is_used(fresh, monkeypatch):
+    first = displacement()
+    assert len(files()) == FILES
+    fresh()
+    monkeypatch.setattr(LoadedPad, "solve_symmetric", None)
+    monkeypatch.setitem(sys.modules, "netgen", None)
+    np.testing.assert_array_equal(displacement(), first)
+
+
+@pytest.mark.parametrize("harm", ["truncated", "emptied", "flipped", "foreign"])
+def test_damaged_files_are_replaced(fresh, harm):
+    first = displacement()
+    for file in files():
+        content = bytearray(file.read_bytes())
+        if harm == "truncated":
+            content = content[: len(content) // 2]
+        elif harm == "emptied":
+            content = bytearray()
+        elif harm == "flipped":
+            content[len(content) // 2] ^= 1
+        else:
+            content = bytearray(b"not a solution at all" * 10)
+        file.write_bytes(content)
+    damaged = {file: file.read_bytes() for file in files()}
+    fresh()
+    np.testing.assert_array_equal(displacement(), first)
+    assert all(file.read_bytes() != content for file, content in damaged.items())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"material": NeoHookean(4.16, 0.48)},
+        {"material": NeoHookean(4.2, 0.49)},
+        {"size": 1.4},
+        {"pad": Pad("cylindrical", rows=1, columns=1, wall=1.1)},
+    ],
+)
+def test_another_question_gets_another_answer(fresh, change):
+    first = displacement()
+    before = set(files())
+    other = displacement(**change)
+    assert set(files()) > before
+    assert other.shape != first.shape or not np.array_equal(other, first)
+
+
+def test_the_key_knows_the_last_bit_and_the_code():
+    assert cache.key(0.1) != cache.key(np.nextafter(0.1, 1))
+    assert cache.key(0.1) == cache.key(0.1)
+
+
+def test_a_folder_that_cannot_be_written_does_not_stop_the_run(fresh, monkeypatch, tmp_path):
+    first = displacement()
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "file" / "cache"))
+    fresh()
+    with pytest.warns(UserWarning, match="cannot be written"):
+        second = displacement()
+    np.testing.assert_array_equal(first, second)
+
+
+def test_no_temporary_files_are_left(fresh):
+    displacement()
+    assert [file.suffix for file in cache.folder().iterdir() if file.is_file()] == [".npz"] * FILES
+
+
+def test_where_the_cache_lies(monkeypatch):
+    monkeypatch.delenv("MITSUBA_TAXEL_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert cache.folder() == Path("/somewhere/mitsuba_taxel")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    assert cache.folder() == Path.home() / ".cache" / "mitsuba_taxel"
+
+
+def test_processes_may_solve_the_same_at_once(fresh):
+    code = (
+        "from mitsuba_taxel.mechanics import load_path, NeoHookean; from mitsuba_taxel.pads import Pad; import hashlib;"
+        "s = load_path(Pad('cylindrical', rows=1, columns=1), NeoHookean(), [(0.1, 0, -0.5)], mesh_size=1.5)[0];"
+        "print(hashlib.sha256(s.displacement.tobytes()).hexdigest())"
+    )
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=dict(os.environ), text=True)
+        for _ in range(3)
+    ]
+    digests = {run.communicate()[0] for run in runs}
+    assert all(run.returncode == 0 for run in runs)
+    assert len(digests) == 1

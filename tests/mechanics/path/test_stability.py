@@ -1,0 +1,102 @@
+"""Stability against displacements that lack a state's symmetry: where pieces of a pad tell it, that costs little."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_SECOND_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
+from mitsuba_taxel.mechanics import NeoHookean, PlateForce, Pressure, SpreadForce, load_path
+from mitsuba_taxel.mechanics.elements import solvers
+from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.stability import Unsymmetric
+from mitsuba_taxel.pads import Pad
+
+LAW = NeoHookean()
+CASES = [
+    (list(MIRRORS), SpreadForce(), (0, 0, -2.0)),
+    (list(MIRRORS), PlateForce(), (0, 0, -2.0)),
+    (list(MIRRORS), Pressure(), (0.1,)),
+    ([ACROSS_X, ACROSS_Y], SpreadForce(), (0, 0, -2.0)),
+    ([ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL], Pressure(), (0.1,)),
+]
+
+
+@pytest.mark.parametrize(("mirrors", "load", "value"), CASES)
+def test_the_pieces_have_the_energy_of_the_whole(mirrors, load, value, symmetric_block):
+    """The second variation of the energy, of displacements without any symmetry, at a pressed state.
+
+    That of the whole is summed over its elements alone; what the pressure in the cuts adds to the pieces has to cancel.
+    """
+    mesh = symmetric_block((3.6, 3.6, 3.0), (2, 2, 3))
+    images, value = node_images(mesh), np.array(value, dtype=float)
+    pad = LoadedPad(mesh, LAW, load, mirrors, images)
+    unknowns = pad.solve_symmetric(np.zeros(pad.unknowns), value)[0].unknowns
+    state = pad.split(unknowns)
+
+    of_whole = Model(part_between(mesh, {}, ()), LAW, load, {})
+    pieces = Unsymmetric(mesh, tuple(mirrors), images, pad.model, None).pieces
+    restricted = pad.part.restrict(*state)
+    entries = pad.model.evaluate(*restricted, value).entries
+    with_pressure = pieces.with_pressure(entries, *state)
+    assert not np.allclose(with_pressure, entries, rtol=1e-6)
+
+    kept = pad.part.walls[-1]
+    cuts = [mirror for mirror in mirrors if mirror is not kept]
+    if len(mirrors) == len(MIRRORS):
+        cuts = [ACROSS_X, ACROSS_Y]
+    corners = mesh.points[: mesh.corner_count]
+    in_cut = np.any([mirror.side(corners) == 0 for mirror in cuts], axis=0)
+    unknown = np.random.default_rng(7).normal(size=of_whole.assembly.unknowns)
+    displacement, pressure = of_whole.numbering.split(unknown)
+    pressure = np.where(in_cut, 0.0, pressure)
+    whole = form(of_whole, of_whole.evaluate(*state, value).entries, displacement, pressure)
+
+    total = 0.0
+    for here in orbit(displacement, pressure, images, cuts):
+        image = mirrored(*here, images, kept)
+        for block, sign in zip(pieces.blocks, (1, -1), strict=True):
+            half = [0.5 * (own + sign * other) for own, other in zip(here, image, strict=True)]
+            total += 2 * form(block.model, with_pressure, *pad.part.restrict(*half))
+    assert total == pytest.approx(whole, rel=1e-9)
+
+
+def form(model, entries, displacement, pressure):
+    matrix = model.assembly.matrix(entries)
+    vector = model.numbering.gather(displacement, pressure)
+    if model.numbering.plate is not None:  # gathered from the nodes of the top
+        np.testing.assert_allclose(model.numbering.split(vector)[0], displacement, atol=1e-12)
+    return 2 * vector @ (matrix @ vector) - vector @ (matrix.diagonal() * vector)
+
+
+def mirrored(displacement, pressure, images, mirror):
+    image = images[mirror]
+    return mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+
+
+def orbit(displacement, pressure, images, mirrors):
+    """A state and its images under the group that some mirrors make."""
+    states = [(displacement, pressure)]
+    for mirror in mirrors:
+        states += [mirrored(*state, images, mirror) for state in states]
+    return states
+
+
+def test_a_stable_pad_needs_two_small_matrices(fresh, monkeypatch):
+    """Beside those of the part; the blocks would take four, one of them of twice the size."""
+    sizes = []
+    factor = solvers.Rslab.factor
+
+    def counting(self, lower):
+        sizes.append(lower.shape[0])
+        return factor(self, lower)
+
+    monkeypatch.setattr(solvers.Rslab, "factor", counting)
+    pad = Pad("hemispheric", rows=2, columns=2)
+    (state,) = load_path(pad, LAW, [(0, 0, -2.0)], mesh_size=2.0)
+    assert state.stability_checked
+    own = sizes[0]
+    others = [size for size in sizes if size not in (own, sizes[-1])]
+    assert len(others) == 2 and max(others) < 1.1 * own

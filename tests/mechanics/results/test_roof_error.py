@@ -1,0 +1,64 @@
+"""The stated error of roofs, from displacements whose error is known because it was put there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.convergence import ERROR_SHARE
+from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.pad import CELL_SHAPES
+
+THIN, ROUND, THICK = Pad(rows=1, columns=1, wall=0.5), Pad("hemispheric", 1, 1), Pad(rows=1, columns=1)
+PAIRS = [(THIN, 1.25, 2.5), (THIN, 1.25, 0.625), (ROUND, 1.25, 0.625), (THICK, 1.0, 2.0)]
+"""Pads, and two sizes of elements whose numbers are by far not eight to one."""
+ERROR = np.array([0.0, 0.0, -0.003])
+
+
+def test_eight_times_the_elements_with_four_times_the_faces_are_half_as_large():
+    mesh = THICK.mesh(1.25)
+    finer = replace(mesh, tets=np.tile(mesh.tets, (8, 1)), face_cell=np.tile(mesh.face_cell, 4))
+    assert size_ratio(mesh, finer) == pytest.approx(0.5) and size_ratio(finer, mesh) == pytest.approx(2.0)
+    assert 1.1 < size_ratio(*(THIN.mesh(size) for size in (1.25, 2.5))) < 1.5  # and not 2
+
+
+@pytest.mark.parametrize(("pad", "size", "second"), PAIRS)
+def test_an_error_that_goes_with_a_power_of_the_size_is_found(pad, size, second):
+    """A uniform displacement, with an error in it."""
+    mesh, other = pad.mesh(size), pad.mesh(second)
+    here, there = (np.zeros_like(m.points) + [0.0, 0.0, -0.1] for m in (mesh, other))
+    comparison, ratio = RoofComparison(mesh, other), size_ratio(mesh, other)
+    found = comparison.error(here + ERROR, there + ratio**1.5 * ERROR)
+    assert found.displacement == pytest.approx(0.003, rel=1e-9)
+    seen = np.unique(mesh.faces[mesh.face_cell > 0])
+    deviation = comparison.deviation(here + ERROR, there + ratio**1.5 * ERROR)[seen]
+    np.testing.assert_allclose(ERROR_SHARE * deviation, np.tile(ERROR, (len(seen), 1)), atol=1e-9)
+    assert comparison.error(here + ERROR, there + ratio * ERROR).largest == pytest.approx(0.003, rel=1e-9)
+
+
+@pytest.mark.parametrize("agreement", [0.0, 1e-4, -1e-4])
+def test_meshes_that_agree_by_chance_do_not_make_an_error_small(agreement):
+    mesh, other = THICK.mesh(1.25), THICK.mesh(2.5)
+    here, there = (np.zeros_like(m.points) + [0.05, 0.0, -0.1] for m in (mesh, other))
+    comparison, most = RoofComparison(mesh, other, least=0.02), np.hypot(0.05, 0.1)
+    found = comparison.error(here, (1 + agreement) * there)
+    assert found.displacement == pytest.approx(0.02 * most) and found.relative == pytest.approx(0.02)
+    seen = np.unique(mesh.faces[mesh.face_cell > 0])
+    deviation = np.linalg.norm(comparison.deviation(here, (1 + agreement) * there)[seen], axis=1)
+    np.testing.assert_allclose(ERROR_SHARE * deviation, 0.02 * most, rtol=1e-9)
+
+
+@pytest.mark.parametrize("cell", CELL_SHAPES)
+def test_roofs_are_right_within_what_is_stated(cell):
+    """Against elements a third as large; the difference of two meshes itself is no error of the better one."""
+    pad = Pad(cell, 1, 1, wall=0.5)
+    force = [(0.0, 0.0, -1.0)]
+    (state,) = load_path(pad, NeoHookean(), force)
+    (fine,) = load_path(pad, NeoHookean(), force, mesh_size=0.3)
+    change = RoofComparison(state.mesh, fine.mesh).error(state.displacement, fine.displacement).displacement
+    true = change * abs(size_ratio(state.mesh, fine.mesh) ** 1.5 - 1)
+    assert true < 2 * state.error.displacement and state.error.displacement < 0.1 * np.abs(state.displacement).max()

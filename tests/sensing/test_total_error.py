@@ -1,0 +1,161 @@
+"""The total error of a reading: mechanics and light, stated honestly, and reached where a target asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
+from mitsuba_taxel.mechanics.path.load_path import _Path
+from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.readings import mechanics_share
+from mitsuba_taxel.sensing.runs import FIRST_POINTS, prepare
+from mitsuba_taxel.sensing.targets import _timed, mechanics_of
+
+CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
+FINE = 0.4
+"""mm: on it one cell is right to a few hundredths of a percent."""
+
+
+def sensor(cell="parallelepiped", force=(0.0, 0.0, -2.0), **parts):
+    return PadSensor(pad=Pad(cell, rows=1, columns=1), force=force, **parts).scene()
+
+
+def test_stated_errors_cover_those_against_fine_meshes_as_often_as_they_say(llvm_mono):
+    """One standard deviation: two in three at least, for all shapes and loads; and none is useless.
+
+    By single cells, which have no others to average over: one in twelve meshes may agree with its comparison by chance.
+    """
+    shares = []
+    for cell in CELLS:
+        for force in (-1.0, -2.0, -3.0):
+            scene = sensor(cell, (0.0, 0.0, force))
+            here, fine = (measure(scene.with_mesh_size(size), points=1024, seed=5) for size in (None, FINE))
+            change = (here.replicates - fine.replicates)[:, 0]  # of the same random numbers
+            noise = change.std(ddof=1) / len(change) ** 0.5
+            true, stated = abs(change.mean()), here.mechanics_error[0]
+            shares.append(max(true - 2 * noise, 0.0) / stated)
+            assert true < 0.003 * here.power[0] + 4 * noise and stated < 0.01 * here.power[0]
+    assert np.mean(np.array(shares) < 1) >= 2 / 3, shares
+
+
+def test_a_deviation_is_the_change_of_a_pad_of_that_surface(llvm_mono, agree, tmp_path):
+    """Read independently: the displaced surface as a file of its own, with other random numbers."""
+    ready = prepare(sensor("hemispheric", (0.0, 0.0, -3.0), roof=Wall("lambertian")))
+    (pad,) = (shape for shape in ready.scene.shapes() if hasattr(shape, "state"))
+    rest = measure(ready, points=4096, seed=1)
+    further = pad.deviating_places().vertices + [0.0, 0.0, 0.05]  # far enough to be seen at once
+    move_vertices(pad, Places(further, None))
+    pad.write_ply(str(tmp_path / "moved.ply"))
+    ready.scene.parameters_changed([])
+    moved = measure(ready, points=4096, seed=2, mechanics_error=False)
+    description = dict(sensor("hemispheric", roof=Wall("lambertian")).source)
+    walls = description["pad"]["walls"]
+    description["pad"] = {"type": "ply", "filename": str(tmp_path / "moved.ply"), "face_normals": True, "walls": walls}
+    other = measure(Scene(description), points=4096, seed=3)
+    agree(moved.power, moved.standard_error, other.power, other.standard_error)
+    assert abs(moved.power[0] - rest.power[0]) > 20 * rest.standard_error[0]
+
+
+def test_a_scene_is_as_before_when_its_error_is_known(llvm_mono):
+    ready = prepare(sensor("spherical"))
+    before = measure(ready, points=FIRST_POINTS, mechanics_error=False)
+    found = mechanics_of(ready, seed=0)
+    after = measure(ready, points=FIRST_POINTS, mechanics_error=False)
+    assert np.array_equal(before.replicates, after.replicates)
+    assert found.deviation[0] != 0 and 0 < found.share < 0.02
+
+
+def test_a_target_chooses_mesh_and_points(llvm_mono):
+    scene, target = sensor("parallelepiped", (0.0, 0.0, -4.0)), 0.002
+    plain, aimed = measure(scene), measure(scene, target_error=target)
+    assert plain.mesh_size is None and plain.relative_total_error > target
+    assert aimed.mesh_size < 1.25 and aimed.relative_total_error <= target
+    assert any(note.startswith(f"finite elements of {aimed.mesh_size:.3g} mm") for note in aimed.notes)
+    assert not any("not reached" in note for note in aimed.notes)
+    same = measure(scene.with_mesh_size(aimed.mesh_size), points=aimed.points)
+    assert np.array_equal(same.replicates, aimed.replicates)
+    further = measure(scene, points=2 * aimed.points, continued=aimed)
+    twice = measure(scene.with_mesh_size(aimed.mesh_size), points=2 * aimed.points)
+    np.testing.assert_allclose(further.replicates, twice.replicates, rtol=1e-12)
+    assert further.mesh_size == aimed.mesh_size
+
+
+def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_mono):
+    description = dict(sensor("parallelepiped", (0.0, 0.0, -4.0)).source)
+    description["pad"] = {**description["pad"], "mesh_size": 1.25}
+    reading = measure(Scene(description), target_error=0.001)
+    assert reading.mesh_size is None and reading.relative_error < 0.001
+    assert any(
+        note.startswith("target error 0.001 not reached: light") and "mechanics" in note for note in reading.notes
+    )
+
+
+def test_a_time_budget_leaves_a_finer_mesh_alone(llvm_mono):
+    reading = measure(sensor("cylindrical"), target_error=1e-4, time_budget=1e-3)
+    assert reading.mesh_size is None and reading.points >= 256
+
+
+def test_a_solution_that_was_kept_does_not_make_a_finer_mesh_look_cheap(llvm_mono):
+    scene = sensor("cylindrical", (0.0, 0.0, -1.7))
+    for _ in range(2):
+        ready, seconds = _timed(scene)
+        (pad,) = loaded_pads(ready.scene)
+        assert seconds >= pad.state.seconds > 0
+
+
+def test_domes_have_no_floor_of_noise_in_the_error_of_the_mechanics(llvm_mono):
+    """Of 256 points they have 0.06 %, whatever the mesh: much of what a target of 0.1 % allows."""
+    ready = prepare(sensor("hemispheric", (0.0, 0.0, -1.0)))
+    few, enough = ([mechanics_of(ready, seed, *how).share for seed in range(6)] for how in ((), (1 << 14, 2e-4)))
+    bound = 2e-4 * (1 + 4 / 12**0.5)  # 4 sigma of six; what the error itself, some 1.5e-4, adds is within it
+    assert np.sqrt(np.mean(np.square(few))) > bound
+    assert np.sqrt(np.mean(np.square(enough))) < bound
+
+
+def test_no_load_no_error_of_the_mechanics(llvm_mono):
+    unloaded = measure(sensor(force=(0.0, 0.0, 0.0)), points=64)
+    assert unloaded.deviation is None and np.array_equal(unloaded.total_error, unloaded.standard_error)
+
+
+def test_elements_so_large_that_twice_as_large_ones_are_the_same_have_an_error(llvm_mono):
+    reading, fine = (measure(sensor().with_mesh_size(size), points=1024, seed=1) for size in (20.0, FINE))
+    assert abs(reading.power[0] - fine.power[0]) < 2 * reading.total_error[0] < 0.2 * fine.power[0]
+
+
+@pytest.fixture
+def no_second_mesh(monkeypatch):
+    """Only meshes as fine as asked for can be loaded."""
+    solve = _Path._canonical
+
+    def refused(path, *args):
+        if not path.judged:
+            raise ComputationError("the load path ends")
+        return solve(path, *args)
+
+    monkeypatch.setattr(_Path, "_canonical", refused)
+
+
+def test_a_target_asks_for_a_finer_mesh_where_the_error_is_unknown(llvm_mono, no_second_mesh):
+    """The light alone is no total: as long as the mechanics says nothing, the mesh becomes finer."""
+    reading = measure(sensor("hemispheric", (0.0, 0.0, -0.5)), target_error=0.05)
+    assert reading.mesh_size < 0.5 * Pad("hemispheric", 1, 1).default_mesh_size
+    assert any("not reached" in note for note in reading.notes)
+
+
+def test_an_unknown_error_is_said_to_be_unknown(llvm_mono, no_second_mesh):
+    reading = measure(sensor(force=(0.0, 0.0, -0.5)), points=64, seed=1)
+    assert np.isnan(reading.total_error).all() and np.isnan(reading.error_budget["total"])
+    (note,) = (note for note in reading.notes if note.startswith("mechanics error unknown"))
+    assert "smaller mesh_size" in note
+
+
+def test_shares_are_those_of_all_lit_taxels():
+    power, deviation = np.array([1.0, 2.0, 0.0]), np.array([0.03, -0.08, 0.0])
+    readings = Readings(np.tile(power, (4, 1)), 64, 0, deviation=deviation)
+    share = mechanics_share(deviation, power)
+    assert share == pytest.approx(np.sqrt((0.03**2 + 0.04**2) / 2) / (2**1.5 - 1))
+    np.testing.assert_allclose(readings.mechanics_error, share * power)
+    assert readings.error_budget == pytest.approx({"light": 0.0, "mechanics": share, "geometry": 0.0, "total": share})

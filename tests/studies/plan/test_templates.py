@@ -1,0 +1,116 @@
+"""The files to start from can be used as they are, and say of each parameter what is true."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.studies import read_steps
+from mitsuba_taxel.studies.plan.templates import SUFFIXES, write_template
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory):
+    """The path of a template of some kind, by kind."""
+    folder = tmp_path_factory.mktemp("templates")
+    files = {kind: folder / f"my{suffix}" for kind, suffix in SUFFIXES.items()}
+    for kind, file in files.items():
+        write_template(kind, file)
+    return files
+
+
+def test_the_scene_reads_as_the_shipped_pad(llvm_mono, template):
+    given = measure(Scene.from_file(template["scene"]), points=16, seed=3, mechanics_error=False)
+    shipped = measure(Scene.from_file("pad.xml", fz=-5), points=16, seed=3, mechanics_error=False)
+    assert len(given.power) == 9 and np.all(given.power > 0) and np.all(given.standard_error > 0)
+    np.testing.assert_allclose(given.power, shipped.power, rtol=1e-6)
+    np.testing.assert_allclose(given.photocurrent, shipped.photocurrent, rtol=1e-6)
+
+
+SMALL = {"rows": 1, "columns": 1, "fz": 0}
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("power", 3.0), ("quantum_efficiency", 0.25), ("wavelength", 0.5), ("roof_reflectance", 0.5)]
+)
+def test_a_default_does_what_its_name_says(llvm_mono, template, name, factor):
+    def read(**given):
+        return measure(Scene.from_file(template["scene"], **SMALL, **given), points=16)
+
+    plain = read()
+    changed = read(**{name: factor * float(plain.parameters[name])})
+    # With absorbing sides light meets the roof once; a photon's energy goes with 1 / wavelength.
+    power = {"power": 3.0, "roof_reflectance": 0.5}.get(name, 1.0)
+    np.testing.assert_allclose(changed.power, power * plain.power, rtol=1e-4)
+    np.testing.assert_allclose(changed.photocurrent, factor * plain.photocurrent, rtol=1e-4)
+
+
+def test_every_word_that_the_scene_allows_is_allowed(llvm_mono, template):
+    text = template["scene"].read_text(encoding="utf-8")
+    choices = re.findall(r'<default name="(\w+)" value="[a-z]\w+"/> *<!-- ([\w, ]+) -->', text)
+    assert [name for name, _ in choices] == ["cell", "roof", "side", "law"]
+    for name, words in choices:
+        allowed = words.split(", ")
+        assert len(allowed) >= 3
+        for word in allowed:
+            Scene.from_file(template["scene"], **SMALL, **{name: word}).load()
+        with pytest.raises(InputError, match="smooth"):
+            Scene.from_file(template["scene"], **SMALL, **{name: "smooth"}).load()
+
+
+def test_the_scene_uses_each_of_its_defaults(template):
+    root = ElementTree.parse(template["scene"]).getroot()
+    declared = [element.get("name") for element in root.iter("default")]
+    used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
+    assert len(set(declared)) == len(declared) > 20 and set(declared) == used
+
+
+def test_the_study_names_scenes_and_parameters_that_exist(template):
+    study = tomllib.loads(template["study"].read_text(encoding="utf-8"))
+    assert set(study) == {"target_error", "seed", "scenes"} and study["target_error"] == 0.005
+    assert [scene["name"] for scene in study["scenes"]] == ["normal", "tangential"]
+    for scene in study["scenes"]:
+        tables = [scene.get(name, {}) for name in ("define", "vary", "together")]
+        names = [name for table in tables for name in table]
+        assert len(set(names)) == len(names)
+        Scene(find_scene(scene["scene"]), scene["define"] | dict.fromkeys(names, "0"))
+    normal, tangential = study["scenes"]
+    assert normal["vary"] == {"fz": "0:-20:-0.5"}
+    assert tangential["together"] == {"fx": "0:4:0.25", "fy": "0:4:0.25"} and tangential["define"]["fz"] == -8
+
+
+def test_the_steps_are_a_path_of_forces(template):
+    steps = read_steps(template["steps"])
+    forces = np.array([[float(step[name]) for name in ("fx", "fy", "fz")] for step in steps])
+    assert steps[0].keys() == {"fx", "fy", "fz"} and len(forces) == 8
+    assert np.all(np.abs(np.diff(forces, axis=0)).sum(axis=1) <= 2) and tuple(forces[-1]) == (4, 0, -8)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "culprit"),
+    [
+        ("scene", "taken.xml", "exists"),
+        ("study", "taken.toml", "exists"),
+        ("steps", "taken.csv", "exists"),
+        ("scene", "new.toml", r"\.xml"),
+        ("study", "new", r"\.toml"),
+        ("steps", "nowhere/new.csv", "cannot be written"),
+        ("pad", "new.xml", "'pad'"),
+    ],
+)
+def test_refuses(tmp_path, kind, name, culprit):
+    for suffix in SUFFIXES.values():
+        (tmp_path / f"taken{suffix}").write_text("mine")
+    with pytest.raises(InputError, match=culprit):
+        write_template(kind, tmp_path / name)
+    assert {file.read_text() for file in tmp_path.iterdir()} == {"mine"}
