@@ -1,6 +1,6 @@
 """A hundred scenes that are not what they seem: each is read right, or refused with a reason; none is read wrongly.
 
-Right is what quadrature says (`plate_power` and `image_power` of the tests of extremes), or Mitsuba's ``path``.
+Right is what quadrature says (`plate_power` and `image_power`), or Mitsuba's ``path``.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plate_reference import DETECTOR, image_power, plate_power
 
 from mitsuba_taxel import ComputationError, InputError, Scene, measure
 
@@ -201,7 +202,7 @@ def test_a_rectangle_moved_in_a_loaded_scene_takes_its_led_along(llvm_mono):
     live = extremes.rectangles(x=0.7).load()
     measure(live, points=256, seed=1)
     parameters = mi.traverse(live)
-    half = [0.5 * extremes.DETECTOR[0], 0.5 * extremes.DETECTOR[1], 1]
+    half = [0.5 * DETECTOR[0], 0.5 * DETECTOR[1], 1]
     parameters["detector.to_world"] = mi.Transform4f().translate([0.95, 0, 0]).scale(half)
     parameters.update()
     assert np.allclose(measure(live, points=256, seed=1).power, readings[1], rtol=1e-5)
@@ -220,8 +221,7 @@ def test_away_from_the_origin_readings_are_right(llvm_mono, agree, scattering, d
     wall = {"type": "wall", "scattering": scattering}
     scene = plate(integrator, at=(0.6 * distance, -0.64 * distance, 0.48 * distance), wall=wall)
     reading = measure(Scene(scene), points=1 << (14 if scattering == "mirror" else 12), seed=3)
-    power = extremes.image_power if scattering == "mirror" else extremes.plate_power
-    truth = power(0.7, "lambertian") if scattering == "mirror" else power(0.7, "lambertian", scattering)
+    truth = image_power(0.7) if scattering == "mirror" else plate_power(0.7, "lambertian", scattering)
     agree(reading.power, reading.standard_error, truth)
 
 
@@ -265,7 +265,7 @@ def test_mitsubas_integrators_of_media_read_them(llvm_mono, agree, integrator):
     fog = {"type": "homogeneous", "albedo": 0.0, "sigma_t": 1e-6}
     pane = {"fog": shape("cube", (0, 0, 0.8), (2, 2, 0.1), bsdf={"type": "null"}, interior=fog)}
     thin = measure(Scene(plate(integrator, more=pane)), points=1024, seed=1)
-    agree(thin.power, thin.standard_error, extremes.plate_power(0.7, "lambertian", "lambertian"))
+    agree(thin.power, thin.standard_error, plate_power(0.7, "lambertian", "lambertian"))
     fog = {**fog, "sigma_t": 1e3}
     pane = {"fog": shape("cube", (0, 0, 0.8), (2, 2, 0.1), bsdf={"type": "null"}, interior=fog)}
     assert measure(Scene(plate(integrator, more=pane)), points=256, seed=1).power[0] < 1e-9

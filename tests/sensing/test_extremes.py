@@ -1,19 +1,18 @@
 """Scenes at the ends of what the program is for: a right reading with its error, or a message that says what to change.
 
-References are :func:`plate_power` and :func:`image_power`, deterministic quadratures at the bottom of this file that
-share no code with the program, closed forms, and `analog_tracer`, which only releases rays and counts them.
+References are :func:`plate_power` and :func:`image_power`, deterministic quadratures that share no code with the
+program, closed forms, and `analog_tracer`, which only releases rays and counts them.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
+from plate_reference import DETECTOR, image_power, plate_power
 
 from mitsuba_taxel import ComputationError, InputError, Pad, PadSensor, Scene, Wall, measure
 
-LED, DETECTOR, BODY_TOP = (0.25, 0.25), (0.52, 0.3), 0.5  # mm
+BODY_TOP = 0.5  # mm
 ABSORBING = {"type": "wall", "scattering": "absorbing"}
 WHITE = {"type": "wall"}
 
@@ -529,123 +528,9 @@ def domed_cell(mi, degenerate: bool) -> Scene:
     return Scene({**plate().source, "plate": mesh})
 
 
-# References
+# Readings
 
 
 def column(readings) -> tuple[np.ndarray, np.ndarray]:
     """Powers and standard errors of scenes with one taxel."""
     return np.array([r.power[0] for r in readings]), np.array([r.standard_error[0] for r in readings])
-
-
-def image_power(z: float, law: str, cone_angle: float = 88.0, spacing: float = 0.7) -> float:
-    """Power on the phototransistor by way of a large mirror: that from the LED straight to its image, twice as far."""
-    reach = _reach(2 * z, law, math.radians(cone_angle))
-    x_edges = [-spacing + end for end in _edges(LED[0], reach)]
-    x, weight_x = _graded(-0.5 * DETECTOR[0], 0.5 * DETECTOR[0], x_edges, min(2 * z, reach))
-    y, weight_y = _graded(0, 0.5 * DETECTOR[1], _edges(LED[1], reach), min(2 * z, reach))
-    share = share_caught(law, math.radians(cone_angle), x[:, None] + spacing, y, 2 * z, LED)
-    return float(2 * weight_x @ share @ weight_y / np.prod(LED))
-
-
-def plate_power(
-    z: float,
-    law: str,
-    scattering: str,
-    cone_angle: float = 88.0,
-    spacing: float = 0.7,
-    offset: float = 0.0,
-    side: float = 4.0,
-    fineness: float = 0.7,
-    nodes: int = 16,
-) -> float:
-    """Power in W per W emitted, by one reflection off a square plate of reflectance 1 at ``z`` above the LED's plane.
-
-    The share of the light from a point of the plate that reaches the phototransistor, times the irradiance there,
-    integrated over the plate by Gauss-Legendre quadrature on panels that become smaller towards the edges of LED and
-    phototransistor.
-    """
-    reach = _reach(z, law, math.radians(cone_angle))
-    scale = min(z, reach) * (0.05 if law == "uniform_polar_angle" else 1)  # whose irradiance has a kink at the edges
-    x_edges = [-0.5 * spacing + end for end in _edges(LED[0], reach)]
-    x_edges += [0.5 * spacing + end for end in (-0.5 * DETECTOR[0], 0.5 * DETECTOR[0])]
-    y_edges = [*_edges(LED[1], reach), 0.5 * DETECTOR[1]]
-    x, weight_x = _graded(offset - 0.5 * side, offset + 0.5 * side, x_edges, scale, fineness)
-    y, weight_y = _graded(0, 0.5 * side, y_edges, scale, fineness)
-    total = 0.0
-    for part, weight in zip(np.array_split(x, 16), np.array_split(weight_x, 16), strict=True):
-        part = part[:, None]
-        arriving = share_caught(law, math.radians(cone_angle), part + 0.5 * spacing, y, z, LED, nodes) / np.prod(LED)
-        back = {"lambertian": "lambertian", "isotropic": "uniform_solid_angle"}[scattering]
-        onward = share_caught(back, 0.5 * math.pi, part - 0.5 * spacing, y, z, DETECTOR, nodes)
-        total += weight @ (arriving * onward) @ weight_y
-    return float(2 * total)
-
-
-def share_caught(law: str, cone: float, x, y, z: float, size: tuple[float, float], nodes: int = 16) -> np.ndarray:
-    """Share of what a point source at (x, y, z) sends down that falls on a rectangle about the origin.
-
-    It is the integral of W(r) / (2 pi) over the polar angle about the source's foot, along the outline, where W(r) is
-    the share that falls within the distance r of that foot. Along a side at distance a, the variable is u in
-    r = a cosh(u). The irradiance of the point by a rectangle that emits by that law is the same integral, divided by
-    the rectangle's area.
-    """
-    reach = _reach(z, law, cone)
-    points, weights = np.polynomial.legendre.leggauss(nodes)
-    half_x, half_y = 0.5 * size[0], 0.5 * size[1]
-    sides = ((half_x - x, y, half_y), (half_x + x, -y, half_y), (half_y - y, -x, half_x), (half_y + y, x, half_x))
-    total = np.zeros(np.broadcast(x, y).shape)
-    for a, foot, half in sides:
-        a, start, end = np.broadcast_arrays(a, -half - foot, half - foot)
-        distance = np.abs(a)
-        chord = np.sqrt(np.maximum(reach**2 - a**2, 0))
-        first, last = np.clip(-chord, start, end), np.clip(chord, start, end)
-        middle = np.clip(0, first, last)
-        # Beyond the reach of the cone everything has fallen nearer.
-        angle = sum(np.arctan2(q, distance) - np.arctan2(p, distance) for p, q in ((start, first), (last, end)))
-        for p, q in ((first, middle), (middle, last)):
-            u0, u1 = np.arcsinh(p / distance), np.arcsinh(q / distance)
-            u = 0.5 * (u0 + u1)[..., None] + 0.5 * (u1 - u0)[..., None] * points
-            within = _share_within(law, cone, distance[..., None] * np.cosh(u) / z)
-            angle += 0.5 * (u1 - u0) * ((within / np.cosh(u)) @ weights)
-        total += np.sign(a) * angle
-    return total / (2 * np.pi)
-
-
-def _share_within(law: str, cone: float, tangent: np.ndarray) -> np.ndarray:
-    """Share of the power that leaves at angles against the normal with up to this tangent."""
-    if law == "lambertian":
-        return tangent**2 / (1 + tangent**2)
-    angle = np.minimum(np.arctan(tangent), cone)
-    if law == "uniform_polar_angle":
-        return angle / cone
-    return (np.sin(0.5 * angle) / math.sin(0.5 * cone)) ** 2
-
-
-def _reach(z: float, law: str, cone: float) -> float:
-    """How far from its foot a source at height ``z`` lights."""
-    return math.inf if law == "lambertian" or cone >= 0.5 * math.pi else z * math.tan(cone)
-
-
-def _edges(size: float, reach: float) -> list[float]:
-    """Where the light of an LED on a plate begins to fall off, on either side, and where it ends."""
-    beyond = (0.0,) if math.isinf(reach) else (-reach, 0.0, reach)
-    return [sign * 0.5 * size + shift for sign in (-1, 1) for shift in beyond]
-
-
-def _graded(low: float, high: float, edges, scale: float, fineness: float = 0.7) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on panels no longer than ``scale`` and the distance from ``edges``."""
-    nodes, weights = np.polynomial.legendre.leggauss(6)
-    cuts = np.unique(np.clip([low, *edges, high], low, high))
-    todo = list(zip(cuts[:-1], cuts[1:], strict=True))
-    panels = []
-    while todo:
-        a, b = todo.pop()
-        distance = min(min(abs(a - edge), abs(b - edge)) for edge in edges)
-        longest = min(scale + distance, max(0.2, 0.2 * distance)) / fineness
-        if b - a > longest:
-            todo += [(a, 0.5 * (a + b)), (0.5 * (a + b), b)]
-        else:
-            panels.append((a, b))
-    start, end = np.array(panels).T
-    middle, half = 0.5 * (start + end), 0.5 * (end - start)
-    return (middle[:, None] + half[:, None] * nodes).ravel(), (half[:, None] * weights).ravel()

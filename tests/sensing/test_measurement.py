@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plate_reference import image_power, plate_power
 
 from mitsuba_taxel import InputError, Scene, crosstalk, measure
 
@@ -50,38 +51,6 @@ def write_table(path, rows):
 
 
 # The standard error
-
-
-def plate_power(z, spacing=0.7, side=4.0, panels=60):
-    """Power in W per W after one reflection off a Lambertian plate, by composite Gauss-Legendre quadrature over it.
-
-    LED and phototransistor are seen from a point of the plate under their configuration factors (J. R. Howell, A
-    Catalog of Radiation Configuration Factors, B-3); by reciprocity these also give the irradiance there.
-    """
-
-    def corner(a, b):
-        p, q = np.sqrt(1 + a**2), np.sqrt(1 + b**2)
-        return (a / p * np.arctan(b / p) + b / q * np.arctan(a / q)) / (2 * np.pi)
-
-    def factor(x, y, width, depth):
-        right, left, back, front = ((s * w / 2 - c) / z for c, w in ((x, width), (y, depth)) for s in (1, -1))
-        return corner(right, back) - corner(left, back) - corner(right, front) + corner(left, front)
-
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    step = side / panels
-    x = ((np.arange(panels) + 0.5)[:, None] * step + 0.5 * step * nodes).ravel() - side / 2
-    w = np.tile(0.5 * step * weights, panels)
-    led = factor(x[:, None] + spacing / 2, x, 0.25, 0.25)
-    return w @ (led * factor(x[:, None] - spacing / 2, x, 0.52, 0.3)) @ w / 0.25**2
-
-
-def image_power(z, spacing=0.7):
-    """Power in W per W by way of a mirror: straight to the phototransistor's image, by Gauss-Legendre quadrature."""
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    across = (spacing + 0.26 * nodes[:, None] - 0.125 * nodes) ** 2
-    along = (0.15 * nodes[:, None] - 0.125 * nodes) ** 2
-    kernel = (2 * z) ** 2 / (np.pi * ((2 * z) ** 2 + across[:, :, None, None] + along) ** 2)
-    return np.einsum("abcd,a,b,c,d", kernel, *[weights / 2] * 4) * 0.52 * 0.3
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plate_reference import image_power
 
 from mitsuba_taxel import Scene, measure
 
@@ -40,33 +41,7 @@ def test_plate_matches_quadrature(llvm_mono, agree, law, scattering):
 @pytest.mark.parametrize("law", ["lambertian", "uniform_solid_angle"])
 def test_mirror_matches_method_of_images(llvm_mono, agree, law, z):
     reading = measure(Scene.from_file("plate.xml", z=z, law=law, hole=0.1, spacing=0.7), points=1 << 16)
-    agree(reading.power, reading.standard_error, image_power(law, 2 * z, spacing=0.7, size=0.25, hole=0.1))
-
-
-def image_power(law: str, distance: float, spacing: float, size: float, hole: float) -> float:
-    """Power straight from a square annulus to the phototransistor's mirror image, by Gauss-Legendre quadrature."""
-
-    def rectangle(side_x, side_y, n=24):
-        nodes, weights = np.polynomial.legendre.leggauss(n)
-        x, y = np.meshgrid(0.5 * side_x * nodes, 0.5 * side_y * nodes)
-        w = np.outer(weights, weights) * 0.25 * side_x * side_y
-        return x.ravel(), y.ravel(), w.ravel()
-
-    def density(cosine):
-        if law == "lambertian":
-            return cosine / np.pi
-        limit = np.cos(np.radians(88))
-        return np.where(cosine > limit, 1 / (2 * np.pi * (1 - limit)), 0)
-
-    def integral(side):
-        if side == 0:
-            return 0.0
-        (lx, ly, lw), (px, py, pw) = rectangle(side, side), rectangle(0.52, 0.3)
-        d2 = (px[:, None] + spacing - lx) ** 2 + (py[:, None] - ly) ** 2 + distance**2
-        cosine = distance / np.sqrt(d2)
-        return pw @ (density(cosine) * cosine / d2) @ lw
-
-    return (integral(size) - integral(hole)) / (size**2 - hole**2)
+    agree(reading.power, reading.standard_error, image_power(z, law, hole=0.1))
 
 
 @pytest.mark.parametrize(
