@@ -1,13 +1,12 @@
-"""`taxel check`, run as a user runs it."""
+"""`taxel check`: what it prints, and its exit codes."""
 
 from __future__ import annotations
 
 import json
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from taxel_program import run_program
 
 from mitsuba_taxel.check.schema import schema
 
@@ -22,8 +21,7 @@ SCENE = """<scene version="3.9.0">
 @pytest.fixture
 def taxel(tmp_path):
     def run(*words: str) -> subprocess.CompletedProcess:
-        command = [str(Path(sys.executable).with_name("taxel")), *words]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100)
+        return run_program(tmp_path, *words)
 
     (tmp_path / "scene.xml").write_text(SCENE)
     return run

@@ -1,4 +1,4 @@
-"""The installed `taxel` program, run as a user runs it."""
+"""The installed `taxel` program, and what it does within this process."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from taxel_program import run_program
 
 
 @pytest.fixture
@@ -16,8 +17,18 @@ def program() -> str:
 
 
 @pytest.fixture
-def taxel(program, tmp_path):
+def taxel(tmp_path):
     """Run the program in an empty folder: ``taxel("render", "plate.xml")`` -> completed process with text."""
+
+    def run(*words: object) -> subprocess.CompletedProcess:
+        return run_program(tmp_path, *words)
+
+    return run
+
+
+@pytest.fixture
+def taxel_apart(program, tmp_path):
+    """The same as a user runs it, in a process of its own."""
 
     def run(*words: object) -> subprocess.CompletedProcess:
         command = [program, *map(str, words)]

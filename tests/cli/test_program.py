@@ -36,16 +36,16 @@ def test_every_command_has_help(taxel, command):
     assert done.returncode == 0 and done.stdout.startswith(f"Usage: taxel {command}")
 
 
-def test_without_a_command_help_is_shown(taxel):
-    done = taxel()
+def test_without_a_command_help_is_shown(taxel_apart):
+    done = taxel_apart()
     assert done.returncode == 2 and done.stdout == "" and "Usage: taxel" in done.stderr
 
 
 JSON_KEYS = ["readings", "error_budget", "mesh_size_mm", "seconds", "parameters", "notes"]
 
 
-def test_render_table(taxel):
-    done = taxel("render", *PLATE, "--points", 256)
+def test_render_table(taxel_apart):
+    done = taxel_apart("render", *PLATE, "--points", 256)
     assert done.returncode == 0 and done.stderr == ""
     heading, row, *rest = done.stdout.splitlines()
     assert heading.split()[:3] == ["taxel", "power", "[W]"] and heading.endswith("photocurrent [A]")
@@ -162,9 +162,9 @@ def test_sweep_with_a_failed_scene_ends_with_exit_code_1(taxel, tmp_path):
     assert failed.startswith("failed: law=loud: law = 'loud' is not allowed") and "--retry-failed" in advice
 
 
-def test_sweep_of_a_study_file(taxel, tmp_path):
+def test_sweep_of_a_study_file(taxel, taxel_apart, tmp_path):
     (tmp_path / "study.toml").write_text('scene = "plate.xml"\npoints = 64\n[vary]\nz = "0.5,1"\n')
-    done = taxel("sweep", "study.toml", "-o", "out", "--workers", 1)
+    done = taxel_apart("sweep", "study.toml", "-o", "out", "--workers", 1)
     assert done.returncode == 0 and done.stderr == "" and "2 readings" in done.stdout
     refused = taxel("sweep", "study.toml", "-o", "other", "--points", 128)
     assert refused.returncode == 2 and "points is not allowed with a study file" in refused.stderr

@@ -6,14 +6,13 @@ import hashlib
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from taxel_program import run_program
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.base import archive
@@ -244,8 +243,7 @@ def test_scenes_of_different_taxels_make_no_study(tmp_path):
 def test_the_program_says_it_in_one_line(tmp_path, command, name, content):
     (tmp_path / name).write_bytes(content)
     words = {"render": [name], "sweep": [name, "-o", "out"], "status": ["."]}[command]
-    program = str(Path(sys.executable).with_name("taxel"))
-    done = subprocess.run([program, command, *words], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = run_program(tmp_path, command, *words)
     assert done.returncode == 2 and done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert line.startswith("taxel: ")

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image
+from taxel_program import run_program
 
 from mitsuba_taxel import InputError, Pad, PadSensor, Scene
 from mitsuba_taxel.geometry.triangles import area_normals
@@ -162,13 +160,9 @@ def test_other_formats_are_refused(tmp_path):
         check_new_file(tmp_path / "a.jpg", *PICTURES)
 
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess:
-    program = Path(sys.executable).with_name("taxel")
-    return subprocess.run([program, "picture", *words], cwd=folder, capture_output=True, text=True, timeout=300)
-
-
 def test_program(tmp_path):
-    done = run(tmp_path, "plate.xml", "-D", "z=1", "--width", "32", "--samples", "4", "--cut", "y=0.1", "--json")
+    small = ("--width", "32", "--samples", "4")
+    done = run_program(tmp_path, "picture", "plate.xml", "-D", "z=1", *small, "--cut", "y=0.1", "--json")
     assert done.returncode == 0, done.stderr
     about = {"width": 32, "height": 20, "samples": 4, "cut": 0.1, "files": ["picture.png"]}
     assert json.loads(done.stdout) == about
@@ -178,5 +172,5 @@ def test_program(tmp_path):
 
 @pytest.mark.parametrize("words", [("-o", "a.bmp"), ("--width", "8"), ("--cut", "here"), ("--cut", "9")])
 def test_program_refuses(tmp_path, words):
-    done = run(tmp_path, "plate.xml", *words)
+    done = run_program(tmp_path, "picture", "plate.xml", *words)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not list(tmp_path.iterdir())
