@@ -188,7 +188,7 @@ def test_methods_that_cannot_do_a_scene_say_why(clockwork, write, tmp_path):
     clockwork(TRACER, connections, PATH, STOCK, ANALOG)
     scene = write(PLATE, columns=2, scattering="mirror")
     assert 1e-3 < stray_light(scene) < 1
-    curves, truth = accuracy_optics.optics_curves(scene, 0.1, lambda step: None)
+    curves, truth = accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
     remarks = {curve.method: curve.remark for curve in curves if not curve.points}
     assert remarks.pop("taxel_tracer connections") == "it finds no light here"
     assert "lights all LEDs at once" in remarks.pop("path (independent)") and not remarks
@@ -210,13 +210,13 @@ def test_isotropic_walls_leave_paths_from_the_detector_out(clockwork, write):
     scene = write(PLATE, scattering="isotropic")
     assert not is_bounded(scene) and is_bounded(write(PLATE))
     scene = write(PLATE, scattering="isotropic")
-    curves, truth = accuracy_optics.optics_curves(scene, 0.1, lambda step: None)
+    curves, truth = accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
     remarks = {curve.method: curve.remark for curve in curves}
     assert "without bound" in remarks["taxel_path"] and "without bound" in remarks["path (independent)"]
     assert truth.name == "path (independent)"
     clockwork(TRACER, PATH)
     with pytest.raises(ComputationError, match="fewer than two independent methods.*taxel_path: an isotropic wall"):
-        accuracy_optics.optics_curves(scene, 0.1, lambda step: None)
+        accuracy_optics.optics_curves(scene, 0.02, lambda step: None)
 
 
 def test_a_method_that_is_off_is_said_to_be():

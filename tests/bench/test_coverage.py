@@ -31,8 +31,12 @@ def test_the_table_is_of_every_kind_of_pad_and_load():
 
 
 def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
-    """Some settings of `taxel bench coverage`, under which the stated error was once a fifth of the true one."""
+    """Some settings of `taxel bench coverage`, under which the stated error was once a fifth of the true one.
+
+    On elements half as large and less, the truth is right to a tenth of what is compared.
+    """
     monkeypatch.setattr(coverage_cases, "POINTS", 1 << 11)
+    monkeypatch.setattr(coverage_cases, "FINE", 0.6)
     rows = [case.measured() for case in coverage_cases.coverage_cases() if case.name in SUBSET]
     assert len(rows) == len(SUBSET) and not any(row.remark for row in rows)
     assert sum(row.within for row in rows) >= sum(row.readings for row in rows) - 1, rows
