@@ -51,12 +51,3 @@ html_show_sphinx = False
 html_show_copyright = False
 pygments_style = "friendly"
 pygments_dark_style = "native"
-
-
-def _lead_inside(app, name, source):
-    """Links of pages that commands write lead to files of the repository, which the site has as pages."""
-    source[0] = source[0].replace("(../benchmarks/README.md)", "(benchmarks.md)")
-
-
-def setup(app):
-    app.connect("source-read", _lead_inside)

@@ -18,8 +18,8 @@ COLUMNS = (
 HEADINGS = ("part", "method", "points", "error", "stated", "reference", "seconds", "slope", "remark")
 PEERS = (
     "Radiance, raysect, a loop over Embree and CalculiX do special cases only, for which they were modelled by hand: "
-    "benchmarks/optics.py compares the first three with this project on a plate, Embree on pads too, and "
-    "benchmarks/mechanics.py compares CalculiX on a pad. For other scenes they cannot be run from here."
+    "taxel bench peers optics compares the first three with this project on a plate, Embree on pads too, and "
+    "taxel bench peers mechanics compares CalculiX on a pad. For other scenes they cannot be run from here."
 )
 
 

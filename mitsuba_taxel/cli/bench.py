@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from .bench_peers import peers
 from .options import debug_option, defines_option, folder_option
 
 
@@ -13,6 +14,9 @@ from .options import debug_option, defines_option, folder_option
 @debug_option
 def command() -> None:
     """Measure how the program does: at the extremes, what its errors are worth, and error against time."""
+
+
+command.add_command(peers)
 
 
 @command.command("stability", short_help="Pads, loads and readings at the extremes.")
@@ -110,3 +114,37 @@ def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds:
     if any(curve.part == "mechanics" and curve.points for curve in curves):
         click.echo(ELEMENTS)
     click.echo(PEERS)
+
+
+@command.command("speed", short_help="Times as a user meets them, and rays per second.")
+@click.option(
+    "--target-error",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=1e-3,
+    show_default=True,
+    help="Relative, of the worst of nine taxels.",
+)
+@debug_option
+def speed_command(target_error: float) -> None:
+    """Time readings of all cell shapes, the first answer of a new process, and the tracer beside bare intersections."""
+    from mitsuba_taxel.bench.speed import speed
+
+    for line in speed(target_error):
+        click.echo(line)
+
+
+@command.command("omitted-work", short_help="What leaving out saves.")
+@click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Which scenes; all by default.")
+@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@debug_option
+def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
+    """Read shipped scenes as they are, and with what they do not need done all the same."""
+    from mitsuba_taxel.bench.omitted_work import HEADINGS, page, table
+
+    rows = []
+    click.echo(" | ".join(HEADINGS))
+    for row in table(scenes):
+        rows.append(row)
+        click.echo(" | ".join(row))
+    if markdown:
+        markdown.write_text(page(rows), encoding="utf-8")

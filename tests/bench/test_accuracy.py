@@ -396,7 +396,7 @@ def test_the_command_prints_a_row_for_each_method(clockwork, tmp_path):
         ["optics", "taxel_path"],
         ["mechanics", "-"],
     ]
-    assert "Radiance, raysect" in rows[-1] and "benchmarks/optics.py" in rows[-1]
+    assert "Radiance, raysect" in rows[-1] and "taxel bench peers optics" in rows[-1]
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from displacement_form import bulk_modulus, held, nodal_forces
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.bench.peers.displacement_form import bulk_modulus, held, nodal_forces
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 

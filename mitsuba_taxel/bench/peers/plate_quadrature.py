@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from cases import DETECTOR, LED_SIDE
+
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE
 
 
 def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int = 80, exponent: float = 1) -> float:
@@ -33,7 +34,7 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
     return float(w @ (led * detector) @ w / LED_SIDE**2)
 
 
-def configuration_factor(x, y, width: float, depth: float, z: float) -> np.ndarray:
+def configuration_factor(x, y, width: float, depth: float, z: float):
     """From an element at (x, y, z), facing down, to the rectangle width x depth about the origin, facing up [1].
 
     Signed sum over the corners of the element-to-corner formula (J. R. Howell, A Catalog of Radiation

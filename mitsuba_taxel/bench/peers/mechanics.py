@@ -1,13 +1,10 @@
-"""The pad's mechanics: error against time beside CalculiX, the paper's load paths, and growth with the number of cells.
+"""The pad's mechanics: error against time beside CalculiX, the paper's load paths, growth with the number of cells.
 
-Run it as ``python benchmarks/mechanics.py [solve] [paths] [cells] [--csv FILE]``; without words, all three.
 Every figure is taken in a process of its own, with an empty cache of solutions.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import os
 import resource
 import tempfile
@@ -15,13 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
-from mechanics_peer import CELL, mean_roof_displacement
-from peers import calculix
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.bench.peers import calculix
+from mitsuba_taxel.bench.peers.elements import CELL, mean_roof_displacement
 from mitsuba_taxel.geometry.mirror import MIRRORS
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
@@ -172,24 +168,3 @@ def _measured(function: Callable, arguments: tuple) -> tuple:
         result = function(*arguments)
     usage = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return *result, usage / 1024
-
-
-def main() -> None:
-    """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("tables", nargs="*", choices=[*TABLES, []], help="which tables; all by default")
-    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the tables here as well")
-    options = parser.parse_args()
-    rows = []
-    for name in options.tables or TABLES:
-        print(f"\n{name}: {' '.join(TABLES[name].__doc__.split())}")
-        for row in TABLES[name]():
-            print(" ".join(f"{str(cell):>16}" for cell in row), flush=True)
-            rows.append((name, *row))
-    if options.csv:
-        with options.csv.open("w", newline="") as file:
-            csv.writer(file).writerows(rows)
-
-
-if __name__ == "__main__":
-    main()

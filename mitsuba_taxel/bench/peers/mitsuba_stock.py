@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from cases import DETECTOR, Case, Estimator, Unsuitable
+
+from mitsuba_taxel.bench.peers.cases import DETECTOR, Case, Estimator, Unsuitable
 
 
 def prepare(case: Case, integrator: str, sampler: str) -> Estimator:

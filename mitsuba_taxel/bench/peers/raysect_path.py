@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
+
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
 
 IMPORTANT = 0.8
 """Share of the plate's directions that are aimed at the LED."""

@@ -1,20 +1,20 @@
 """What leaving out is worth: shipped scenes as they are, and with what they do not need done all the same.
 
-Run it as ``python benchmarks/leaving_out.py [--scenes NAME ...] [--markdown FILE]``. Each row is taken in processes of
-its own: first with empty caches of kernels and solutions, then twice with what the first has left there.
+Each row is taken in processes of its own: first with empty caches of kernels and solutions, then twice with what the
+first has left there. This file is run as one for that, with the scene and what is added as JSON.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 # Nothing else here: a row counts the modules that its scene needs.
 
@@ -51,7 +51,8 @@ def _import_everything() -> None:
 def _solve_the_whole_pad() -> None:
     from mitsuba_taxel.mechanics.path.load_path import _Path
 
-    _Path.images = property(lambda path: {})
+    changed: Any = _Path
+    changed.images = property(lambda path: {})
 
 
 def _solve_without_load() -> None:
@@ -63,16 +64,17 @@ def _solve_without_load() -> None:
 
     state = _Path.state
 
-    def solved(path: _Path, value: np.ndarray):
+    def solved(path: _Path, value: np.ndarray, obstacles: np.ndarray | None = None):
         direction = np.eye(len(value))[-1]
         pad = path._pad_for(0 * direction, direction)
         pad.solve(np.zeros(pad.unknowns), value)
-        return state(path, value)
+        return state(path, value, obstacles)
 
     def pads(scene):
         return [shape for shape in scene.shapes() if hasattr(shape, "state")]
 
-    _Path.state = solved
+    changed: Any = _Path
+    changed.state = solved
     targets.loaded_pads = mechanics_error.loaded_pads = pads
 
 
@@ -95,7 +97,7 @@ def _cut_everything_finely() -> None:
         side = np.full_like(mesh.face_region, surface.REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
 
-    surface._cut = finely
+    surface._cut = finely  # type: ignore[assignment]
 
 
 def _only_asked_for() -> None:
@@ -185,16 +187,30 @@ def with_seconds(scene: str, added: list[str]) -> dict:
 
 def _run(scene: str, added: list[str], kept: dict[str, str]) -> tuple[dict, float]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, __file__, "--row", json.dumps([scene, added])]
+    command = [sys.executable, __file__, json.dumps([scene, added])]
     done = subprocess.run(command, env=os.environ | kept, stdout=subprocess.PIPE, text=True, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return json.loads(done.stdout), after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def table(scenes: list[str]) -> list[tuple[str, ...]]:
-    """All rows in words; each is printed as it comes."""
-    rows = []
-    for scene in scenes:
+def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """All rows in words, :data:`HEADINGS`, as they come.
+
+    Parameters
+    ----------
+    scenes : names of :data:`SCENES`, all if there are none
+
+    Raises
+    ------
+    InputError
+        if a name is not known.
+    """
+    from mitsuba_taxel.base.arguments import refusal
+
+    for name in scenes:
+        if name not in SCENES:
+            raise refusal("scene", name, f"one of {', '.join(SCENES)} is needed")
+    for scene in scenes or SCENES:
         first = None
         for added in additions(scene):
             figures = with_seconds(scene, added)
@@ -202,22 +218,18 @@ def table(scenes: list[str]) -> list[tuple[str, ...]]:
             file, values = SCENES[scene]
             name = ", ".join([file, *(f"{key} = {value}" for key, value in values.items())])
             what = AS_IS if not added else ALL if len(added) > 1 else added[0]
-            rows.append(
-                (
-                    name,
-                    what,
-                    str(figures["modules"]),
-                    ", ".join(figures["heavy"]) or "-",
-                    str(figures["triangles"]),
-                    str(figures["unknowns"]),
-                    str(figures["kernels"]),
-                    str(figures["operations"]),
-                    *(f"{seconds:.1f}" for seconds in figures["seconds"]),
-                    "-" if figures is first else f"{_apart(first, figures):.2f}",
-                )
+            yield (
+                name,
+                what,
+                str(figures["modules"]),
+                ", ".join(figures["heavy"]) or "-",
+                str(figures["triangles"]),
+                str(figures["unknowns"]),
+                str(figures["kernels"]),
+                str(figures["operations"]),
+                *(f"{seconds:.1f}" for seconds in figures["seconds"]),
+                "-" if figures is first else f"{_apart(first, figures):.2f}",
             )
-            print(" | ".join(rows[-1]), flush=True)
-    return rows
 
 
 def _apart(here: dict, there: dict) -> float:
@@ -228,7 +240,7 @@ def _apart(here: dict, there: dict) -> float:
 
 PAGE = """# What leaving out is worth
 
-Written by `python benchmarks/leaving_out.py --markdown docs/leaving_out.md`; do not edit by hand.
+Written by `taxel bench omitted-work --markdown docs/omitted_work.md`; do not edit by hand.
 `taxel render SCENE --explain` says what was left out of a scene.
 
 Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the scene as it is; the next
@@ -254,28 +266,12 @@ the others would take.
 """
 
 
-def page(rows: list[tuple[str, ...]]) -> str:
+def page(rows: Sequence[tuple[str, ...]]) -> str:
     """The table as a Markdown page."""
     aligned = [":--" if heading in ("scene", "done all the same", "heavy ones") else "--:" for heading in HEADINGS]
     lines = ["| " + " | ".join(cells) + " |" for cells in (HEADINGS, aligned, *rows)]
     return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table="\n".join(lines))
 
 
-def main() -> None:
-    """Parse the command line, run, print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES), help="which scenes")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the table as a page, too")
-    parser.add_argument("--row", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.row:
-        print(json.dumps(row(*json.loads(options.row))))
-        return
-    print(" | ".join(HEADINGS))
-    rows = table(options.scenes)
-    if options.markdown:
-        options.markdown.write_text(page(rows), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    print(json.dumps(row(*json.loads(sys.argv[1]))))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from cases import Case, Estimator, Unsuitable
+
+from mitsuba_taxel.bench.peers.cases import Case, Estimator, Unsuitable
 
 INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
 

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import csv
-import os
 import shutil
-import subprocess
-import sys
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from taxel_cli.bench_peers import peers
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.bench.peers.elements import table
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
-
-
-@pytest.fixture(autouse=True)
-def benchmarks_importable(monkeypatch):
-    monkeypatch.syspath_prepend(str(FOLDER))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +30,7 @@ def _nodes(mesh, *regions):
 
 
 def test_nodal_forces_do_the_work_of_a_uniform_load(meshes):
-    from displacement_form import nodal_forces
+    from mitsuba_taxel.bench.peers.displacement_form import nodal_forces
 
     mesh = meshes("hemispheric")
     x, y, _ = mesh.points.T
@@ -52,7 +45,7 @@ def test_nodal_forces_do_the_work_of_a_uniform_load(meshes):
 @pytest.mark.parametrize("poisson_ratio", [0.3, 0.49, 0.4999])
 @pytest.mark.parametrize("stretch", [(1.05, 0.9, 0.8), (0.97, 1.1, 1.2)])
 def test_forces_of_a_homogeneous_stretch_are_those_of_the_closed_form(meshes, poisson_ratio, stretch):
-    from displacement_form import DisplacementForm, held, nodal_forces
+    from mitsuba_taxel.bench.peers.displacement_form import DisplacementForm, held, nodal_forces
 
     mesh, material = meshes("parallelepiped"), NeoHookean(poisson_ratio=poisson_ratio)
     forces = np.zeros(mesh.points.shape)
@@ -75,7 +68,7 @@ def test_forces_of_a_homogeneous_stretch_are_those_of_the_closed_form(meshes, po
 
 @pytest.mark.parametrize("poisson_ratio", [0.3, 0.49])
 def test_tangent_is_the_derivative_of_the_forces(meshes, poisson_ratio):
-    from displacement_form import DisplacementForm, held
+    from mitsuba_taxel.bench.peers.displacement_form import DisplacementForm, held
 
     mesh, rng = meshes("hemispheric"), np.random.default_rng(1)
     element, free = DisplacementForm(mesh, NeoHookean(poisson_ratio=poisson_ratio)), ~held(mesh)
@@ -90,15 +83,15 @@ def test_tangent_is_the_derivative_of_the_forces(meshes, poisson_ratio):
 
 
 def test_load_beyond_reach_is_an_error(meshes):
-    from displacement_form import solve
+    from mitsuba_taxel.bench.peers.displacement_form import solve
 
     with pytest.raises(ComputationError):
         solve(meshes("parallelepiped", size=4.0), NeoHookean(), (0, 0, 400))
 
 
 def test_incompressible_material_is_refused(meshes):
-    from displacement_form import solve
-    from peers.calculix import deck
+    from mitsuba_taxel.bench.peers.calculix import deck
+    from mitsuba_taxel.bench.peers.displacement_form import solve
 
     for use in (solve, deck):
         with pytest.raises(InputError, match=r"poisson_ratio = 0\.5 .* below 0\.5 is needed\.$"):
@@ -106,8 +99,8 @@ def test_incompressible_material_is_refused(meshes):
 
 
 def test_deck_holds_mesh_load_and_moduli(meshes):
-    from displacement_form import held
-    from peers.calculix import deck
+    from mitsuba_taxel.bench.peers.calculix import deck
+    from mitsuba_taxel.bench.peers.displacement_form import held
 
     mesh, material = meshes("cylindrical"), NeoHookean(youngs_modulus=2.0, poisson_ratio=0.4)
     blocks = {}
@@ -129,7 +122,7 @@ def test_deck_holds_mesh_load_and_moduli(meshes):
 
 
 def test_table_of_displacements_is_read(tmp_path):
-    from peers.calculix import read_displacement
+    from mitsuba_taxel.bench.peers.calculix import read_displacement
 
     file = tmp_path / "pad.dat"
     file.write_text(
@@ -144,7 +137,7 @@ def test_table_of_displacements_is_read(tmp_path):
 @pytest.mark.parametrize("cell, tolerance", [("parallelepiped", 1e-12), ("cylindrical", 1e-3)])
 @pytest.mark.parametrize("number", [1, 5, 6])
 def test_mean_over_flat_roofs(meshes, cell, tolerance, number):
-    from mechanics_peer import mean_roof_displacement
+    from mitsuba_taxel.bench.peers.elements import mean_roof_displacement
 
     pad = Pad(cell, rows=2, columns=3)
     mesh = meshes(cell, rows=2, columns=3)
@@ -159,16 +152,17 @@ def test_mean_over_flat_roofs(meshes, cell, tolerance, number):
 @pytest.mark.parametrize("cell", ["spherical", "hemispheric"])
 def test_mean_over_domes_is_by_their_area(meshes, cell):
     """The area of a sphere between two heights is proportional to their distance (Archimedes)."""
-    from mechanics_peer import mean_roof_displacement
+    from mitsuba_taxel.bench.peers.elements import mean_roof_displacement
 
     mesh, pad = meshes(cell), Pad(cell, rows=1, columns=1)
     expected = 0.5 * (pad.top_of_cell + pad.side_height)
     assert mean_roof_displacement(mesh, mesh.points, 1) == pytest.approx(expected, rel=1e-3)
 
 
-def test_missing_program_is_said_in_one_line(tmp_path):
-    done = _run_benchmark(environment={**os.environ, "PATH": str(tmp_path)})
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", "ccx is not installed.\n")
+def test_missing_program_is_said_in_one_line(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ComputationError, match=r"^ccx is not installed\.$"):
+        next(table([3.0], [0.49]))
 
 
 @needs_ccx
@@ -176,8 +170,7 @@ def test_missing_program_is_said_in_one_line(tmp_path):
 @pytest.mark.parametrize("poisson_ratio", [0.3, 0.49])
 @pytest.mark.parametrize("force", [(0, 0, -3), (0.4, -0.2, -1)])
 def test_nodes_agree_with_the_peer(meshes, cell, poisson_ratio, force):
-    import displacement_form
-    from peers import calculix
+    from mitsuba_taxel.bench.peers import calculix, displacement_form
 
     mesh, material = meshes(cell), NeoHookean(poisson_ratio=poisson_ratio)
     result = calculix.solve(mesh, material, force)
@@ -189,24 +182,19 @@ def test_nodes_agree_with_the_peer(meshes, cell, poisson_ratio, force):
 
 @needs_ccx
 def test_peer_that_gives_up_is_an_error(meshes):
-    from peers import calculix
+    from mitsuba_taxel.bench.peers import calculix
 
     with pytest.raises(ComputationError, match=r"^ccx stopped: increment size smaller than minimum"):
         calculix.solve(meshes("parallelepiped", size=4.0), NeoHookean(), (0, 0, -60))
 
 
 @needs_ccx
-def test_benchmark_writes_its_table(tmp_path):
-    table = tmp_path / "table.csv"
-    done = _run_benchmark("--mesh-sizes", "3", "--poisson-ratios", "0.49", "--csv", table)
-    assert done.returncode == 0, done.stderr
-    with table.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+def test_command_writes_its_table(tmp_path):
+    file = tmp_path / "table.csv"
+    arguments = ["elements", "--mesh-size", "3", "--poisson-ratio", "0.49", "--csv", str(file)]
+    assert CliRunner().invoke(peers, arguments, catch_exceptions=False).exit_code == 0
+    with file.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
     assert [row["threads"] for row in rows] == ["1", "2"]
     for row in rows:
         assert float(row["apart mm"]) < 1e-6 and float(row["roof mm"]) < -0.05 and float(row["seconds"]) > 0
-
-
-def _run_benchmark(*arguments, environment=None):
-    command = [sys.executable, FOLDER / "mechanics_peer.py", *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)

@@ -7,10 +7,11 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from cases import Case, Estimator
-from peers import mitsuba_stock
-from quadrature import plate_power
 from scipy import stats
+
+from mitsuba_taxel.bench.peers import mitsuba_stock
+from mitsuba_taxel.bench.peers.cases import Case, Estimator
+from mitsuba_taxel.bench.peers.plate_quadrature import plate_power
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that a row is said to disagree with the truth although it does not."""

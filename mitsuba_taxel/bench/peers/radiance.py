@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
+
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
 
 POINTS = 32
 """Detector points along x and along y; the rest of the samples are the directions traced from each."""
@@ -57,7 +59,7 @@ def _scene(z: float, spacing: float) -> str:
     return glow + white + _polygon("glow", "led", led) + _polygon("white", "plate", plate)
 
 
-def _polygon(material: str, name: str, corners: list[tuple[float, float, float]]) -> str:
+def _polygon(material: str, name: str, corners: Sequence[Sequence[float]]) -> str:
     numbers = " ".join(f"{value:.9g}" for corner in corners for value in corner)
     return f"{material} polygon {name}\n0\n0\n{3 * len(corners)} {numbers}\n"
 

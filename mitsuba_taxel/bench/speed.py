@@ -1,29 +1,22 @@
-"""How long readings take as a user meets them, and how near the tracer comes to the raw rate of intersections.
-
-Run it as ``python benchmarks/speed.py [--target-error 0.001]``.
-"""
+"""How long readings take as a user meets them, and how near the tracer comes to the raw rate of intersections."""
 
 from __future__ import annotations
 
-import argparse
 import gc
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-import mitsuba_taxel  # noqa: F401  (chooses the LLVM, before drjit loads one)
-
-# isort: split
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from cases import CASES
 
 from mitsuba_taxel import Scene, measure
+from mitsuba_taxel.bench.peers.cases import CASES
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
@@ -32,19 +25,21 @@ from mitsuba_taxel.sensing.taxels import taxels_of
 RAYS = 1 << 22
 
 
-def main() -> None:
-    """Measure and print all three."""
-    parser = argparse.ArgumentParser(description="Times of readings, and rays per second.")
-    parser.add_argument("--target-error", type=float, default=1e-3, help="relative, of the worst of nine taxels")
-    target = parser.parse_args().target_error
+def speed(target_error: float) -> Iterator[str]:
+    """All three, a line each as they come.
+
+    Parameters
+    ----------
+    target_error : relative, of the worst of nine taxels
+    """
     for cell in CELL_SHAPES:
-        points, error, seconds = nine_taxels(cell, target)
-        print(f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}", flush=True)
-    print(f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s", flush=True)
+        points, error, seconds = nine_taxels(cell, target_error)
+        yield f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}"
+    yield f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s"
     for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
         gc.collect()
         traced, raw = ray_rates(CASES[name].load("taxel_tracer"))
-        print(f"{name}: {traced:.3g} rays/s traced, {raw:.3g} rays/s intersected alone: {traced / raw:.0%}", flush=True)
+        yield f"{name}: {traced:.3g} rays/s traced, {raw:.3g} rays/s intersected alone: {traced / raw:.0%}"
 
 
 def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
@@ -129,6 +124,3 @@ def _seconds(run: Callable[[], object]) -> float:
         times.append(time.perf_counter() - start)
     return statistics.median(times)
 
-
-if __name__ == "__main__":
-    main()

@@ -1,54 +1,43 @@
-"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with the same element of ours.
-
-Run it as ``python benchmarks/mechanics_peer.py [--mesh-sizes H ...] [--poisson-ratios NU ...] [--csv FILE]``.
-"""
+"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with the same element of ours."""
 
 from __future__ import annotations
 
-import argparse
-import csv
-import os
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
-import displacement_form
 import numpy as np
-from peers import calculix
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.bench.peers import calculix, displacement_form
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 
 PAD = Pad("parallelepiped")
 CELL = 5
+MESH_SIZES = (1.2, 0.8, 0.65, 0.55)
+POISSON_RATIOS = (0.3, 0.49, 0.4999)
 FORCE = (0.0, 0.0, -20.0)
 THREADS = (1, 2)
 COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "iterations", "roof mm", "apart mm")
-_LINE = "{:>7} {:>9} {:>9} {:>7} {:>8} {:>10} {:>10} {:>10} {:>9}"
 
 
-def main() -> None:
-    """Parse the command line, run, print."""
-    parser = _parser()
-    options = parser.parse_args()
+def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Iterator[tuple[object, ...]]:
+    """Rows for every mesh size [mm] and Poisson's ratio, :data:`COLUMNS`, as they come.
+
+    Raises
+    ------
+    ComputationError
+        if CalculiX is not installed.
+    """
     if not calculix.installed():
-        parser.exit(1, "ccx is not installed.\n")
-    print(f"{PAD.cell} cells, {FORCE[2]:g} N on {os.cpu_count()} cores; roof of cell {CELL}.")
-    print(_LINE.format(*COLUMNS))
-    rows = [
-        row
-        for poisson_ratio in options.poisson_ratios
-        for mesh_size in options.mesh_sizes
-        for row in rows_of(NeoHookean(poisson_ratio=poisson_ratio), mesh_size)
-    ]
-    if options.csv:
-        with options.csv.open("w", newline="") as file:
-            csv.writer(file).writerows([COLUMNS, *rows])
+        raise ComputationError("ccx is not installed.")
+    for poisson_ratio in poisson_ratios:
+        for mesh_size in mesh_sizes:
+            yield from rows_of(NeoHookean(poisson_ratio=poisson_ratio), mesh_size)
 
 
 def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ...]]:
-    """Rows of the table for one mesh, printed as they come."""
+    """Rows of the table for one mesh, :data:`COLUMNS`, as they come; where CalculiX gives up, the reason."""
     mesh = mesh_pad(PAD, mesh_size)
     unknowns = 3 * np.count_nonzero(~displacement_form.held(mesh))
     ours = _own_displacement(mesh, material)
@@ -57,12 +46,11 @@ def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ..
         try:
             result = calculix.solve(mesh, material, FORCE, threads)
         except ComputationError as reason:
-            print(f"nu = {material.poisson_ratio}, mesh size {mesh_size}: {reason}", flush=True)
+            yield *case, str(reason), *[""] * (len(COLUMNS) - len(case) - 1)
             continue
         roof = mean_roof_displacement(mesh, result.displacement, CELL)
         apart = np.abs(result.displacement - ours).max()
         figures = (f"{result.seconds:.2f}", result.increments, result.iterations, f"{roof:.6f}", f"{apart:.1e}")
-        print(_LINE.format(*case, *figures), flush=True)
         yield *case, *figures
 
 
@@ -103,16 +91,3 @@ def _own_displacement(mesh: VolumeMesh, material: NeoHookean) -> np.ndarray:
         return displacement_form.solve(mesh, material, FORCE)
     except ComputationError:
         return np.full(mesh.points.shape, np.nan)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description="CalculiX on the pad's own meshes.")
-    sizes, ratios = [1.2, 0.8, 0.65, 0.55], [0.3, 0.49, 0.4999]
-    parser.add_argument("--mesh-sizes", nargs="+", type=float, default=sizes, metavar="H", help=f"mm, default {sizes}")
-    parser.add_argument("--poisson-ratios", nargs="+", type=float, default=ratios, metavar="NU", help=f"{ratios}")
-    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table here as well")
-    return parser
-
-
-if __name__ == "__main__":
-    main()

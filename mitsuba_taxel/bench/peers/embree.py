@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cases import DETECTOR, LED_SIDE, Case, Estimator
 
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator
 from mitsuba_taxel.pads import REGIONS
 
 BATCH = 1 << 16

@@ -33,7 +33,7 @@ class Case:
 
     name: str
     scene: str
-    parameters: dict[str, object]
+    parameters: dict[str, Any]
     exponent: float = 1
 
     def require_ideal(self) -> None:

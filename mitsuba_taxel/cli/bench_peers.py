@@ -1,0 +1,80 @@
+"""`taxel bench peers`: other programs on the same cases, side by side with this one."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from pathlib import Path
+
+import click
+
+from .options import debug_option
+
+csv_option = click.option(
+    "--csv", "file", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows to this file."
+)
+
+
+@click.group("peers", short_help="Other programs on the same cases.")
+@debug_option
+def peers() -> None:
+    """Run other programs on the same cases, those of them that are installed.
+
+    Nothing else should run meanwhile: times are wall times.
+    """
+
+
+@peers.command("optics", short_help="Errors, times and figures of merit of the light.")
+@click.option("--case", "cases", multiple=True, metavar="NAME", help="Which cases; all by default.")
+@click.option("--peer", "systems", multiple=True, metavar="NAME", help="Which programs; all by default, or none.")
+@click.option("--runs", type=click.IntRange(min=16), default=32, show_default=True, help="Independent seeds.")
+@click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True, help="Of one run, about."
+)
+@csv_option
+@debug_option
+def optics_command(
+    cases: tuple[str, ...], systems: tuple[str, ...], runs: int, seconds: float, file: Path | None
+) -> None:
+    """Compare the light of this program's integrators with that of other programs."""
+    from mitsuba_taxel.bench.peers.optics import COLUMNS, table
+
+    _show(COLUMNS, table(cases, systems, runs, seconds), file)
+
+
+@peers.command("mechanics", short_help="Errors, times and memory of the pad's mechanics.")
+@click.argument("tables", nargs=-1, type=click.Choice(["solve", "paths", "cells"]))
+@csv_option
+@debug_option
+def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
+    """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths) and larger pads (cells)."""
+    from mitsuba_taxel.bench.peers.mechanics import TABLES
+
+    for name in tables or TABLES:
+        rows = TABLES[name]()
+        click.echo(f"\n{name}: {' '.join(str(TABLES[name].__doc__).split())}")
+        _show(next(rows), rows, file and file.with_stem(f"{file.stem}-{name}"))
+
+
+@peers.command("elements", short_help="Nodes beside the same element of CalculiX.")
+@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be given again.")
+@click.option("--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU", help="May be given again.")
+@csv_option
+@debug_option
+def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: Path | None) -> None:
+    """Compare CalculiX node by node with the same element of ours, on the same mesh."""
+    from mitsuba_taxel.bench.peers.elements import COLUMNS, MESH_SIZES, POISSON_RATIOS, table
+
+    _show(COLUMNS, table(sizes or MESH_SIZES, ratios or POISSON_RATIOS), file)
+
+
+def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Path | None) -> None:
+    """Print rows as they come, and write them in the end."""
+    kept = []
+    for row in chain([columns], rows):
+        click.echo("  ".join(f"{cell!s:16}" for cell in row).rstrip())
+        kept.append(row)
+    if file:
+        with file.open("w", newline="") as stream:
+            csv.writer(stream).writerows(kept)
