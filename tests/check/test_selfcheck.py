@@ -22,6 +22,6 @@ def test_a_check_that_breaks_off_has_failed(monkeypatch):
     def break_off(*_, **__):
         raise RuntimeError("no light")
 
-    monkeypatch.setattr("mitsuba_taxel.sensing.measurement", break_off)
+    monkeypatch.setattr("mitsuba_taxel.sensing.measure", break_off)
     optics, _ = selfcheck.run_checks()
     assert not optics.passed and optics.detail == "RuntimeError: no light"
