@@ -23,7 +23,7 @@ extensions = [
 ]
 # What docstrings refer to inside the package, and the reference leaves out.
 nitpick_ignore_regex = [
-    ("py:func", r"(mitsuba_taxel\.pads\.regions\.)?(tagged|prepare)"),
+    ("py:func", r"(mitsuba_taxel\.pads\.imported\.regions\.)?(tagged|prepare)"),
     ("py:data", r"mitsuba_taxel\.mechanics\.path\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
     ("py:class", "Relief"),

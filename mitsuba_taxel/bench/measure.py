@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.cases import Case
 from mitsuba_taxel.bench.row import CONVERGED, Row
 from mitsuba_taxel.geometry.element_maps import map_determinants
-from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import State, _Path, _path, load_path

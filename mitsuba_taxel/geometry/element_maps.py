@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
 
@@ -27,17 +28,6 @@ def curved_volume(mesh: VolumeMesh) -> float:
     xi = np.array([[0.25] * 3, *(np.full((4, 3), 1 / 6) + np.eye(4, 3) / 3)])
     maps = np.einsum("qai,maj->mqij", shape_gradients(xi), mesh.points[mesh.tets])
     return float((np.linalg.det(maps) * [-2 / 15, *[3 / 40] * 4]).sum())
-
-
-def shape_gradients(xi: np.ndarray) -> np.ndarray:
-    """Gradients (Q, 10, 3) of the quadratic shape functions at reference points (Q, 3)."""
-    barycentric = np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1)
-    slope = np.array([[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
-    gradients = np.empty((len(xi), 10, 3))
-    gradients[:, :4] = (4 * barycentric - 1)[:, :, None] * slope
-    for node, (i, j) in enumerate(TET_EDGES, start=4):
-        gradients[:, node] = 4 * (barycentric[:, i, None] * slope[j] + barycentric[:, j, None] * slope[i])
-    return gradients
 
 
 def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:

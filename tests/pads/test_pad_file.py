@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.element_maps import jacobians, shape_gradients, worst_element
+from mitsuba_taxel.geometry.element_maps import jacobians, worst_element
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file

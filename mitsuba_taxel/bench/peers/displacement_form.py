@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean

@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.peers import calculix, displacement_form
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
@@ -68,21 +69,12 @@ def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int
     roof = mesh.faces[(mesh.face_region == REGIONS["roof"]) & (mesh.face_cell == cell)]
     nodes, weights = np.polynomial.legendre.leggauss(5)
     u, v = (side.ravel() for side in np.meshgrid(0.5 * (1 + nodes), 0.5 * (1 + nodes), indexing="ij"))
-    shapes, slopes = _triangle_shapes(u, (1 - u) * v)
-    tangents = np.einsum("qad,fai->dfqi", slopes, mesh.points[roof])
+    second, third = u, (1 - u) * v
+    barycentric = np.stack([1 - second - third, second, third], axis=1)
+    shapes = shape_functions(barycentric)
+    tangents = [np.einsum("qa,fai->fqi", slopes, mesh.points[roof]) for slopes in shape_slopes(barycentric)]
     area = np.linalg.norm(np.cross(*tangents), axis=-1) * np.outer(weights, weights).ravel() * (1 - u)
     return float(np.sum(area * (displacement[roof, 2] @ shapes.T)) / area.sum())
-
-
-def _triangle_shapes(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Quadratic shape functions (Q, 6) of a triangle at the points (s, t), and their gradients (Q, 6, 2)."""
-    barycentric = np.stack([1 - s - t, s, t], axis=1)
-    slope = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    following = np.roll(barycentric, -1, axis=1)
-    shapes = np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric * following], axis=1)
-    corners = (4 * barycentric - 1)[..., None] * slope
-    edges = 4 * (following[..., None] * slope + barycentric[..., None] * np.roll(slope, -1, axis=0))
-    return shapes, np.concatenate([corners, edges], axis=1)
 
 
 def _own_displacement(mesh: VolumeMesh, material: NeoHookean) -> np.ndarray:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.base.threads import thread_count
-from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.six_node import shape_functions
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 

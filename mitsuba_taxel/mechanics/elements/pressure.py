@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 
 # Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985): as high as the forces of a
 # quadratic face go.

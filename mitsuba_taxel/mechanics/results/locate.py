@@ -10,9 +10,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.element_maps import shape_gradients
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.geometry.quadratic_shapes import control_points, shape_functions, shape_gradients, tet_coordinates
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 
 SLACK = 1e-9
 """How far below 0 a barycentric coordinate may be inside an element: rounding leaves no gap between neighbours."""
@@ -65,7 +65,7 @@ class Location:
     @cached_property
     def _functions(self) -> np.ndarray:
         """(P, 10) shape functions at the points."""
-        return _tet_functions(self.reference)
+        return shape_functions(tet_coordinates(self.reference))
 
     @cached_property
     def _slopes(self) -> np.ndarray:
@@ -80,7 +80,7 @@ class PointLocator:
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self.mesh = mesh
-        hull = _control_points(mesh.points[mesh.tets], TET_EDGES)
+        hull = control_points(mesh.points[mesh.tets])
         self._low, self._high = hull.min(axis=1), hull.max(axis=1)
         self._size = float(np.abs(mesh.points).max())
         corner = mesh.points[mesh.tets[:, :4]]
@@ -154,7 +154,7 @@ class PointLocator:
         xi, open_ = start.copy(), np.arange(len(x))
         for _ in range(MOST_ITERATIONS):
             nodes, here = self.mesh.points[self.mesh.tets[element[open_]]], xi[open_]
-            residual = x[open_] - np.einsum("ka,kai->ki", _tet_functions(here), nodes)
+            residual = x[open_] - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(here)), nodes)
             far = np.linalg.norm(residual, axis=1) > ROUNDING * self._size
             open_ = open_[far]
             if not len(open_):
@@ -173,7 +173,7 @@ class PointLocator:
         x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first is enough to raise
         element, reference = self._boundary.nearest(x)
         nodes = self.mesh.points[self.mesh.tets[element]]
-        offset = x - np.einsum("ka,kai->ki", _tet_functions(reference), nodes)
+        offset = x - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(reference)), nodes)
         distance = np.linalg.norm(offset, axis=1)
         wrong = np.flatnonzero(distance > tolerance)
         if not len(wrong):
@@ -191,7 +191,7 @@ class _Boundary:
     def __init__(self, mesh: VolumeMesh) -> None:
         self._nodes = mesh.points[mesh.faces]
         self._centroid = self._nodes[:, :3].mean(axis=1)
-        hull = _control_points(self._nodes, FACE_EDGES)
+        hull = control_points(self._nodes)
         self._radius = (1 + SLACK) * np.linalg.norm(hull - self._centroid[:, None], axis=2).max(axis=1)
         self._tree, self._node_tree = PointTree(self._centroid), PointTree(self._nodes.reshape(-1, 3))
         self._owner = _owners(mesh)
@@ -220,7 +220,7 @@ class _Boundary:
         best, least = at.copy(), np.full(len(x), np.inf)
         for _ in range(MOST_ITERATIONS):
             nodes = self._nodes[face[open_]]
-            place = np.einsum("ka,kai->ki", _shape_functions(at, FACE_EDGES), nodes)
+            place = np.einsum("ka,kai->ki", shape_functions(at), nodes)
             distance = np.linalg.norm(x[open_] - place, axis=1)
             better = distance < (1 - SLACK) * least[open_]
             open_, at, nodes, place = open_[better], at[better], nodes[better], place[better]
@@ -285,17 +285,6 @@ def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
     return x
 
 
-def _tet_functions(xi: np.ndarray) -> np.ndarray:
-    """Quadratic shape functions (Q, 10) of a tetrahedron at reference points (Q, 3)."""
-    return _shape_functions(np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1), TET_EDGES)
-
-
-def _shape_functions(barycentric: np.ndarray, edges: tuple[tuple[int, int], ...]) -> np.ndarray:
-    """Quadratic shape functions at barycentric coordinates (Q, corners): those of corners, then those of ``edges``."""
-    i, j = np.array(edges).T
-    return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)
-
-
 def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
     """Derivatives (Q, 6, 3) of those of a triangle by its three barycentric coordinates, each taken alone."""
     slopes = np.zeros((len(barycentric), 6, 3))
@@ -303,13 +292,6 @@ def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
     for node, (i, j) in enumerate(FACE_EDGES, start=3):
         slopes[:, node, i], slopes[:, node, j] = 4 * barycentric[:, j], 4 * barycentric[:, i]
     return slopes
-
-
-def _control_points(nodes: np.ndarray, edges: tuple[tuple[int, int], ...]) -> np.ndarray:
-    """Bezier control points of quadratic elements with nodes (M, n, 3): an element lies within their convex hull."""
-    i, j = np.array(edges).T
-    corners = nodes.shape[1] - len(edges)
-    return np.concatenate([nodes[:, :corners], 2 * nodes[:, corners:] - (nodes[:, i] + nodes[:, j]) / 2], axis=1)
 
 
 def _violation(xi: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
-from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.results.locate import PointLocator
 from mitsuba_taxel.pads.pad import REGIONS

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.geometry.element_maps import shape_gradients
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 

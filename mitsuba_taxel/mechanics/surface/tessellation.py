@@ -10,7 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_row, is_whole, refusal, require
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.six_node import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.load_path import State

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.geometry.element_maps import jacobians, shape_gradients
+from mitsuba_taxel.geometry.element_maps import jacobians
 from mitsuba_taxel.geometry.mirror import MIRRORS
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.elements.symmetry import node_images

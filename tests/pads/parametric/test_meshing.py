@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.element_maps import jacobians, shape_gradients
+from mitsuba_taxel.geometry.element_maps import jacobians
+from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 

@@ -1,0 +1,46 @@
+"""Quadratic shape functions of triangles and tetrahedra: of corners, then of edges as in FACE_EDGES or TET_EDGES."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
+
+
+def shape_functions(barycentric: np.ndarray) -> np.ndarray:
+    """(Q, 6) or (Q, 10) values at barycentric coordinates (Q, 3) of a triangle or (Q, 4) of a tetrahedron."""
+    i, j = np.array(FACE_EDGES if barycentric.shape[1] == 3 else TET_EDGES).T
+    return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)
+
+
+def shape_slopes(barycentric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(Q, 6) derivatives in a triangle along the sides from the first corner to the second and to the third."""
+    a, b, c = barycentric.T
+    zero = np.zeros_like(a)
+    to_second = np.stack([1 - 4 * a, 4 * b - 1, zero, 4 * (a - b), 4 * c, -4 * c], axis=1)
+    to_third = np.stack([1 - 4 * a, zero, 4 * c - 1, -4 * b, 4 * b, 4 * (a - c)], axis=1)
+    return to_second, to_third
+
+
+def shape_gradients(xi: np.ndarray) -> np.ndarray:
+    """Gradients (Q, 10, 3) of the quadratic shape functions at reference points (Q, 3)."""
+    barycentric = tet_coordinates(xi)
+    slope = np.array([[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    gradients = np.empty((len(xi), 10, 3))
+    gradients[:, :4] = (4 * barycentric - 1)[:, :, None] * slope
+    for node, (i, j) in enumerate(TET_EDGES, start=4):
+        gradients[:, node] = 4 * (barycentric[:, i, None] * slope[j] + barycentric[:, j, None] * slope[i])
+    return gradients
+
+
+def tet_coordinates(xi: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates (Q, 4) of reference points (Q, 3) of a tetrahedron."""
+    return np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1)
+
+
+def control_points(nodes: np.ndarray) -> np.ndarray:
+    """Bezier control points of triangles (M, 6, 3) or tetrahedra (M, 10, 3): their convex hull holds the element."""
+    edges = FACE_EDGES if nodes.shape[1] == 6 else TET_EDGES
+    i, j = np.array(edges).T
+    corners = nodes.shape[1] - len(edges)
+    return np.concatenate([nodes[:, :corners], 2 * nodes[:, corners:] - (nodes[:, i] + nodes[:, j]) / 2], axis=1)
