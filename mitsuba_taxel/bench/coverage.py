@@ -10,11 +10,12 @@ from pathlib import Path
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
 from mitsuba_taxel.bench.isolated_process import measure_apart
 from mitsuba_taxel.bench.stability import chosen
-from mitsuba_taxel.bench.tables import markdown_table
+from mitsuba_taxel.bench.tables import LEFT
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 MOST_SECONDS = 3600.0
@@ -119,7 +120,7 @@ def write_page(rows: Sequence[CoverageRow], file: Path, csv_file: Path | None) -
         coarser=COARSER,
         order=ORDER,
         summary=summary(rows),
-        table=markdown_table(HEADINGS, map(coverage_cells, rows)),
+        table=markdown_table([*HEADINGS.values()], map(coverage_cells, rows), LEFT),
     )
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -268,9 +268,10 @@ the others would take.
 
 def page(rows: Sequence[tuple[str, ...]]) -> str:
     """The table as a Markdown page."""
-    aligned = [":--" if heading in ("scene", "done all the same", "heavy ones") else "--:" for heading in HEADINGS]
-    lines = ["| " + " | ".join(cells) + " |" for cells in (HEADINGS, aligned, *rows)]
-    return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table="\n".join(lines))
+    from mitsuba_taxel.base.markdown import markdown_table
+
+    table = markdown_table(HEADINGS, rows, ("scene", "done all the same", "heavy ones"))
+    return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table=table)
 
 
 if __name__ == "__main__":

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.cases import MESH_SIZE
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
+
+LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
+"""Headings of columns of words."""
 
 _PAGE = """\
 # At the extremes
@@ -79,15 +83,10 @@ def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
     if mechanics:
-        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=markdown_table(HEADINGS, map(cells, mechanics)))
+        table = markdown_table([*HEADINGS.values()], map(cells, mechanics), LEFT)
+        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=table)
     if readings:
-        table = markdown_table(READING_HEADINGS, map(reading_cells, readings))
+        table = markdown_table([*READING_HEADINGS.values()], map(reading_cells, readings), LEFT)
         text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-def markdown_table(headings: Mapping[str, str], rows: Iterable[Sequence[str]]) -> str:
-    aligned = [":--" if name in ("case", "verdict", "stability", "by", "remark") else "--:" for name in headings]
-    lines = [list(headings.values()), aligned, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

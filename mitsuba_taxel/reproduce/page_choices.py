@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import figures, paper, plate
 from mitsuba_taxel.reproduce.analysis import PUBLISHED, against_table_one, least, table_one
 from mitsuba_taxel.reproduce.comparison import Fit, pairs_in_order
-from mitsuba_taxel.reproduce.page_words import Found, markdown_table, steepest
+from mitsuba_taxel.reproduce.page_words import Found, steepest
 from mitsuba_taxel.reproduce.slopes import Sensitivity
 from mitsuba_taxel.reproduce.variations import FINER_MESH, NOMINAL_LAW, NOMINAL_SPACING, choices
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analysis import PUBLISHED, nonlinearity_of, table_one
 from mitsuba_taxel.reproduce.comparison import pairs_in_order
-from mitsuba_taxel.reproduce.page_words import Found, markdown_table
+from mitsuba_taxel.reproduce.page_words import Found
 
 
 def experiments(found: Found, pictures: Path) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.reproduce import figures, paper
 from mitsuba_taxel.reproduce.analysis import PUBLISHED, expected_of_counting, skewness, table_one
 from mitsuba_taxel.reproduce.comparison import order, pairs_in_order
-from mitsuba_taxel.reproduce.page_words import NAMES, TANGENTIAL, Found, markdown_table, micro, steepest
+from mitsuba_taxel.reproduce.page_words import NAMES, TANGENTIAL, Found, micro, steepest
 from mitsuba_taxel.reproduce.slopes import Sensitivity
 from mitsuba_taxel.reproduce.store import add_seconds
 from mitsuba_taxel.studies import stage_totals

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import analog as counting
 from mitsuba_taxel.reproduce import figures, paper
@@ -16,7 +17,7 @@ from mitsuba_taxel.reproduce.analysis import (
     readings,
     table_one,
 )
-from mitsuba_taxel.reproduce.page_words import Found, markdown_table, micro, steepest
+from mitsuba_taxel.reproduce.page_words import Found, micro, steepest
 
 
 def analog(found: Found, pictures: Path) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import figures, paper, plate
-from mitsuba_taxel.reproduce.page_words import Found, markdown_table
+from mitsuba_taxel.reproduce.page_words import Found
 
 
 def optics(found: Found, pictures: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from mitsuba_taxel.characterise.wording import with_error
@@ -22,9 +22,3 @@ def micro(value: float, error: float) -> str:
 def steepest(one: Sensitivity) -> str:
     """Maximum slope in µW/N with its error."""
     return micro(one.max_slope, one.max_slope_error)
-
-
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown, its first column aligned left, the others right."""
-    lines = [head, [":--", *["--:"] * (len(head) - 1)], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

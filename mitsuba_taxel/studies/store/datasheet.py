@@ -9,6 +9,8 @@ from typing import NamedTuple
 import pandas as pd
 import xarray as xr
 
+from mitsuba_taxel.base.markdown import markdown_table
+
 MOST_NAMED = 20
 """Of jobs that are left out, no more than this are named one by one."""
 
@@ -66,16 +68,17 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
 
 def _columns(rows: pd.DataFrame) -> str:
     """What each column is, and the range of its values."""
-    lines = ["Each row is one job of the study, or one noisy copy of it.", ""]
-    lines += ["| column | unit | what it is | smallest | largest |", "|---|---|---|---|---|"]
+    lines = []
     for name, column in rows.items():
         unit, meaning = _meaning(str(name))
         if pd.api.types.is_numeric_dtype(column):
-            extent = f"{column.min():.6g} | {column.max():.6g}"
+            extent = f"{column.min():.6g}", f"{column.max():.6g}"
         else:
-            extent = f"one of {', '.join(_distinct(column.astype(str)))} |"
-        lines.append(f"| {name} | {unit} | {meaning} | {extent} |")
-    return "\n".join(lines)
+            extent = f"one of {', '.join(_distinct(column.astype(str)))}", ""
+        lines.append((str(name), unit, meaning, *extent))
+    headings = ("column", "unit", "what it is", "smallest", "largest")
+    table = markdown_table(headings, lines, headings[:3])
+    return f"Each row is one job of the study, or one noisy copy of it.\n\n{table}"
 
 
 def _meaning(column: str) -> tuple[str, str]:
@@ -108,18 +111,17 @@ def _noise(making: Making) -> str:
 
 def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:
     """How rows were split, and how many there are."""
-    lines = ["| part | forces | rows |", "|---|---|---|"]
+    counts = []
     for name, table in tables.items():
         forces = [column for column in ("fx_N", "fy_N", "fz_N") if column in table]
-        lines.append(f"| {name} | {len(table[forces].drop_duplicates())} | {len(table)} |")
-    lines += [
-        "",
+        counts.append((name, str(len(table[forces].drop_duplicates())), str(len(table))))
+    return (
+        f"{markdown_table(('part', 'forces', 'rows'), counts)}\n\n"
         "All rows of one force, whatever their noise and other parameters, are in the same part. Forces are ranked by "
         f"a hash of force and seed ({making.seed}), and the ranking is cut at the shares that were asked for. The part "
         "of a force changes neither with noise, copies or other parameters, nor when failed jobs are done again. Where "
-        "forces are added to the study, only those beside a cut can change part.",
-    ]
-    return "\n".join(lines)
+        "forces are added to the study, only those beside a cut can change part."
+    )
 
 
 def _left_out(jobs: pd.DataFrame) -> str:

@@ -1,0 +1,18 @@
+"""Tables in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+
+
+def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: Collection[str] | None = None) -> str:
+    """A table in Markdown.
+
+    Parameters
+    ----------
+    left : headings of the columns that are aligned left, the first one unless given; the others are aligned right
+    """
+    left = headings[:1] if left is None else left
+    aligned = [":--" if heading in left else "--:" for heading in headings]
+    lines = [headings, aligned, *([cell.replace("|", r"\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
