@@ -9,7 +9,7 @@ from pathlib import Path
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.accuracy_chain import chain_curves, near_load, reading_curve, slope_limit
 from mitsuba_taxel.bench.accuracy_mechanics import (
-    LoadedPad,
+    PadRequest,
     limits,
     open_pads,
     size_errors,
@@ -80,7 +80,7 @@ def title(scene: Scene) -> str:
     return ", ".join([scene.name, *changed])
 
 
-def _with_pads(scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting: Callable[[str], None]) -> list[Curve]:
+def _with_pads(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> list[Curve]:
     """Curves of the mechanics and of the whole chain."""
     near = near_load(scene)
     try:

@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics import load_path
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import load_path as path
-from mitsuba_taxel.mechanics.path import load_segment as leg
+from mitsuba_taxel.mechanics.path import load_segment
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure
@@ -79,7 +79,7 @@ class Limit:
         return Truth(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
 
 
-class LoadedPad(NamedTuple):
+class PadRequest(NamedTuple):
     """A pad under a load, without the scene that it is part of."""
 
     pad: Pad | PadFile
@@ -88,10 +88,10 @@ class LoadedPad(NamedTuple):
     value: np.ndarray
 
 
-def open_pads(live: Any, mesh_size: float | None) -> list[LoadedPad]:
+def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
     """The loaded pads of a scene whose mesh it leaves open, so that they got that of a `Scene.mesh_size`."""
     return [
-        LoadedPad(pad.pad, pad.material, pad.load, np.array(pad.value))
+        PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value))
         for pad in loaded_pads(live)
         if pad.mesh_size == mesh_size and pad.mesh_tolerance is None
     ]
@@ -105,7 +105,7 @@ class SizeRuns(NamedTuple):
     ended: str
 
 
-def size_runs(scene: Scene, pads: Sequence[LoadedPad], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
+def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
     """The scene on smaller and smaller elements, until one solution would take longer, or elements be too many.
 
     They are judged by elements of half the size of the smallest, or the smallest that can be afforded. The next
@@ -158,7 +158,7 @@ def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
 
 
 def tolerance_runs(
-    scene: Scene, pads: Sequence[LoadedPad], size: float, starting: Callable[[str], None]
+    scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
 ) -> tuple[dict[float, Solved], Limit]:
     """The scene on one mesh with larger and smaller steps of the load, by their tolerance; and with very small ones."""
     solved = {}
@@ -203,7 +203,7 @@ def _point(setting: str, run: Solved, limit: Limit, stated: float, reference: st
 
 
 def solve(
-    scene: Scene, pads: Sequence[LoadedPad], size: float, tolerance: float = leg.INTERPOLATION_TOLERANCE
+    scene: Scene, pads: Sequence[PadRequest], size: float, tolerance: float = load_segment.INTERPOLATION_TOLERANCE
 ) -> Solved:
     """Solve the pads of a scene from nothing and read it; the estimate of the error is part of the mechanics."""
     with from_nothing(tolerance):
@@ -219,17 +219,17 @@ def solve(
 
 
 @contextmanager
-def from_nothing(tolerance: float = leg.INTERPOLATION_TOLERANCE) -> Iterator[None]:
+def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Iterator[None]:
     """Let nothing that was solved before help, and load steps be chosen for another tolerance of the interpolation."""
-    kept, before = os.environ.get("MITSUBA_TAXEL_CACHE"), leg.INTERPOLATION_TOLERANCE
+    kept, before = os.environ.get("MITSUBA_TAXEL_CACHE"), load_segment.INTERPOLATION_TOLERANCE
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder
-        leg.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = tolerance
+        load_segment.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = tolerance
         _forget()
         try:
             yield
         finally:
-            leg.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = before
+            load_segment.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = before
             os.environ.pop("MITSUBA_TAXEL_CACHE")
             if kept is not None:
                 os.environ["MITSUBA_TAXEL_CACHE"] = kept

@@ -11,8 +11,8 @@ import xarray as xr
 from scipy.stats import chi2
 
 from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import CENTRE, write_scene
-from mitsuba_taxel.reproduce.store import Store
 from mitsuba_taxel.sensing import Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -25,7 +25,7 @@ REPETITIONS = 2_000
 """Of the emulation by binomial counts."""
 
 
-def counted(store: Store, cell: str) -> xr.Dataset:
+def counted(store: PaperStudies, cell: str) -> xr.Dataset:
     """Power (fz, replicate) of the centre taxel by counted rays over the paper's normal forces.
 
     Each replicate is one repetition of the paper's procedure. Every force has random numbers of its own, as new rays

@@ -11,8 +11,8 @@ import xarray as xr
 from mitsuba_taxel.mechanics import NeoHookean, displacement_at, load_path
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import POISSON_RATIO, YOUNGS_MODULUS
-from mitsuba_taxel.reproduce.store import Store
 from mitsuba_taxel.studies import sweep
 
 SCENE = "pad.xml"
@@ -24,12 +24,12 @@ PATHS = ("fz", "fx", "fy", "resultant")
 """The dimensions that forces run along: normal, tangential along x, y and the secondary diagonal."""
 
 
-def nominal(store: Store, cell: str) -> dict[str, xr.Dataset]:
+def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`."""
     return {"fz": normal(store, cell), **along_sides(store, cell), **along_diagonal(store, cell)}
 
 
-def normal(store: Store, cell: str) -> xr.Dataset:
+def normal(store: PaperStudies, cell: str) -> xr.Dataset:
     """Readings under normal forces; mesh and number of light paths are those which they need for the target error."""
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}:{-paper.FORCE_STEP}"}
     return store.study(
@@ -39,17 +39,17 @@ def normal(store: Store, cell: str) -> xr.Dataset:
     )
 
 
-def along_sides(store: Store, cell: str) -> dict[str, xr.Dataset]:
+def along_sides(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """Readings under tangential forces along x and y, with the mesh and the light paths of :func:`normal`."""
     return {path: _nominal_tangential(store, cell, path, paper.FORCE_STEP) for path in ("fx", "fy")}
 
 
-def along_diagonal(store: Store, cell: str) -> dict[str, xr.Dataset]:
+def along_diagonal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """The same along the secondary diagonal, by the resultant."""
     return {"resultant": _nominal_tangential(store, cell, "resultant", DIAGONAL_STEP)}
 
 
-def _nominal_tangential(store: Store, cell: str, path: str, step: float) -> xr.Dataset:
+def _nominal_tangential(store: PaperStudies, cell: str, path: str, step: float) -> xr.Dataset:
     forces = np.arange(0, paper.TANGENTIAL_LIMIT[cell] + step / 2, step)
     return _tangential(store, f"nominal/{cell}_{path}", cell, path, forces, settings_of(normal(store, cell)))
 
@@ -60,7 +60,7 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
     return {"points": int(study.attrs["points"]), "mesh_size": None if mesh_size is None else float(mesh_size)}
 
 
-def beyond(store: Store, cell: str) -> dict[str, xr.Dataset]:
+def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """The tangential paths on from the paper's limits, in steps of 1 N, to where the model ends.
 
     With the mesh and the number of light paths of the nominal readings, which are computed if they are missing.
@@ -76,7 +76,7 @@ def beyond(store: Store, cell: str) -> dict[str, xr.Dataset]:
 
 
 def _tangential(
-    store: Store, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any]
+    store: PaperStudies, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any]
 ) -> xr.Dataset:
     """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
     defines = {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
@@ -93,7 +93,7 @@ def _tangential(
     return store.study(name, request, compute)
 
 
-def roof_heights(store: Store, cell: str) -> xr.Dataset:
+def roof_heights(store: PaperStudies, cell: str) -> xr.Dataset:
     """Displacement along z of the top of each cell in mm, at -8 N and with 8 N along the secondary diagonal.
 
     ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the nominal readings.

@@ -14,8 +14,8 @@ from mitsuba_taxel.reproduce import figures, paper
 from mitsuba_taxel.reproduce.analysis import PUBLISHED, expected_of_counting, skewness, table_one
 from mitsuba_taxel.reproduce.comparison import order, pairs_in_order
 from mitsuba_taxel.reproduce.page_words import NAMES, TANGENTIAL, Found, micro, steepest
+from mitsuba_taxel.reproduce.paper_studies import add_seconds
 from mitsuba_taxel.reproduce.slopes import Sensitivity
-from mitsuba_taxel.reproduce.store import add_seconds
 from mitsuba_taxel.studies import stage_totals
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.reproduce import analog, loading, paper, plate, variations
+from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies, add_seconds
 from mitsuba_taxel.reproduce.shapes import ShapePart, compute_shapes
-from mitsuba_taxel.reproduce.store import MissingStudy, Store, add_seconds
 
 Part = Callable[..., Any]
 
@@ -34,7 +34,7 @@ def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
     return [stage for stage in stages if stage]
 
 
-def _of_all_shapes(part: ShapePart, store: Store, *, workers: int | None) -> dict[str, Any]:
+def _of_all_shapes(part: ShapePart, store: PaperStudies, *, workers: int | None) -> dict[str, Any]:
     return {cell: part(store, cell) for cell in paper.CELLS}
 
 
@@ -84,7 +84,7 @@ def compute(
     -------
     Seconds that the studies took by stage, summed over processes.
     """
-    store = Store(folder, announce)
+    store = PaperStudies(folder, announce)
     of_shapes = [name for name in names if name in OF_SHAPES]
     if workers and of_shapes:
         add_seconds(store.seconds, compute_shapes(folder, _stages(of_shapes), workers, announce))
@@ -95,7 +95,7 @@ def compute(
 
 def complete(folder: Path) -> dict[str, Any]:
     """The studies of every part that is complete in ``folder``, by the name of the part."""
-    store, found = Store(folder), {}
+    store, found = PaperStudies(folder), {}
     for name, part in PARTS.items():
         try:
             found[name] = part(store, workers=None)

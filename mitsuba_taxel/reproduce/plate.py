@@ -10,7 +10,7 @@ from scipy.interpolate import PchipInterpolator
 
 from mitsuba_taxel.characterise.replicates import standard_error
 from mitsuba_taxel.reproduce import paper
-from mitsuba_taxel.reproduce.store import Store
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.studies import sweep
 
 LAWS = ("uniform_solid_angle", "uniform_polar_angle", "lambertian")
@@ -34,7 +34,7 @@ class Peak(NamedTuple):
     error: float
 
 
-def heights(store: Store, workers: int | None) -> dict[float, xr.Dataset]:
+def heights(store: PaperStudies, workers: int | None) -> dict[float, xr.Dataset]:
     """Fig. 4 by die spacing: readings over height z and emission law.
 
     At z = 0 the plate lies on the faces and no light passes between them; the first height is one step above.
@@ -45,7 +45,7 @@ def heights(store: Store, workers: int | None) -> dict[float, xr.Dataset]:
     }
 
 
-def edges(store: Store, axis: str, workers: int | None) -> dict[float, xr.Dataset]:
+def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr.Dataset]:
     """Figs. 5 (``axis`` x) and 6 (y) by die spacing: readings over offset and emission law.
 
     The plate is at 0.7 mm and as wide as ``PLATE`` beyond its edge. The coordinate ``edge`` is how far the edge
@@ -70,13 +70,13 @@ def plate_offset(axis: str, distance: float) -> float:
     return round(float(distance) + (PLATE - PACKAGE[axis]) / 2, 6)
 
 
-def peak_heights(store: Store, workers: int | None) -> xr.Dataset:
+def peak_heights(store: PaperStudies, workers: int | None) -> xr.Dataset:
     """Readings over height, die spacing and emission law, about the peak."""
     vary = {"z": PEAK_HEIGHTS, "spacing": PEAK_SPACINGS, "law": LAWS}
     return _sweep(store, "peak/readings", vary, {}, workers)
 
 
-def _sweep(store: Store, name: str, vary: dict, fixed: dict, workers: int | None) -> xr.Dataset:
+def _sweep(store: PaperStudies, name: str, vary: dict, fixed: dict, workers: int | None) -> xr.Dataset:
     request = {"vary": vary, "defines": fixed, "points": POINTS}
     return store.study(name, request, lambda: sweep("plate.xml", vary, fixed, points=POINTS, workers=workers))
 

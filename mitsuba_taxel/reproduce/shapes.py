@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.reproduce.store import Store, add_seconds
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies, add_seconds
 from mitsuba_taxel.studies.run import processes
 
 COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
@@ -17,7 +17,7 @@ COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
 MOST_AT_ONCE = 2 * len(COSTLIEST_FIRST)
 """Processes that have work, but for short whiles."""
 
-ShapePart = Callable[[Store, str], Any]
+ShapePart = Callable[[PaperStudies, str], Any]
 """Computes what is missing of the studies of one shape."""
 
 
@@ -29,7 +29,7 @@ def compute_shapes(
     Parameters
     ----------
     stages : parts that need nothing but what the stages before have stored of the same shape
-    stages, announce : must be such as can be sent to a process; for :class:`Store`
+    stages, announce : must be such as can be sent to a process; for :class:`PaperStudies`
 
     Returns
     -------
@@ -67,6 +67,6 @@ def compute_shapes(
 
 
 def _computed(folder: Path, part: ShapePart, cell: str, announce: Callable[[str], None]) -> dict[str, float]:
-    store = Store(folder, announce)
+    store = PaperStudies(folder, announce)
     part(store, cell)
     return store.seconds

@@ -10,9 +10,9 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.plate import LAWS, SPACINGS
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, moduli, write_scene
-from mitsuba_taxel.reproduce.store import Store
 from mitsuba_taxel.studies import sweep
 from mitsuba_taxel.studies.plan.files import make_folder
 
@@ -64,7 +64,7 @@ def both(one: Choice, other: Choice) -> Choice:
     return Choice(f"{one.words}, {other.words}", one.values | other.values, single=False)
 
 
-def vary(store: Store, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
+def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
     """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
 
     A tangential force along y is one along x on a sensor whose packages are turned by 90 degrees.
@@ -76,11 +76,11 @@ def vary(store: Store, workers: int | None) -> dict[str, dict[str, dict[str, xr.
     }
 
 
-def _loads(store: Store, scene: Path, choice: Choice, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
+def _loads(store: PaperStudies, scene: Path, choice: Choice, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
     return {force: _load(store, scene, choice, cell, force, workers) for force in ("fz", "fx", "fy")}
 
 
-def _load(store: Store, scene: Path, choice: Choice, cell: str, force: str, workers: int | None) -> xr.Dataset:
+def _load(store: PaperStudies, scene: Path, choice: Choice, cell: str, force: str, workers: int | None) -> xr.Dataset:
     steps = NORMAL if force == "fz" else TANGENTIAL
     constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}
 

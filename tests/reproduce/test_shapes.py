@@ -14,8 +14,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.shapes import COSTLIEST_FIRST, compute_shapes
-from mitsuba_taxel.reproduce.store import Store
 
 PILOT = {"mechanics": 3.0, "optics": 0.25}
 READING = 0.5
@@ -36,21 +36,21 @@ def study() -> xr.Dataset:
     )
 
 
-def two_studies(store: Store, cell: str) -> None:
+def two_studies(store: PaperStudies, cell: str) -> None:
     for number in (1, 2):
         store.study(f"readings/{cell}_{number}", {}, study)
 
 
-def heights(store: Store, cell: str) -> None:
+def heights(store: PaperStudies, cell: str) -> None:
     store.study(f"heights/{cell}", {}, lambda: xr.Dataset({"process": os.getpid()}))
 
 
-def refused(store: Store, cell: str) -> None:
+def refused(store: PaperStudies, cell: str) -> None:
     if cell == "spherical":
         raise InputError("fz = 1 is not allowed.")
 
 
-def deadly(store: Store, cell: str) -> None:
+def deadly(store: PaperStudies, cell: str) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 

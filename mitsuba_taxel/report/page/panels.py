@@ -12,7 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page.light import Lit
-from mitsuba_taxel.report.page.solids import Packing, Surface, Topologies, read_surfaces
+from mitsuba_taxel.report.page.solids import Packing, ShownSurface, Topologies, read_surfaces
 from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
@@ -151,7 +151,7 @@ def _size(step: xr.DataArray, along: list[str]) -> float:
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 
-def _largest(surface: Surface, rest: Surface) -> float | None:
+def _largest(surface: ShownSurface, rest: ShownSurface) -> float | None:
     """mm, largest displacement between two states of a pad; None between different pads."""
     if not np.array_equal(surface.triangles, rest.triangles):
         return None

@@ -15,7 +15,7 @@ SPAN = 32000
 """Lengths are sent as whole numbers of so many parts of the largest one."""
 
 
-class Surface(NamedTuple):
+class ShownSurface(NamedTuple):
     """(N, 3) vertices in mm, (M, 3) triangles, and the (M,) region of each."""
 
     vertices: np.ndarray
@@ -23,25 +23,25 @@ class Surface(NamedTuple):
     regions: np.ndarray
 
 
-def read_surfaces(files: Sequence[Path]) -> Surface:
+def read_surfaces(files: Sequence[Path]) -> ShownSurface:
     """The surfaces in PLY files as one."""
     parts = [_read(file) for file in files]
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     triangles = [part.triangles + start for part, start in zip(parts, starts, strict=True)]
-    return Surface(
+    return ShownSurface(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate(triangles),
         np.concatenate([part.regions for part in parts]),
     )
 
 
-def _read(file: Path) -> Surface:
+def _read(file: Path) -> ShownSurface:
     import trimesh
 
     mesh = trimesh.load_mesh(file, process=False)
     assert isinstance(mesh, trimesh.Trimesh)
     faces = mesh.metadata["_ply_raw"]["face"]["data"]
-    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces), faces["region_0"].astype(np.int64))
+    return ShownSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces), faces["region_0"].astype(np.int64))
 
 
 class Topologies:
@@ -51,7 +51,7 @@ class Topologies:
         self._places: dict[bytes, int] = {}
         self.coarse: list[Coarse] = []
 
-    def place(self, surface: Surface) -> int:
+    def place(self, surface: ShownSurface) -> int:
         """Where in ``coarse`` the version of a surface is."""
         key = surface.triangles.tobytes()
         if key not in self._places:

@@ -18,7 +18,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
-from mitsuba_taxel.report.picture.sensor_parts import Part
+from mitsuba_taxel.report.picture.sensor_parts import ShownPart
 
 VARIANT = "llvm_ad_rgb"
 PICTURES = (".png", ".exr")
@@ -69,7 +69,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "board": _glossy(0.03, 0.11, 0.065, roughness=0.3),
     "plate": _glossy(0.45, 0.46, 0.48, roughness=0.15),
 }
-"""What the materials of `Part` look like."""
+"""What the materials of `ShownPart` look like."""
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
@@ -85,7 +85,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
 
 @in_turn
 def render_parts(
-    parts: Sequence[Part],
+    parts: Sequence[ShownPart],
     *,
     width: int = 1600,
     samples: int = 64,
@@ -137,7 +137,7 @@ def _instantiate(description: dict[str, Any]) -> Any:
     return mi.parser.instantiate(config, state)
 
 
-def _description(parts: Sequence[Part], folder: Path, width: int) -> dict[str, Any]:
+def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[str, Any]:
     """The picture's scene as a Mitsuba dictionary, its meshes in a folder."""
     import mitsuba as mi
 
@@ -185,7 +185,7 @@ def _description(parts: Sequence[Part], folder: Path, width: int) -> dict[str, A
     }
 
 
-def _meshes(parts: Sequence[Part], folder: Path) -> dict[str, dict[str, Any]]:
+def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any]]:
     """One mesh for each material, written into a folder."""
     corners = np.concatenate([part.vertices[part.triangles] for part in parts])
     normals = np.concatenate([_corner_normals(part) for part in parts])
@@ -200,7 +200,7 @@ def _meshes(parts: Sequence[Part], folder: Path) -> dict[str, dict[str, Any]]:
     return shapes
 
 
-def _corner_normals(part: Part) -> np.ndarray:
+def _corner_normals(part: ShownPart) -> np.ndarray:
     """(T, 3, 3) normals at the corners of triangles, the same on both sides of an edge that is no crease."""
     normals = area_normals(part.vertices, part.triangles)
     directions, pairs = unit(normals), neighbours(part.triangles)[1]

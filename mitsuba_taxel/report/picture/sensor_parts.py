@@ -23,7 +23,7 @@ OTHER = "plate"
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ShownPart:
     """A surface.
 
     Attributes
@@ -44,9 +44,9 @@ class Part:
         """Whether it holds photo-reflectors."""
         return bool(np.isin(self.material, list(BODY_REGIONS)).any())
 
-    def chosen(self, which: np.ndarray) -> Part:
+    def chosen(self, which: np.ndarray) -> ShownPart:
         """Some of its triangles."""
-        return Part(self.vertices, self.triangles[which], self.material[which], self.cell[which])
+        return ShownPart(self.vertices, self.triangles[which], self.material[which], self.cell[which])
 
     def range(self, axis: int) -> tuple[float, float]:
         """Least and largest coordinate of its triangles, mm."""
@@ -54,7 +54,7 @@ class Part:
         return float(places.min()), float(places.max())
 
 
-def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[Part], float | None]:
+def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[ShownPart], float | None]:
     """What a picture of a ``mi.Scene`` shows, and where it is cut, in mm; None if it is not.
 
     Of pads and other surfaces the part at y > cut is left. Photo-reflectors are left whole, as fasteners are in
@@ -89,7 +89,7 @@ def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[Part], fl
     return [*parts, board], offset
 
 
-def middle_row(parts: list[Part]) -> float:
+def middle_row(parts: list[ShownPart]) -> float:
     """y in mm of the middle row of cells or, without a pad, of photo-reflectors.
 
     Of an even number of rows it is that nearer to -y. Where there are no rows, it is the middle of the parts.
@@ -103,12 +103,12 @@ def middle_row(parts: list[Part]) -> float:
     return round(centres[len(centres) // 2], 4) + 0.0
 
 
-def _bodies(part: Part) -> list[Part]:
+def _bodies(part: ShownPart) -> list[ShownPart]:
     number = components(len(part.triangles), neighbours(part.triangles)[1])
     return [part.chosen(number == body) for body in range(number.max() + 1)]
 
 
-def _solid(shape: Any) -> Part | None:
+def _solid(shape: Any) -> ShownPart | None:
     """A mesh of a scene; None for a shape that is none."""
     import mitsuba as mi
 
@@ -128,10 +128,10 @@ def _solid(shape: Any) -> Part | None:
         triangles = triangles[:, ::-1]
     names = {code: name for name, code in ALL_REGIONS.items()}
     material = np.array([names.get(code, OTHER) for code in region.tolist()])
-    return Part(vertices, triangles, material, cell)
+    return ShownPart(vertices, triangles, material, cell)
 
 
-def _sheet(rectangle: Any) -> Part:
+def _sheet(rectangle: Any) -> ShownPart:
     """A rectangle as a thin sheet behind its front."""
     import mitsuba as mi
 
@@ -144,7 +144,7 @@ def _sheet(rectangle: Any) -> Part:
     return replace(sheet, material=np.where(front & bool(face), face, sheet.material))
 
 
-def _board(parts: list[Part]) -> Part:
+def _board(parts: list[ShownPart]) -> ShownPart:
     low, high = np.transpose(
         [[f(part.range(k)[n] for part in parts) for n, f in enumerate((min, max))] for k in range(3)]
     )
@@ -154,14 +154,14 @@ def _board(parts: list[Part]) -> Part:
     return _box(np.insert(corners, 2, low[2], axis=1), np.array([0, 0, -BOARD * size]), "board")
 
 
-def _box(front: np.ndarray, depth: np.ndarray, material: str) -> Part:
+def _box(front: np.ndarray, depth: np.ndarray, material: str) -> ShownPart:
     """A box of a front (4, 3), its corners counter-clockwise seen from outside, and the way (3,) to its back."""
     quads = np.array([[0, 1, 2, 3], [7, 6, 5, 4], *([k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4] for k in range(4))])
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return Part(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
+    return ShownPart(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
 
 
-def _opened(part: Part, offset: float) -> Part:
+def _opened(part: ShownPart, offset: float) -> ShownPart:
     """What the cut leaves of a part."""
     if part.is_package:
         return part
@@ -169,4 +169,4 @@ def _opened(part: Part, offset: float) -> Part:
     old = half.source >= 0
     face = "cut" if part.cell.any() else part.material[0]
     material = np.where(old, part.material[half.source], face)
-    return Part(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0))
+    return ShownPart(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0))

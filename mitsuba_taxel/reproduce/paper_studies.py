@@ -20,7 +20,7 @@ class MissingStudy(LookupError):
     """A study is not there, and may not be computed."""
 
 
-class Store:
+class PaperStudies:
     """Studies by name, such as ``nominal/hemispheric_fz``, in the folder of a rerun.
 
     Parameters

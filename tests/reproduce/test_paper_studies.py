@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 from mitsuba_taxel.reproduce.parts import PARTS, chosen
-from mitsuba_taxel.reproduce.store import MissingStudy, Store
 
 
 def compute() -> xr.Dataset:
@@ -17,15 +17,15 @@ def compute() -> xr.Dataset:
 
 def test_a_study_is_computed_once_and_read_after_that(tmp_path):
     announced: list[str] = []
-    store = Store(tmp_path, announced.append)
+    store = PaperStudies(tmp_path, announced.append)
     results = [store.study("nominal/one", {"fz": "0:-2:-1"}, compute) for _ in range(2)]
     assert announced == ["nominal/one"]
     assert results[0].identical(results[1])
-    assert Store(tmp_path).study("nominal/one", {"fz": "0:-2:-1"}, compute).identical(results[0])
+    assert PaperStudies(tmp_path).study("nominal/one", {"fz": "0:-2:-1"}, compute).identical(results[0])
 
 
 def test_another_request_is_refused(tmp_path):
-    store = Store(tmp_path, lambda name: None)
+    store = PaperStudies(tmp_path, lambda name: None)
     store.study("one", {"fz": 1}, compute)
     with pytest.raises(InputError, match="one.nc answers another request"):
         store.study("one", {"fz": 2}, compute)
@@ -33,12 +33,12 @@ def test_another_request_is_refused(tmp_path):
 
 def test_a_store_for_reading_computes_nothing(tmp_path):
     with pytest.raises(MissingStudy):
-        Store(tmp_path).study("one", {}, compute)
+        PaperStudies(tmp_path).study("one", {}, compute)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_study_that_fails_leaves_nothing(tmp_path):
-    store = Store(tmp_path, lambda name: None)
+    store = PaperStudies(tmp_path, lambda name: None)
 
     def fail() -> xr.Dataset:
         raise KeyboardInterrupt
