@@ -80,7 +80,9 @@ def title(scene: Scene) -> str:
     return ", ".join([scene.name, *changed])
 
 
-def _with_pads(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> list[Curve]:
+def _with_pads(
+    scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
+) -> list[Curve]:
     """Curves of the mechanics and of the whole chain."""
     near = near_load(scene)
     try:
