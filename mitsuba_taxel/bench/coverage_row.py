@@ -10,7 +10,7 @@ from mitsuba_taxel.bench.row import cell
 
 @dataclass(frozen=True)
 class CoverageRow:
-    """What became of a setting; numbers that there are none of are not numbers (NaN).
+    """What became of a setting; missing values are NaN.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ MOST_DEVIATIONS = 4.0
 
 @dataclass(frozen=True)
 class ReadingRow:
-    """What became of a case; numbers that there are none of are not numbers (NaN).
+    """What became of a case; missing values are NaN.
 
     Attributes
     ----------

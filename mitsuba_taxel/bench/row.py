@@ -12,7 +12,7 @@ CONVERGED = "converged"
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a case; numbers that there are none of are not numbers (NaN).
+    """What became of a case; missing values are NaN.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""`taxel plugins`: what a scene may say to each plugin."""
+"""`taxel plugins`: parameters of each plugin."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 
 @dataclass(frozen=True)
 class Inside:
-    """What a solid puts up at a state.
+    """Internal forces and tangent of a solid at a state.
 
     Attributes
     ----------
