@@ -1,6 +1,8 @@
-"""What the error of the mechanics does to readings: the light is traced once more, through pads displaced by it.
+"""What the error of the mechanics does to readings: the light is traced once more through pads displaced by each of
+its parts.
 
-Both traces share their random numbers, so that few points tell a small change.
+All traces share their random numbers, so that few points tell a small change. A reading may rise with one part of the
+error and fall with another, whose sizes are known but not their signs: added up they would cancel by chance.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ def loaded_pads(scene: mi.Scene) -> list[Any]:
     return [shape for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
 
 
-def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
-    """(R, T) W: powers, and by how much they change where pads have the shape that coarser finite elements give them.
+def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
+    """(R, T) W, powers, and (2, R, T) W, by how much they change with each part of what coarser finite elements do.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tu
 
     Returns
     -------
-    In place of the change None, if the error of a pad is not known. Pads are as before when this returns.
+    In place of the changes None, if the error of a pad is not known. Pads are as before when this returns.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
@@ -38,8 +40,16 @@ def mechanics_deviation(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tu
     before = powers()
     if any(there is None for there in places):
         return before, None
-    with moved(scene, pads, [there for there in places if there is not None]):
-        return before, powers() - before
+    changes = []
+    for part in zip(*places, strict=True):
+        with moved(scene, pads, list(part)):
+            changes.append(powers() - before)
+    return before, np.array(changes)
+
+
+def combined(changes: np.ndarray) -> np.ndarray:
+    """Changes (2, ...) as one: the root of the sum of their squares, with the sign of the first."""
+    return np.copysign(np.hypot(*changes), changes[0])
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.sensing.facets import change_by_chords, curved_pads
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads, mechanics_deviation
+from mitsuba_taxel.sensing.mechanics_error import combined, loaded_pads, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -107,7 +107,7 @@ def geometry_of(ready: Prepared, seed: int) -> Geometry:
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
-    """What the mechanics' error does to the readings of a scene, by two short traces.
+    """What the mechanics' error does to the readings of a scene, by three short traces.
 
     These are of as many points as tell it clearly, or to a relative ``tolerance``, up to ``most``.
     """
@@ -115,12 +115,13 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
         return Mechanics(None, 0.0)
     points = DEVIATION_POINTS
     while True:
-        before, changes = mechanics_deviation(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
+        before, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
         power = before.mean(axis=0)
         if changes is None:
             return Mechanics(np.full_like(power, math.nan), math.nan)
-        deviation = changes.mean(axis=0)
-        share, noise = (mechanics_share(change, power) for change in (deviation, standard_error(changes)))
+        deviation = combined(changes.mean(axis=1))
+        noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
+        share = mechanics_share(deviation, power)
         wanted = max(CLEAR * share, tolerance)
         if noise <= wanted or points >= most:
             return Mechanics(deviation, share)

@@ -277,13 +277,14 @@ class DeformablePad(mi.Mesh):
         place = tuple(map(tuple, self.to_world.tolist()))
         return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, place)
 
-    def deviating_places(self) -> Places | None:
-        """Where the vertices would be if the pad were off by its `State.deviation`; None if that is unknown."""
-        if self.state.deviation is None:
+    def deviating_places(self) -> list[Places] | None:
+        """Where the vertices would be if the pad were off by each of its `State.deviations`; None if these are
+        unknown."""
+        if self.state.deviations is None:
             return None
-        state = replace(self.state, displacement=self.state.displacement + self.state.deviation)
-        surface = self._tessellated(state)
-        return self._places(surface, surface.facing)
+        displaced = (self.state.displacement + deviation for deviation in self.state.deviations)
+        surfaces = (self._tessellated(replace(self.state, displacement=u)) for u in displaced)
+        return [self._places(surface, surface.facing) for surface in surfaces]
 
     @property
     def is_curved(self) -> bool:

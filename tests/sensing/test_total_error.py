@@ -46,7 +46,7 @@ def test_a_deviation_is_the_change_of_a_pad_of_that_surface(llvm_mono, agree, tm
     ready = prepare(sensor("hemispheric", (0.0, 0.0, -3.0), roof=Wall("lambertian")))
     (pad,) = (shape for shape in ready.scene.shapes() if hasattr(shape, "state"))
     rest = measure(ready, points=4096, seed=1)
-    further = pad.deviating_places().vertices + [0.0, 0.0, 0.05]  # far enough to be seen at once
+    further = pad.deviating_places()[0].vertices + [0.0, 0.0, 0.05]  # far enough to be seen at once
     move_vertices(pad, Places(further, None))
     pad.write_ply(str(tmp_path / "moved.ply"))
     ready.scene.parameters_changed([])

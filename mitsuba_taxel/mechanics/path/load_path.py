@@ -82,8 +82,9 @@ class State(Displayed):
     error : estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser
         or finer, can be made or loaded so far
     seconds : that the equilibria on the way to it took to solve, on both meshes, and whenever that was
-    deviation : (N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
-        cells, extrapolated from those of the second mesh, 0 elsewhere; None where that is not known
+    deviations : (2, N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
+        cells, extrapolated from those of the second mesh, 0 elsewhere: what goes along the displacement, and what is
+        left; None where that is not known
     force_error : N, of the board's force on the pad where a plate is moved, and 0 where a force is given; not a number
         where that is not known
     """
@@ -100,7 +101,7 @@ class State(Displayed):
     stability_checked: bool
     error: RoofError | None
     seconds: float = 0.0
-    deviation: np.ndarray | None = None
+    deviations: np.ndarray | None = None
     force_error: float = math.nan
 
 
@@ -158,7 +159,7 @@ def _check_room(states: int, path: _Path) -> None:
     """Raise `InputError` if so many states cannot be held at once."""
     if states <= FEW_STATES:
         return
-    most = MOST_BYTES // (2 * path.mesh.points.nbytes)  # displacement and deviation
+    most = MOST_BYTES // (3 * path.mesh.points.nbytes)  # displacement and deviations
     if states > most:
         raise InputError(
             f"{states} values of a load are not allowed: at most {most} states of this pad are held at once; ask for "
@@ -292,14 +293,14 @@ class _Path:
                 used.append(mirror)
         in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
         displacement, pressure, at = self._canonical(turned, used, in_the_way)
-        error, deviation, force_error, seconds = self._error(turned, displacement, pressure)
+        error, deviations, force_error, seconds = self._error(turned, displacement, pressure)
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
-            deviation = None if deviation is None else mirror.image(deviation[image])
+            deviations = None if deviations is None else mirror.image(deviations[:, image])
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, error, seconds + at.seconds)
         shape = (self.mesh, self.material, self.load, np.array(value), displacement, pressure)
-        return State(*shape, *figures, deviation, force_error)
+        return State(*shape, *figures, deviations, force_error)
 
     def _canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -335,7 +336,7 @@ class _Path:
     ) -> tuple[RoofError | None, np.ndarray | None, float, float]:
         """Errors of a canonical state by the same path on another mesh, and that one's seconds.
 
-        They are the error and the deviation of the displacement, and the error of the board's force.
+        They are the error and the deviations of the displacement, and the error of the board's force.
         """
         if not value.any():
             return NO_ERROR, np.zeros_like(displacement), 0.0, 0.0
@@ -350,7 +351,7 @@ class _Path:
                 force_error = comparison.force_error(*(board_force(m, self.material, u, p) for m, u, p in shapes))
             return (
                 comparison.error(displacement, other),
-                comparison.deviation(displacement, other),
+                comparison.deviations(displacement, other),
                 force_error,
                 at.seconds,
             )

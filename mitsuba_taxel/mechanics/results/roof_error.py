@@ -99,14 +99,18 @@ class RoofComparison:
         """
         return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
 
-    def deviation(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere."""
-        difference = np.zeros_like(displacement)
-        seen = displacement[self._seen]
-        error = self._average * (self._nodes_there.interpolate(other) - seen)
-        error -= self._lacking(*self._on_roofs(displacement, other)) * seen
-        difference[self._seen] = error / ERROR_SHARE
-        return difference
+    def deviations(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(2, N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere.
+
+        First what goes along the displacement, at least the ``least`` part of it, then what is left of the change.
+        """
+        moved, difference = self._on_roofs(displacement, other)
+        seen, short = displacement[self._seen], self._short(moved, difference)
+        along = -math.copysign(max(abs(short), self._least), short) * seen
+        rest = self._average * (self._nodes_there.interpolate(other) - seen) + short * seen
+        deviations = np.zeros((2, *displacement.shape))
+        deviations[:, self._seen] = np.array([along, rest]) / ERROR_SHARE
+        return deviations
 
     def _on_roofs(self, displacement: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P, 3) mm each at points of the roofs: displacement, and that on the other mesh less it."""
@@ -115,11 +119,13 @@ class RoofComparison:
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
         """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""
-        square = self._weight @ (moved**2).sum(axis=1)
-        if not square:
-            return 0.0
-        short = -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square
+        short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
+
+    def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
+        """By how much roofs move too little on average, relative to their displacement."""
+        square = self._weight @ (moved**2).sum(axis=1)
+        return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
     def _turned(self, gradient: np.ndarray) -> np.ndarray:
         """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""
