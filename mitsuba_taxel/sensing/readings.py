@@ -186,8 +186,8 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
     known = [error for error in errors if error is not None]
     if len(known) < len(errors):
         return [
-            "mechanics error unknown, as no second mesh can be loaded so far: the stated error is that of the light "
-            "alone; a smaller mesh_size or a smaller load may tell it"
+            "mechanics error unknown, as no second mesh can be loaded so far, or memory does not suffice for it: the "
+            "stated error is that of the light alone; a smaller mesh_size or a smaller load may tell it"
         ]
     worst = max(known, key=lambda error: error.displacement)
     return [

@@ -34,8 +34,9 @@ CLEAR, NEGLIGIBLE = 1 / 3, 0.2
 """What the error of the mechanics may itself be uncertain by: part of it, or part of a target error."""
 COST_ORDER = 4.0
 """With which the time of the mechanics grows as elements get smaller."""
-RUNG, MOST_RUNGS = 0.8, 3
-"""Sizes of elements are tried down a ladder, so that studies share what was solved; so many rungs at once."""
+RUNG, MOST_RUNGS = 0.9, 7
+"""Sizes of elements are tried down a ladder, so that studies share what was solved; so many rungs at once. A rung is a
+seventh of an error, so that what is chosen is not much finer than what was asked for."""
 MOST_MESHES = 4
 MOST_ELEMENTS = 250_000
 """Of a pad; a quarter of the paper's with so many takes about four gigabytes."""
@@ -155,11 +156,13 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     ready, seconds = _timed(scene)
     traced = deviation_points(clock), NEGLIGIBLE * target_error
     mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed)
+    tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
-        finer = _finer(scene, ready, math.hypot(mechanics.share, geometry.share), target_error)
-        if finer is None or (clock and not clock.allows(2 * seconds * (finer[0] / finer[1]) ** COST_ORDER)):
+        tried.append((_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
+        finer = _finer(scene, ready, tried, target_error)
+        if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
             break
-        candidate = scene.with_mesh_size(finer[1])
+        candidate = scene.with_mesh_size(finer)
         try:
             ready, seconds = _timed(candidate)
         except ComputationError:  # on a finer mesh the load path may end a little earlier
@@ -181,18 +184,44 @@ def _timed(scene: Any) -> tuple[Prepared, float]:
     return ready, max(sum(seconds.values()), solved)
 
 
-def _finer(scene: Scene, ready: Prepared, error: float, target_error: float) -> tuple[float, float] | None:
-    """Present and next mesh size in mm; None where the shape is good enough, or its mesh is not to be chosen."""
+def _refinable(ready: Prepared) -> list[Any]:
+    """The pads that smaller elements make more accurate."""
+    return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
+
+
+def _mesh_size(ready: Prepared) -> float:
+    """mm, the smallest of all pads; infinite where there are none."""
+    return min((float(pad.mesh_size or pad.pad.default_mesh_size) for pad in _refinable(ready)), default=math.inf)
+
+
+def _finer(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:
+    """Next mesh size in mm; None where the shape is good enough, or its mesh is not to be chosen.
+
+    Parameters
+    ----------
+    tried : mesh sizes in mm and the errors found on them, the present one last
+    """
     wanted_error = MECHANICS_SHARE * target_error
+    size, error = tried[-1]
     if not scene.leaves_mesh_open or error <= wanted_error:
         return None
-    pads = [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
-    size = min(float(pad.mesh_size or pad.pad.default_mesh_size) for pad in pads)
-    # Of an error that is unknown a finer mesh tells more.
-    rungs = MOST_RUNGS if math.isnan(error) else math.log(wanted_error / error) / (ORDER * math.log(RUNG))
-    wanted = size * RUNG ** min(max(round(rungs), 1), MOST_RUNGS)
-    elements = max(len(pad.state.mesh.tets) for pad in pads) * (size / wanted) ** 3
-    return None if elements > MOST_ELEMENTS else (size, wanted)
+    wanted = size * RUNG ** rungs_to(wanted_error, tried)
+    elements = max(len(pad.state.mesh.tets) for pad in _refinable(ready)) * (size / wanted) ** 3
+    return None if elements > MOST_ELEMENTS else wanted
+
+
+def rungs_to(wanted_error: float, tried: list[tuple[float, float]]) -> int:
+    """How many rungs below the last of the mesh sizes ``tried`` an error is the wanted one or less, so far as is known.
+
+    Errors scatter from one mesh to the next: what is expected is the geometric mean of all that were found, each taken
+    to the last size. Of an error that is unknown a finer mesh tells more.
+    """
+    last = tried[-1][0]
+    known = [math.log(error) + ORDER * math.log(last / size) for size, error in tried if not math.isnan(error)]
+    if math.isnan(tried[-1][1]):
+        return MOST_RUNGS
+    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (ORDER * math.log(RUNG))
+    return min(max(math.ceil(rungs), 1), MOST_RUNGS)
 
 
 def points_for(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,10 @@ from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.path.load_path import _Path
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads
-from mitsuba_taxel.sensing.readings import mechanics_share
+from mitsuba_taxel.sensing.mechanics_error import combined, loaded_pads, mechanics_deviations
+from mitsuba_taxel.sensing.readings import mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, prepare
-from mitsuba_taxel.sensing.targets import _timed, mechanics_of
+from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 FINE = 0.4
@@ -57,6 +59,32 @@ def test_a_deviation_is_the_change_of_a_pad_of_that_surface(llvm_mono, agree, tm
     other = measure(Scene(description), points=4096, seed=3)
     agree(moved.power, moved.standard_error, other.power, other.standard_error)
     assert abs(moved.power[0] - rest.power[0]) > 20 * rest.standard_error[0]
+
+
+def test_parts_of_an_error_that_take_each_other_back_do_not_cancel(llvm_mono):
+    """Roofs that move too little everywhere, and as much too far besides: added up they would do nothing."""
+    ready = prepare(sensor())
+    (pad,) = loaded_pads(ready.scene)
+    further = 0.01 * pad.state.displacement
+    pad.state = replace(pad.state, deviations=np.array([-further, further]))
+    _, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, 1, 1024))
+    less, more = changes.mean(axis=1)
+    assert less < 0 < more and abs(less + more) < 4 * standard_error(changes.sum(axis=0)) + 0.01 * more
+    assert combined(changes.mean(axis=1)) == pytest.approx(-np.hypot(less, more))
+
+
+def test_a_mesh_is_chosen_that_just_reaches_what_is_wanted():
+    for error in (0.011, 0.02, 0.03):  # on elements of 1 mm, with the order of the finite elements
+        rungs = rungs_to(0.01, [(1.0, error)])
+        assert error * RUNG ** (1.5 * rungs) <= 0.01 < error * RUNG ** (1.5 * (rungs - 1))
+    assert rungs_to(0.01, [(1.0, 1.0)]) == rungs_to(0.01, [(1.0, 0.02), (0.8, np.nan)]) == MOST_RUNGS
+
+
+def test_one_mesh_whose_error_is_large_by_chance_does_not_decide_alone():
+    """Twice and half of what the other meshes say: the mean of both is the truth."""
+    usual = [(1.0, 0.04), (0.5, 0.04 * 0.5**1.5)]
+    scattered = [(1.0, 0.02), (0.5, 0.08 * 0.5**1.5)]
+    assert rungs_to(0.01, scattered) == rungs_to(0.01, usual) < rungs_to(0.01, scattered[1:])
 
 
 def test_a_scene_is_as_before_when_its_error_is_known(llvm_mono):

@@ -58,6 +58,7 @@ LEAST_RATIO = 1.2
 MOST_ELEMENTS_COMPARED = 250_000
 """A finer second mesh of more is not tried."""
 
+_SECOND_MESH = "a second mesh"
 _LOCK = threading.RLock()
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
@@ -80,7 +81,7 @@ class State(Displayed):
     newton_iterations : iterations of the last solve
     stability_checked : whether the solver gave the inertia that stability was judged by
     error : estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser
-        or finer, can be made or loaded so far
+        or finer, can be made or loaded so far, or memory does not suffice for it
     seconds : that the equilibria on the way to it took to solve, on both meshes, and whenever that was
     deviations : (2, N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
         cells, extrapolated from those of the second mesh, 0 elsewhere: what goes along the displacement, and what is
@@ -342,9 +343,10 @@ class _Path:
             return NO_ERROR, np.zeros_like(displacement), 0.0, 0.0
         for second, comparison in self._comparisons():
             try:
-                other, there, at = second._canonical(value, [], None)
+                with memory_for(_SECOND_MESH):
+                    other, there, at = second._canonical(value, [], None)
             except ComputationError:
-                continue  # its path ends before this load
+                continue  # its path ends before this load, or memory does
             force_error = 0.0
             if isinstance(self.load, PlateDisplacement):
                 shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
@@ -371,7 +373,8 @@ class _Path:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
         second = _path(self.pad, self.material, self.load, mesh_size, judged=False)
         try:
-            ratio = size_ratio(self.mesh, second.mesh)
+            with memory_for(_SECOND_MESH):
+                ratio = size_ratio(self.mesh, second.mesh)
         except (ComputationError, InputError):
             return None
         if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
