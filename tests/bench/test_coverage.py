@@ -39,7 +39,7 @@ def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
     monkeypatch.setattr(coverage_cases, "FINE", 0.6)
     rows = [case.measured() for case in coverage_cases.coverage_cases() if case.name in SUBSET]
     assert len(rows) == len(SUBSET) and not any(row.remark for row in rows)
-    assert sum(row.within for row in rows) >= sum(row.readings for row in rows) - 1, rows
+    assert sum(row.within for row in rows) == sum(row.readings for row in rows), rows
     assert all(0 < row.true < 0.02 and 1e-5 < row.stated < 0.03 and row.seconds > 0 for row in rows)
 
 
