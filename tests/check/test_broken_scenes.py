@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
-from hypothesis import HealthCheck, given, settings
+from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree, few
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene
 from mitsuba_taxel.sensing.runs import prepare
 
-
-def _trees():
-    """The tests of damaged scenes that are measured, and their ways to damage one."""
-    file = Path(__file__).parents[1] / "properties" / "test_broken_scenes.py"
-    spec = importlib.util.spec_from_file_location("damaged_scenes", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-trees = _trees()
-FEW = settings(
-    max_examples=100,
-    deadline=None,
-    derandomize=True,
-    database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+FEW = few(100)
 
 
 def assert_findings_of(file) -> None:
@@ -51,22 +32,22 @@ def is_refused(file) -> bool:
 @given(data=st.data())
 def test_what_cannot_be_read_is_an_error(data, tmp_path):
     file = tmp_path / "scene.xml"
-    file.write_bytes(trees.damaged_tree(data, trees.PLATE))
+    file.write_bytes(damaged_tree(data, PLATE))
     errors = [finding for finding in check_scene(file) if finding.severity == "error"]
     assert is_refused(file) == bool(errors), errors
 
 
 @FEW
-@given(data=st.data(), text=st.sampled_from([trees.PLATE, trees.PAD]))
+@given(data=st.data(), text=st.sampled_from([PLATE, PAD]))
 def test_damaged_trees(data, text, tmp_path):
     file = tmp_path / "scene.xml"
-    file.write_bytes(trees.damaged_tree(data, text))
+    file.write_bytes(damaged_tree(data, text))
     assert_findings_of(file)
 
 
 @FEW
-@given(data=st.data(), text=st.sampled_from([trees.PLATE, trees.PAD]))
+@given(data=st.data(), text=st.sampled_from([PLATE, PAD]))
 def test_damaged_bytes(data, text, tmp_path):
     file = tmp_path / "scene.xml"
-    file.write_bytes(trees.damaged_bytes(data, text.encode()))
+    file.write_bytes(damaged_bytes(data, text.encode()))
     assert_findings_of(file)

@@ -18,6 +18,7 @@ from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.base import archive
 from mitsuba_taxel.pads.imported.rules import read_rules
 from mitsuba_taxel.studies.plan.batch import batch_from, read_study
+from mitsuba_taxel.studies.store import tables
 from mitsuba_taxel.studies.store.status import study_status
 
 STUDY = """scene = "plate.xml"
@@ -143,7 +144,15 @@ def test_rules_of_regions_are_read_or_refused(tmp_path, name, rule):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def no_plots():
+    """Sweeps leave their plots empty, of which no test here speaks and each takes a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "plot_curves", lambda study, file, form: file.touch())
+        yield
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, no_plots):
     """A folder with a finished study, whose points pilot runs have chosen."""
     folder = tmp_path_factory.mktemp("study") / "out"
     again(folder)
