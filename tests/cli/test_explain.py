@@ -20,7 +20,7 @@ PAD = """<scene version="3.9.0">
     <default name="fz" value="0"/>
     <integrator type="taxel_tracer"/>
     <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="1.6"/>
         <vector name="force" value="0, 0, $fz"/>
         <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
     </shape>

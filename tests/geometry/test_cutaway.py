@@ -12,6 +12,8 @@ from mitsuba_taxel import NeoHookean, Pad, load_path, tessellate
 from mitsuba_taxel.geometry.cutaway import NUDGE, cut_open, is_closed, triangulate
 from mitsuba_taxel.geometry.triangles import area_normals, half_edges, volume
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 ALONG_Y = np.array([0.0, 1.0, 0.0])
 SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 SUBTETS = np.array(

@@ -12,6 +12,8 @@ from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.taxels import taxels_of
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 
 def domed(force, roof="isotropic", cell="hemispheric"):
     sensor = PadSensor(pad=Pad(cell, rows=1, columns=1), force=(0.0, 0.0, force), roof=Wall(roof, 0.9))

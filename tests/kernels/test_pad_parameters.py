@@ -27,6 +27,8 @@ from mitsuba_taxel.sensing.scene import Scene as OpticsScene
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.studies import deform
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 PAD = Pad("parallelepiped", rows=1, columns=1)
 SIZE = 1.2
 SCENE = """<scene version="3.9.0">

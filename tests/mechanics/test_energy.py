@@ -27,6 +27,8 @@ from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.pads import REGIONS, Pad
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 PAD, CURVED = Pad(rows=1, columns=1), Pad("hemispheric", rows=1, columns=1)
 SIZE = 3.0
 

@@ -25,6 +25,8 @@ from mitsuba_taxel import (
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 MESH_SIZE = 1.5
 """Of the finite elements, relative to the height of the pad: a coarse one, as the laws hold on any."""
 EXAMPLES = 8

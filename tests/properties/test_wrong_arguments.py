@@ -46,6 +46,8 @@ from mitsuba_taxel import (
     write_xml,
 )
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 WITHOUT_ARGUMENTS = {"InputError", "ComputationError", "PlateDisplacement", "PlateForce", "Pressure", "SpreadForce"}
 NOT_FOR_CALLERS = {"Readings"}
 JUNK = [

@@ -11,6 +11,8 @@ from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wal
 from mitsuba_taxel.mechanics import Grooves, LayerSteps, RandomRoughness
 from mitsuba_taxel.sensing.mechanics_error import moved
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 
 def sensor(cell, finish, fz=0.0):
     return PadSensor(

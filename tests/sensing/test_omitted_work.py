@@ -12,6 +12,8 @@ from mitsuba_taxel import Grooves, Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.mechanics import NeoHookean, PatchForce, PlateForce, Pressure, SpreadForce
 from mitsuba_taxel.sensing.runs import prepare
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 ONE_PLANE = "all that reflects lies in one plane"
 NO_PILOT = "no mirror: no pilot run"
 CELL = Pad(rows=1, columns=1)

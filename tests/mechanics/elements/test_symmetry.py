@@ -23,6 +23,8 @@ from mitsuba_taxel.mechanics.path import equilibrium
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
 from mitsuba_taxel.pads import Pad
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 LAW = NeoHookean()
 SQUARE, OBLONG = Pad(rows=1, columns=1), Pad(rows=1, columns=2)
 SIZE = 3.0

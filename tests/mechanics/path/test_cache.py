@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.pads import Pad
 
+load_path_module = import_module("mitsuba_taxel.mechanics.path.load_path")
 PAD = Pad("cylindrical", rows=1, columns=1)
 FILES = 6
 """Its mesh and one of twice the size, and for each a normal leg and a tangential one."""
@@ -28,18 +31,35 @@ def files():
     return sorted(cache.folder().glob("*.npz"))
 
 
-def test_a_kept_solution_is_used(fresh, monkeypatch):
-    first = displacement()
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A cache with one solution, and that solution."""
+    folder = tmp_path_factory.mktemp("solved")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MITSUBA_TAXEL_CACHE", str(folder))
+        load_path_module._path.cache_clear()
+        solution = displacement()
+    load_path_module._path.cache_clear()
+    return folder, solution
+
+
+@pytest.fixture
+def first(fresh, solved):
+    """The solution that the cache on disk holds, and memory does not."""
+    folder, solution = solved
+    shutil.copytree(folder, cache.folder())
+    return solution
+
+
+def test_a_kept_solution_is_used(first, monkeypatch):
     assert len(files()) == FILES
-    fresh()
     monkeypatch.setattr(LoadedPad, "solve_symmetric", None)
     monkeypatch.setitem(sys.modules, "netgen", None)
     np.testing.assert_array_equal(displacement(), first)
 
 
 @pytest.mark.parametrize("harm", ["truncated", "emptied", "flipped", "foreign"])
-def test_damaged_files_are_replaced(fresh, harm):
-    first = displacement()
+def test_damaged_files_are_replaced(first, harm):
     for file in files():
         content = bytearray(file.read_bytes())
         if harm == "truncated":
@@ -52,7 +72,6 @@ def test_damaged_files_are_replaced(fresh, harm):
             content = bytearray(b"not a solution at all" * 10)
         file.write_bytes(content)
     damaged = {file: file.read_bytes() for file in files()}
-    fresh()
     np.testing.assert_array_equal(displacement(), first)
     assert all(file.read_bytes() != content for file, content in damaged.items())
 
@@ -66,8 +85,7 @@ def test_damaged_files_are_replaced(fresh, harm):
         {"pad": Pad("cylindrical", rows=1, columns=1, wall=1.1)},
     ],
 )
-def test_another_question_gets_another_answer(fresh, change):
-    first = displacement()
+def test_another_question_gets_another_answer(first, change):
     before = set(files())
     other = displacement(**change)
     assert set(files()) > before
@@ -79,11 +97,9 @@ def test_the_key_knows_the_last_bit_and_the_code():
     assert cache.key(0.1) == cache.key(0.1)
 
 
-def test_a_folder_that_cannot_be_written_does_not_stop_the_run(fresh, monkeypatch, tmp_path):
-    first = displacement()
+def test_a_folder_that_cannot_be_written_does_not_stop_the_run(first, monkeypatch, tmp_path):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "file" / "cache"))
-    fresh()
     with pytest.warns(UserWarning, match="cannot be written"):
         second = displacement()
     np.testing.assert_array_equal(first, second)

@@ -8,6 +8,8 @@ import pytest
 from mitsuba_taxel.mechanics import NeoHookean, load_path, tessellate
 from mitsuba_taxel.pads import REGIONS, Pad
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 CENTRE = {"hemispheric": 0.5, "spherical": 1.6 - 2.55}
 
 

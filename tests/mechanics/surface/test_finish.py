@@ -22,6 +22,8 @@ from mitsuba_taxel.mechanics import (
 from mitsuba_taxel.mechanics.surface.relief import displacement_gradient
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 MESH_SIZE = 1.2
 FINISHES = {
     "steps": LayerSteps(0.1),

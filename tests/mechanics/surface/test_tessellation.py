@@ -11,9 +11,11 @@ from mitsuba_taxel.mechanics import NeoHookean, load_path, tessellate
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 
 def state_of(cell, force):
-    return load_path(Pad(cell, rows=1, columns=2), NeoHookean(), [force], mesh_size=1.2)[0]
+    return load_path(Pad(cell, rows=1, columns=2), NeoHookean(), [force], mesh_size=2.0)[0]
 
 
 def enclosed(surface):

@@ -16,6 +16,8 @@ from mitsuba_taxel.report.picture.drawing import GLOW, PICTURES, render_parts, w
 from mitsuba_taxel.report.picture.sensor_parts import middle_row, shown_parts
 from mitsuba_taxel.studies.plan.files import check_new_file
 
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
 
 @pytest.fixture(scope="module")
 def sensor():
