@@ -61,25 +61,13 @@ from .pads import (
 )
 from .report.notebook.views import show as show
 from .sensing import (
-    AnnularLed as AnnularLed,
-)
-from .sensing import (
     PadSensor as PadSensor,
-)
-from .sensing import (
-    PhotoReflector as PhotoReflector,
-)
-from .sensing import (
-    Phototransistor as Phototransistor,
 )
 from .sensing import (
     Readings as Readings,
 )
 from .sensing import (
     Scene as Scene,
-)
-from .sensing import (
-    Wall as Wall,
 )
 from .sensing import (
     crosstalk as crosstalk,
@@ -93,6 +81,10 @@ from .sensing import (
 from .sensing import (
     write_xml as write_xml,
 )
+from .specification.annular_led import AnnularLed as AnnularLed
+from .specification.photo_reflector import PhotoReflector as PhotoReflector
+from .specification.phototransistor import Phototransistor as Phototransistor
+from .specification.wall import Wall as Wall
 from .studies import (
     open_study as open_study,
 )

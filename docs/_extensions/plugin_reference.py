@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from sphinx.util.nodes import nested_parse_with_titles
 
-from mitsuba_taxel.backend.plugin_pages import PluginPage, plugin_names, plugin_page
+from mitsuba_taxel.specification.plugin_pages import PluginPage, plugin_names, plugin_page
 
 KINDS = {
     "shape": "Shapes",
@@ -49,8 +49,8 @@ def _section(page: PluginPage) -> list[str]:
     title = f"{page.title}: ``{page.name}``"
     rows = [HEADINGS]
     for row in page.parameters:
-        names = ", ".join(name if name.startswith("(") else f"``{name}``" for name in row.name.split(", "))
-        rows.append((names, row.type, row.unit or "–", row.default or "–", row.meaning))
+        name = row.label if row.label.startswith("(") else f"``{row.label}``"
+        rows.append((name, row.type, row.unit or "–", row.default_text or "–", _rst(row.meaning)))
     parts = [
         f".. _plugin-{page.name}:",
         f"{title}\n{'-' * len(title)}",

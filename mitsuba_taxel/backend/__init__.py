@@ -8,6 +8,7 @@ from mitsuba_taxel.backend.registry import (
     SUPPORTED_VARIANTS,
     activate_variant,
     plugin_files,
+    plugin_kind,
     register_for_every_variant,
 )
 from mitsuba_taxel.backend.turns import in_turn
@@ -20,6 +21,7 @@ __all__ = [
     "choose_llvm",
     "in_turn",
     "plugin_files",
+    "plugin_kind",
     "register_for_every_variant",
     "report",
 ]

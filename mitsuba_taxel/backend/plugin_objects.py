@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import mitsuba as mi
@@ -18,6 +19,11 @@ def make_plugin(name: str, **parameters: Any) -> Any:
     for key, value in parameters.items():
         props[key] = value
     return mi.PluginManager.instance().create_object(props)
+
+
+def found(name: str) -> Path:
+    """A file named in a scene, looked for beside the scene."""
+    return Path(str(mi.file_resolver().resolve(name)))
 
 
 def kind_of(made: Any) -> str:

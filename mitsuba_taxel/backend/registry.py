@@ -40,6 +40,11 @@ def plugin_files() -> dict[str, Path]:
     }
 
 
+def plugin_kind(name: str) -> str:
+    """What a plugin of this package makes, as ``bsdf``."""
+    return plugin_files()[name].parent.name.removesuffix("s")
+
+
 def register_for_every_variant() -> None:
     """Register the plugins for the current variant, if any, and for each that will be set later."""
     import mitsuba as mi

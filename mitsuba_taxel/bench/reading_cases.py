@@ -17,8 +17,11 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
-from mitsuba_taxel.sensing import AnnularLed, PadSensor, PhotoReflector, Readings, Scene, Wall, measure
+from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.specification.annular_led import AnnularLed
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
+from mitsuba_taxel.specification.wall import Wall
 
 LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 """A cell whose roof is 0.35 mm above the package."""

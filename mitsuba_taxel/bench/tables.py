@@ -13,6 +13,7 @@ from mitsuba_taxel.bench.cases import MESH_SIZE
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
+from mitsuba_taxel.mechanics import NeoHookean
 
 LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
 """Headings of columns of words."""
@@ -27,7 +28,7 @@ so. `WRONG` marks what must not be, and the command then exits with 1.
 _MECHANICS = """
 ## Mechanics
 Where nothing else is said, a pad is that of the paper
-(3 x 3 parallelepiped cells, E = 4.16 MPa, nu = 0.49) on elements of {mesh_size:g} mm, which is coarse: the table is
+(3 x 3 parallelepiped cells, {silicone}) on elements of {mesh_size:g} mm, which is coarse: the table is
 about what happens, not about the last digit. Forces are in N, compression is z < 0. The rigid plate stands for a stiff
 layer bonded on top, whose limit it is. For comparison: the paper's solver stopped at tangential forces of 11 N
 (parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at -8 N.
@@ -84,7 +85,9 @@ def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
     if mechanics:
         table = markdown_table([*HEADINGS.values()], map(cells, mechanics), LEFT)
-        text += _MECHANICS.format(mesh_size=MESH_SIZE, table=table)
+        law = NeoHookean()
+        silicone = f"E = {law.youngs_modulus:g} MPa, nu = {law.poisson_ratio:g}"
+        text += _MECHANICS.format(silicone=silicone, mesh_size=MESH_SIZE, table=table)
     if readings:
         table = markdown_table([*READING_HEADINGS.values()], map(reading_cells, readings), LEFT)
         text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)

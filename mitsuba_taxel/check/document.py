@@ -11,6 +11,21 @@ from xml.parsers import expat
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.scene import DEEPEST, is_file
 
+KINDS = (
+    "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",
+    "volume",
+)  # fmt: skip
+"""Elements of a Mitsuba scene that stand for an object of a plugin."""
+
+ELEMENTS = {
+    "float": ("float", "integer"),
+    "int": ("integer",),
+    "string": ("string",),
+    "vector": ("vector", "point"),
+    "transform": ("transform",),
+}
+"""XML elements that may give a parameter of each type."""
+
 
 @dataclass
 class Element:

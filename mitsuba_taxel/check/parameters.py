@@ -10,9 +10,10 @@ from pathlib import Path
 
 import mitsuba as mi
 
-from mitsuba_taxel.check.document import Element, filled_in
+from mitsuba_taxel.backend import plugin_kind
+from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Vocabulary, vocabularies
+from mitsuba_taxel.specification import Specification, specifications
 
 _VALUES = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum", "transform")
 _TRANSFORMATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
@@ -81,7 +82,7 @@ def _given_twice(element: Element) -> Iterator[Finding]:
 
 def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
     flaw = flaw_of_plugin(element, parameters)
-    words = vocabularies().get(filled_in(element.attributes["type"], parameters))
+    words = specifications().get(filled_in(element.attributes["type"], parameters))
     if flaw:
         yield element.finding("error", flaw)
     elif words is not None:
@@ -91,24 +92,23 @@ def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Find
 def flaw_of_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     """What is wrong with the type of an object; empty if it is a plugin, and one for such an element."""
     plugin = filled_in(element.attributes.get("type", ""), parameters)
-    words = vocabularies().get(plugin)
-    kind = words.kind if words is not None else _kind_of(plugin)
+    kind = plugin_kind(plugin) if plugin in specifications() else _kind_of(plugin)
     if kind not in ("", element.tag):
         return f"{plugin} is a plugin for <{kind}>, not for <{element.tag}>."
     if "$" in plugin or _exists(plugin):
         return ""
-    ours = [name for name, known in vocabularies().items() if known.kind == element.tag]
+    ours = [name for name in specifications() if plugin_kind(name) == element.tag]
     return f"{plugin!r} is no plugin{_meant(plugin, (*ours, *_mitsuba_plugins()))}."
 
 
-def _of_plugin(element: Element, words: Vocabulary, parameters: Mapping[str, str]) -> Iterator[Finding]:
+def _of_plugin(element: Element, words: type[Specification], parameters: Mapping[str, str]) -> Iterator[Finding]:
     for child in element.children:
         message = flaw_of(child, words, parameters)
         if message:
             yield child.finding("error", message)
 
 
-def flaw_of(child: Element, words: Vocabulary, parameters: Mapping[str, str]) -> str:
+def flaw_of(child: Element, words: type[Specification], parameters: Mapping[str, str]) -> str:
     """What is wrong with the name or the element of something that a plugin of this package is told; empty if nothing.
 
     Objects nested in the plugin are not looked at.
@@ -116,11 +116,13 @@ def flaw_of(child: Element, words: Vocabulary, parameters: Mapping[str, str]) ->
     name = filled_in(child.attributes.get("name", ""), parameters)
     if child.tag not in _VALUES or not name:
         return ""
-    if name not in words.parameters:
-        return f"{name} is no parameter of {words.name}{_meant(name, (*words.parameters, *words.named))}."
-    allowed = ELEMENTS[words.parameters[name].type]
+    known = words.values()
+    if name not in known:
+        named = [nested.name for nested in words.objects() if nested.by_name]
+        return f"{name} is no parameter of {words.plugin}{_meant(name, (*known, *named))}."
+    allowed = ELEMENTS[known[name].type]
     if child.tag not in allowed:
-        return f"{name} of {words.name} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
+        return f"{name} of {words.plugin} stands in a <{child.tag}>: a <{allowed[0]}> is needed."
     return ""
 
 

@@ -11,37 +11,28 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.check.document import Element, filled_in
+from mitsuba_taxel.check.document import KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
 from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
-from mitsuba_taxel.check.vocabulary import KINDS, vocabularies
-from mitsuba_taxel.kernels.faces import similarity_scale
-from mitsuba_taxel.kernels.pad_parameters import (
-    LEAST_FACES,
-    check_triangles,
-    read_cells,
-    read_finish,
-    read_load,
-    read_material,
-    read_mesh,
-    read_pad,
-)
-from mitsuba_taxel.kernels.parameters import whole_number
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_triangles
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
 from mitsuba_taxel.sensing.scene import NESTED_SCENE, far_transforms, guilty_parameters
+from mitsuba_taxel.specification import specifications
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 PAD = "deformable_pad"
 
 
-@dataclass
 class UndeformedPad:
-    """What a scene says of a pad; None where the plugin would refuse it.
+    """What a scene says of a pad.
 
     Attributes
     ----------
+    specification : its parameters
     pad, material : as for `load_path`
     load : the load and its value
     read_cells : numbers of the cells that are read, None for all
@@ -49,12 +40,14 @@ class UndeformedPad:
     objects : what is nested in it, by name
     """
 
-    pad: Any
-    material: Any
-    load: tuple[Any, tuple[float, ...]] | None
-    read_cells: tuple[int, ...] | None
-    to_world: np.ndarray | None
-    objects: dict[str, Any]
+    def __init__(self, props: Any) -> None:
+        self.specification = stated = DeformablePad.read(props)
+        self.pad = stated.build_pad(found)
+        self.material = stated.build_material()
+        self.load = stated.build_load()
+        self.read_cells = stated.cell_numbers()
+        self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
+        self.objects = dict(props.objects())
 
     # What `refuse_unmodelled` asks of the shapes of a scene
 
@@ -190,7 +183,7 @@ class _Maker:
 
     def _drop_what_is_refused_already(self, part: Part, props: Any) -> bool:
         """Remove parameters that `check_names` refuses, and transformations to nowhere."""
-        words = vocabularies().get(part.plugin)
+        words = specifications().get(part.plugin)
         refused = []
         if words is not None:
             flawed = [child for child in part.element.children if flaw_of(child, words, self.parameters)]
@@ -220,35 +213,24 @@ class _Maker:
             del props[culprit]
             dropped.add(culprit)
 
-    def _read_pad(self, part: Part, props: Any) -> UndeformedPad:
+    def _read_pad(self, part: Part, props: Any) -> UndeformedPad | None:
         """Read a pad as its plugin does before it solves for the deformation."""
-        pad = UndeformedPad(
-            self._retry(part, props, read_pad),
-            self._retry(part, props, read_material),
-            self._retry(part, props, read_load),
-            self._retry(part, props, read_cells),
-            self._retry(part, props, _rigid_motion),
-            {name: child.made for name, child in part.children.items()},
-        )
-        sizes = self._retry(part, props, read_mesh)
-        subdivision = self._retry(part, props, _read_subdivision)
-        finish = self._retry(part, props, read_finish)
-        for name in part.children:
-            props.mark_queried(name)
-        if pad.pad is not None and sizes is not None and subdivision is not None:
-            self._check_cells(part, pad, sizes[0], subdivision, finish)
+        pad = self._retry(part, props, UndeformedPad)
+        if pad is not None:
+            self._check_cells(part, pad)
         return pad
 
-    def _check_cells(self, part: Part, pad: UndeformedPad, mesh_size: float | None, subdivision: int, finish: Any):
+    def _check_cells(self, part: Part, pad: UndeformedPad) -> None:
         """What is said only once the pad is solved for: no room for its mesh, or cells that it does not have."""
-        numbers = pad.read_cells or ()
+        numbers, stated = pad.read_cells or (), pad.specification
+        finish = stated.build_finish()
         if numbers and finish is not None:
             message = "read_cells is not allowed with a finish: it is laid on all cells."
             self.findings.append(part.finding("error", message, "read_cells"))
         try:
-            cells = _cells_with_room(pad.pad, mesh_size, subdivision, len(numbers))
+            cells = _cells_with_room(pad.pad, stated.mesh_size, stated.subdivision, len(numbers))
             if finish is not None:
-                refuse_finish(pad.pad, mesh_size, finish, subdivision)
+                refuse_finish(pad.pad, stated.mesh_size, finish, stated.subdivision)
         except InputError as error:
             self.findings.append(part.finding("error", str(error), _culprit(str(error), part.props)))
             return
@@ -264,10 +246,8 @@ class _Maker:
                 message = f"{part.plugin} has no use for the <{child.kind}> nested in it: take it out."
                 self.findings.append(child.finding("error", message))
             else:
-                why = f"is no parameter of {part.plugin}"
-                if part.plugin in vocabularies():
-                    why = f"means nothing to {part.plugin} beside what else it is told"
-                self.findings.append(part.finding("error", f"{name} {why}: take it out.", name))
+                message = f"{name} is no parameter of {part.plugin}: take it out."
+                self.findings.append(part.finding("error", message, name))
 
 
 def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: int) -> int:
@@ -277,16 +257,6 @@ def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: 
     check_triangles(subdivision, LEAST_FACES * (read or pad.rows * pad.columns))
     check_room(pad, mesh_size or pad.default_mesh_size)
     return pad.rows * pad.columns
-
-
-def _rigid_motion(props: Any) -> np.ndarray:
-    matrix = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
-    similarity_scale(matrix)
-    return matrix
-
-
-def _read_subdivision(props: Any) -> int:
-    return whole_number(props, "subdivision", 6, minimum=1, maximum=64)
 
 
 def _one_sentence(error: Exception, plugin: str) -> str:

@@ -7,9 +7,13 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from mitsuba_taxel.backend import plugin_kind
 from mitsuba_taxel.base.atomic import WriteError, replacing
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.check.vocabulary import ELEMENTS, KINDS, Parameter, Vocabulary, vocabularies
+from mitsuba_taxel.check.document import ELEMENTS, KINDS
+from mitsuba_taxel.parameters import Choice, Parameter
+from mitsuba_taxel.specification import specification_of
+from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
 
 _NUMBER = r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _PATTERNS = {
@@ -53,8 +57,8 @@ def schema() -> str:
     for kind in KINDS:
         _define_kind(grammar, kind)
     _choice(_define(grammar, "object"), KINDS)
-    for words in vocabularies().values():
-        _define_plugin(grammar, words)
+    for name in plugin_names():
+        _define_plugin(grammar, name)
     ElementTree.indent(grammar)
     text = ElementTree.tostring(grammar, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<!--{_HEADER}-->\n{text}\n'
@@ -143,7 +147,7 @@ def _transform(parent: Element, name: str | None = None, text: str = "") -> None
 
 def _define_kind(grammar: Element, kind: str) -> None:
     """An object of one kind: of a plugin of this package, or of one of Mitsuba's own."""
-    ours = [words.name for words in vocabularies().values() if words.kind == kind]
+    ours = [name for name in plugin_names() if plugin_kind(name) == kind]
     element = SubElement(_define(grammar, kind), "element", name=kind)
     _optional_attributes(element, ("name", "id"))
     _ref(element, f"any_{kind}")
@@ -151,40 +155,44 @@ def _define_kind(grammar: Element, kind: str) -> None:
     group = SubElement(choice, "group")
     data = SubElement(SubElement(group, "attribute", name="type"), "data", type="string")
     exceptions = SubElement(SubElement(data, "except"), "choice")
-    for name in vocabularies():
+    for name in plugin_names():
         SubElement(exceptions, "value", type="string").text = name
     _any_of(group, ("object", "value", "declaration", "reference_to_object"))
 
 
-def _define_plugin(grammar: Element, words: Vocabulary) -> None:
-    define = _define(grammar, f"{words.kind}_{words.name}")
+def _define_plugin(grammar: Element, name: str) -> None:
+    specification = specification_of(name)
+    define = _define(grammar, f"{plugin_kind(name)}_{name}")
     kind = SubElement(define, "attribute", name="type")
-    _document(kind, words.title)
-    SubElement(kind, "value", type="string").text = words.name
-    content = _any_of(define, ("declaration", "reference_to_object", *sorted(words.nested)))
-    for parameter in words.parameters.values():
+    _document(kind, plugin_page(name).title)
+    SubElement(kind, "value", type="string").text = name
+    objects = specification.objects()
+    unnamed = sorted(nested.kind for nested in objects if not nested.by_name)
+    content = _any_of(define, ("declaration", "reference_to_object", *unnamed))
+    for parameter in specification.values().values():
         _parameter(content, parameter)
-    for name, nested in words.named.items():
-        element = SubElement(content, "element", name=nested)
-        SubElement(SubElement(element, "attribute", name="name"), "value", type="string").text = name
-        _optional_attributes(element, ("id",))
-        _ref(element, f"any_{nested}")
+    for nested in objects:
+        if nested.by_name:
+            element = SubElement(content, "element", name=nested.kind)
+            _named(element, nested.name, nested.description_with_unit)
+            _optional_attributes(element, ("id",))
+            _ref(element, f"any_{nested.kind}")
 
 
 def _parameter(parent: Element, parameter: Parameter) -> None:
     if parameter.type == "transform":
-        _transform(parent, parameter.name, parameter.text)
+        _transform(parent, parameter.name, parameter.description_with_unit)
         return
     for tag in ELEMENTS[parameter.type]:
         element = SubElement(parent, "element", name=tag)
-        _named(element, parameter.name, parameter.text)
+        _named(element, parameter.name, parameter.description_with_unit)
         if parameter.type == "vector":
             _components(element)
             continue
         value = SubElement(element, "attribute", name="value")
-        if parameter.values:
+        if isinstance(parameter, Choice):
             choice = _choice(value, ("reference",))
-            for word in parameter.values:
+            for word in parameter.allowed:
                 SubElement(choice, "value", type="string").text = word
         elif parameter.type in _TEXTS:
             _choice(value, (_TEXTS[parameter.type], "reference"))
@@ -201,7 +209,7 @@ def _components(element: Element) -> None:
 
 def _named(element: Element, name: str, text: str) -> None:
     attribute = SubElement(element, "attribute", name="name")
-    _document(attribute, text)
+    _document(attribute, plain(text))
     SubElement(attribute, "value", type="string").text = name
 
 

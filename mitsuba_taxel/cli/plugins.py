@@ -12,7 +12,7 @@ from .options import debug_option
 @debug_option
 def command(name: str | None) -> None:
     """List the plugins, or the parameters of plugin NAME: type, unit, meaning, default."""
-    from mitsuba_taxel.backend.plugin_pages import plugin_names, plugin_page
+    from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
 
     from .tables import print_text_table
 
@@ -22,7 +22,7 @@ def command(name: str | None) -> None:
         return
     page = plugin_page(name)
     click.echo(f"{page.name} ({page.kind}): {page.title}\n")
-    rows = [(row.name, row.type, row.unit, row.description) for row in page.parameters]
+    rows = [(row.label, row.type, row.unit, plain(row.description)) for row in page.parameters]
     print_text_table(("parameter", "type", "unit", "meaning"), rows)
     for text in (page.text, page.example, f"{{{page.python_example}}}"):
         click.echo(f"\n{text}")

@@ -14,12 +14,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.kernels.parameters import choice, number
 from mitsuba_taxel.kernels.tables import Interpolant, find_cell, read_angular_table, refine
-
-LAWS = ("uniform_solid_angle", "uniform_polar_angle", "lambertian", "cosine_power", "tabulated")
-LARGEST_EXPONENT = 1e6
-"""Beyond it the lobe is narrower than 0.1 degrees, and directions in single precision no longer resolve it well."""
+from mitsuba_taxel.specification.annular_led import AnnularLed
 
 
 class EmissionLaw(Protocol):
@@ -154,14 +150,11 @@ def _sine(one_minus_cosine: mi.Float) -> mi.Float:
     return dr.sqrt(one_minus_cosine * (2 - one_minus_cosine))
 
 
-def read_law(props: mi.Properties) -> EmissionLaw:
-    """The law that ``law`` names, with its own parameter: ``cone_angle`` (degrees), ``exponent`` or ``file``."""
-    law = choice(props, "law", "uniform_solid_angle", LAWS)
-    if law == "lambertian":
-        return Lambertian()
-    if law == "cosine_power":
-        return CosinePower(number(props, "exponent", 1.0, minimum=0, maximum=LARGEST_EXPONENT))
-    if law == "tabulated":
-        return Tabulated(*read_angular_table(props))
-    cone_angle = number(props, "cone_angle", 88.0, minimum=0.05, maximum=90)
-    return UniformSolidAngle(cone_angle) if law == "uniform_solid_angle" else UniformPolarAngle(cone_angle)
+def law_of(led: AnnularLed) -> EmissionLaw:
+    """The law of an LED; raises `InputError` where its table is not allowed."""
+    if led.cone_angle is not None:
+        cone = UniformSolidAngle if led.law == "uniform_solid_angle" else UniformPolarAngle
+        return cone(led.cone_angle)
+    if led.exponent is not None:
+        return CosinePower(led.exponent)
+    return Lambertian() if led.file is None else Tabulated(*read_angular_table(led.file))

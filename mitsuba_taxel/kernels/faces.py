@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters.similarity import similarity_scale
 
 PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
 """The plugin of each face, for messages."""
@@ -120,21 +121,6 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
 def _opaque(kind: type, values) -> Any:
     """A vector whose components are kernel parameters, not literals: other numbers need no other kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
-
-
-def similarity_scale(matrix: np.ndarray) -> float:
-    """Uniform scale of a (4, 4) rigid motion with scale.
-
-    Raises
-    ------
-    InputError
-        if the transformation shears, mirrors, or scales the axes differently.
-    """
-    linear = matrix[:3, :3]
-    scale = float(np.cbrt(np.linalg.det(linear)))
-    if not scale > 0 or not np.allclose(linear.T @ linear, scale**2 * np.eye(3), atol=1e-4 * scale**2):
-        raise InputError("to_world must be a rigid motion with at most a uniform scale (no shear, no mirror).")
-    return scale
 
 
 def _aligned(values: np.ndarray) -> np.ndarray:

@@ -22,9 +22,7 @@ class ReflectanceTable:
         if the file cannot be read or holds anything else.
     """
 
-    def __init__(self, file: object) -> None:
-        if not isinstance(file, str):
-            raise InputError(f"{_NAME} = {file!r} is not allowed: the name of a CSV file is needed.")
+    def __init__(self, file: str) -> None:
         self.file = file
         self.wavelengths, self.reflectances = read_columns(_NAME, file, fewest=1).T
         self._check()

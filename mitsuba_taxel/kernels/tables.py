@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
 
 NODES = 4096
@@ -68,8 +66,8 @@ def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.interp(nodes, place, angles), np.interp(nodes, place, values)
 
 
-def read_angular_table(props: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The table in the CSV file that the parameter ``file`` names, found as Mitsuba finds a scene's other files.
+def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
+    """The table in a CSV file that the parameter ``file`` names, found as Mitsuba finds a scene's other files.
 
     Two columns: polar angle in degrees, value. Empty lines and what follows a ``#`` do not count.
 
@@ -81,12 +79,8 @@ def read_angular_table(props: Any) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        if the parameter is missing, the file cannot be read, or holds anything else.
+        if the file cannot be read, or holds anything else.
     """
-    file = props.get("file", None)
-    if not isinstance(file, str):
-        given = "file is missing" if file is None else f"file = {file!r} is not allowed"
-        raise InputError(f"{given}: the name of a CSV file with columns angle in degrees, value is needed.")
     angles, values = read_columns("file", file, fewest=2).T
     _check_angles(file, angles)
     _check_values(file, values)
@@ -97,7 +91,7 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     """The numbers in a CSV file of two columns that a parameter names, (n, 2) with n from ``fewest`` to ``NODES``."""
     given = f"{parameter} = {file!r}"
     try:
-        text = Path(str(mi.file_resolver().resolve(file))).read_text(encoding="utf-8-sig")
+        text = found(file).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
     except UnicodeDecodeError as error:

@@ -12,8 +12,6 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 LARGEST_WAVEFRONT = 1 << 22
 """Paths that are traced at once."""
-MOST_REFLECTIONS = 1 << 17
-"""Reflections after which a path that nothing absorbs is left."""
 
 
 def trace(

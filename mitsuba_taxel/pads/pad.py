@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters import Checked, choice, number, whole
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -27,30 +28,12 @@ MIN_THICKNESS = 0.01
 
 
 @dataclass(frozen=True)
-class Pad(Displayed):
+class Pad(Checked, Displayed):
     """A block of silicone with a grid of hollow cells, open towards the board (all lengths in mm).
 
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
-    from 1, row by row, beginning at (-x, +y).
-
-    Parameters
-    ----------
-    cell
-        Shape of a cell: ``parallelepiped``; ``cylindrical``; ``spherical``, a cylinder closed by the cap of a
-        sphere of radius `cell_size`; ``hemispheric``, a cylinder closed by half a sphere.
-    rows, columns
-        Number of cells along y and along x.
-    pitch
-        Distance between the centres of neighbouring cells.
-    wall
-        Thickness of silicone between an outermost cell and the outside.
-    height
-        From the bottom to the loaded top.
-    cell_size
-        Side or diameter of a cell.
-    cell_height
-        From the bottom to the highest point of a cell. ``None`` stands for the shape's own: 1.55 for
-        parallelepiped and cylindrical, 1.6 for spherical, 0.5 + cell_size / 2 for hemispheric cells.
+    from 1, row by row, beginning at (-x, +y). A spherical cell is a cylinder closed by the cap of a sphere of radius
+    `cell_size`, a hemispheric one a cylinder closed by half a sphere.
 
     Raises
     ------
@@ -63,42 +46,31 @@ class Pad(Displayed):
     Optoelectronic-Based Tactile Sensor".
     """
 
-    cell: str = "parallelepiped"
-    rows: int = 3
-    columns: int = 3
-    pitch: float = 3.55
-    wall: float = 1.0
-    height: float = 4.55
-    cell_size: float = 2.55
-    cell_height: float | None = None
+    cell: str = choice("parallelepiped", CELL_SHAPES, "Shape of the cells.")
+    rows: int = whole(3, 1, 100, "Rows of cells, from +y to -y.")
+    columns: int = whole(3, 1, 100, "Columns of cells, along +x.")
+    pitch: float = number(3.55, "mm", "Distance between the centres of neighbouring cells.", above=0, common=(0.2, 200))
+    wall: float = number(
+        1.0, "mm", "Thickness of silicone between an outermost cell and the outside.", above=0, common=(0.02, 100)
+    )
+    height: float = number(
+        4.55, "mm", "Height of the pad, from its bottom to the loaded top.", above=0, common=(0.2, 200)
+    )
+    cell_size: float = number(2.55, "mm", "Side or diameter of a cell.", above=0, common=(0.1, 100))
+    cell_height: float | None = number(
+        None,
+        "mm",
+        "From the board to the highest point of a cell.",
+        above=0,
+        common=(0.05, 100),
+        default_words="1.55; spherical 1.6; hemispheric 0.5 + cell_size / 2",
+    )
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.cell, str) or self.cell not in CELL_SHAPES:
-            raise InputError(f"cell = {self.cell!r} is not allowed: one of {', '.join(CELL_SHAPES)} is needed.")
-        for name in ("rows", "columns"):
-            self._check_count(name)
-        self._check_length("cell_size")
+    def _check(self) -> None:
         if self.cell_height is None:
             default = {"spherical": 1.6, "hemispheric": 0.5 + 0.5 * self.cell_size}.get(self.cell, 1.55)
             object.__setattr__(self, "cell_height", default)
-        for name in ("pitch", "wall", "height", "cell_height"):
-            self._check_length(name)
         self._check_fit()
-
-    def _check_count(self, name: str) -> None:
-        value = getattr(self, name)
-        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100:
-            raise InputError(f"{name} = {value!r} is not allowed: a whole number from 1 to 100 is needed.")
-
-    def _check_length(self, name: str) -> None:
-        value = getattr(self, name)
-        try:
-            value = float(value)
-        except (TypeError, ValueError, OverflowError):
-            value = math.nan
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name} = {getattr(self, name)!r} is not allowed: a finite length above 0 mm is needed.")
-        object.__setattr__(self, name, value)
 
     def _check_fit(self) -> None:
         thinnest = MIN_THICKNESS * self.cell_size

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 PITCH = 3.55
-YOUNGS_MODULUS, POISSON_RATIO = 4.16, 0.49
+YOUNGS_MODULUS, POISSON_RATIO = NeoHookean().youngs_modulus, NeoHookean().poisson_ratio
 CORNER, CENTRE = 3, 5
 """The taxels of the variations: that at the corner (+x, +y), and that in the middle."""
 

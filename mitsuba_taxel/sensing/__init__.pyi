@@ -11,18 +11,6 @@ from .measurement import (
     measure as measure,
 )
 from .pad_sensor import PadSensor as PadSensor
-from .parts import (
-    AnnularLed as AnnularLed,
-)
-from .parts import (
-    PhotoReflector as PhotoReflector,
-)
-from .parts import (
-    Phototransistor as Phototransistor,
-)
-from .parts import (
-    Wall as Wall,
-)
 from .ray_paths import (
     RayPaths as RayPaths,
 )

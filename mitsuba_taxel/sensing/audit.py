@@ -21,12 +21,13 @@ from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT, MOST_REFLECTIONS
+from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
 from mitsuba_taxel.sensing.readings import standard_error
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096
 ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import NoneType
-from typing import Any, get_args
+from typing import get_args
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.arguments import check_fields, is_number, is_row, refusal
 from mitsuba_taxel.base.display import Displayed
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import (
     Grooves,
     LayerSteps,
     Load,
     Material,
-    MooneyRivlin,
     NeoHookean,
-    PatchForce,
-    PlateDisplacement,
-    PlateForce,
-    Pressure,
     RandomRoughness,
     SpreadForce,
-    Yeoh,
 )
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing.parts import ABSORBING, ISOTROPIC, PhotoReflector, Wall
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
+from mitsuba_taxel.specification.region import Region
+from mitsuba_taxel.specification.wall import ABSORBING, ISOTROPIC, Wall
 
 
 @dataclass(frozen=True)
@@ -73,6 +69,7 @@ class PadSensor(Displayed):
         )
         if not is_row(self.force, is_number):
             raise refusal("force", self.force, "a row of finite numbers is needed")
+        self._parts()
 
     @in_turn
     def scene(self) -> Scene:
@@ -81,28 +78,13 @@ class PadSensor(Displayed):
 
         activate_variant()
         pad = self.pad
-        reflector = self.photo_reflector.to_dict()
-        reflector.update(rows=pad.rows, columns=pad.columns, pitch=pad.pitch)
+        deformed, reflector = self._parts()
         extent = max(pad.extent[:2])
         description = {
             "type": "scene",
             "integrator": {"type": "taxel_tracer"},
-            "pad": {
-                "type": "deformable_pad",
-                "cell": pad.cell,
-                "rows": pad.rows,
-                "columns": pad.columns,
-                "pitch": pad.pitch,
-                "wall": pad.wall,
-                "height": pad.height,
-                "cell_size": pad.cell_size,
-                "cell_height": pad.top_of_cell,
-                **_material_parameters(self.material),
-                **_load_parameters(self.load, self.force),
-                **_finish_parameters(self.finish),
-                "walls": {"type": "region", "roof": self.roof.to_dict(), "side": self.side.to_dict()},
-            },
-            "photo_reflector": reflector,
+            "pad": deformed.to_dict(),
+            "photo_reflector": reflector.to_dict(),
             "board": {
                 "type": "rectangle",
                 "to_world": mi.ScalarTransform4f().scale(extent),
@@ -111,52 +93,8 @@ class PadSensor(Displayed):
         }
         return Scene(description)
 
-
-_LAWS = {NeoHookean: "neo_hookean", MooneyRivlin: "mooney_rivlin", Yeoh: "yeoh"}
-
-
-def _material_parameters(material: Material) -> dict[str, Any]:
-    """The parameters of the plugin `deformable_pad` that stand for a material."""
-    if type(material) not in _LAWS:
-        known = ", ".join(law.__name__ for law in _LAWS)
-        raise InputError(f"material = {material!r} is not allowed in a scene: one of {known} is needed.")
-    constants = {name: float(getattr(material, name)) for name in material.parameters}
-    return {"material": _LAWS[type(material)], **constants}
-
-
-def _load_parameters(load: Load, value: Sequence[float]) -> dict[str, Any]:
-    """The parameters of the plugin `deformable_pad` that stand for a load and its value."""
-    import mitsuba as mi
-
-    if len(value) != load.components:
-        raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
-    if isinstance(load, Pressure):
-        return {"load": "pressure", "pressure": float(value[0])}
-    vector = mi.ScalarVector3f(*map(float, value))
-    if isinstance(load, PlateDisplacement):
-        return {"load": "plate_displacement", "displacement": vector}
-    if isinstance(load, PatchForce):
-        (x, y), (width, depth) = load.centre, load.size
-        patch = {"patch_x": x, "patch_y": y, "patch_width": width, "patch_depth": depth}
-        return {"load": "patch_force", "force": vector, **patch}
-    return {"load": "plate_force" if isinstance(load, PlateForce) else "spread_force", "force": vector}
-
-
-def _finish_parameters(finish: LayerSteps | Grooves | RandomRoughness | None) -> dict[str, Any]:
-    """The parameters of the plugin `deformable_pad` that stand for a finish."""
-    import mitsuba as mi
-
-    if finish is None:
-        return {}
-    refinement = {"finish_refinement": float(finish.refinement)}
-    if isinstance(finish, LayerSteps):
-        direction = mi.ScalarVector3f(*finish.direction)
-        own = {"finish": "layer_steps", "layer_height": float(finish.layer_height), "print_direction": direction}
-    elif isinstance(finish, Grooves):
-        direction = mi.ScalarVector3f(*finish.direction)
-        own = {"finish": "grooves", "groove_pitch": float(finish.pitch), "groove_depth": float(finish.depth)}
-        own["groove_direction"] = direction
-    else:
-        own = {"finish": "random", "rms_height": float(finish.rms_height)}
-        own.update(correlation_length=float(finish.correlation_length), roughness_seed=finish.seed)
-    return own | refinement
+    def _parts(self) -> tuple[DeformablePad, PhotoReflector]:
+        """What the plugins are told; raises `InputError` where one of them would refuse it."""
+        pad, walls = self.pad, Region(roof=self.roof, side=self.side)
+        deformed = DeformablePad.of(pad, self.material, self.load, self.force, self.finish, bsdf=walls)
+        return deformed, replace(self.photo_reflector, rows=pad.rows, columns=pad.columns, pitch=pad.pitch)

@@ -115,13 +115,12 @@ class Scene(Displayed):
         """Raise where a pad touches a package on its way to where its load path ends: pads do not know the packages."""
         import mitsuba as mi
 
-        from mitsuba_taxel.kernels.pad_parameters import take_value
         from mitsuba_taxel.sensing.clearance import refuse_contact
 
         state = self._parse(config)
         mi.parser.transform_all(config, state)
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
-        values = {pad.id(): take_value(pad) for pad in pads}
+        values = {pad.id(): _take_load(pad) for pad in pads}
         at_rest = mi.parser.instantiate(config, state)
         for shape in at_rest.shapes():
             if shape.id() in values:
@@ -180,6 +179,16 @@ class Scene(Displayed):
         for pad in open_ones if self.mesh_size is not None else []:
             pad["mesh_size"] = self.mesh_size
         return state
+
+
+def _take_load(props: Any) -> tuple[float, ...]:
+    """The value of the load of a pad, which is left without."""
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+    load, value = DeformablePad.read(props).build_load()
+    if load.quantity in props:
+        del props[load.quantity]
+    return value
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:

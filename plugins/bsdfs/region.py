@@ -7,6 +7,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
+from mitsuba_taxel.specification.region import Region as Parameters
 
 
 class Region(mi.BSDF):
@@ -15,16 +16,6 @@ class Region(mi.BSDF):
 
     Wall by region (:monosp:`region`)
     ---------------------------------
-
-    .. pluginparameters::
-
-     * - roof, side, bottom, top, outer
-       - |bsdf|
-       - What covers each region of the pad. (Default: absorbing)
-
-     * - body, led, phototransistor
-       - |bsdf|
-       - What covers the package of a photo-reflector and its two faces. (Default: absorbing)
 
     Picks one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh that it covers, which
     holds the codes roof = 1, side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A
@@ -54,6 +45,7 @@ class Region(mi.BSDF):
             self.walls[name] = value
         if not self.walls:
             raise InputError(f"region: it holds no BSDF: name at least one of {', '.join(ALL_REGIONS)}.")
+        self.specification = Parameters.read(props)
         components = [flag for wall in self.walls.values() for flag in _components(wall)]
         self.m_components = components
         self.m_flags = 0

@@ -6,16 +6,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.parameters import choice, number
 from mitsuba_taxel.kernels.reflectance import ReflectanceTable
 from mitsuba_taxel.kernels.scattering import Absorbing, Isotropic, Lambertian, Mirror, Mixed, RoughMirror, Scattering
-
-SCATTERING = ("mirror", "lambertian", "isotropic", "absorbing", "mixed", "rough_mirror")
-SMALLEST_SLOPE = 0.01
-"""Least rms slope in degrees: Mitsuba widens what is below 0.004 (its alpha is at least 1e-4), and rounding blurs
-slopes by some 1e-7 / cos(theta)."""
-
-_ONLY_FOR = {"rms_slope": "rough_mirror", "specular": "mixed", "lambertian": "mixed", "isotropic": "mixed"}
+from mitsuba_taxel.specification.wall import Wall as Parameters
 
 
 class Wall(mi.BSDF):
@@ -24,32 +17,6 @@ class Wall(mi.BSDF):
 
     Wall (:monosp:`wall`)
     ---------------------
-
-    .. pluginparameters::
-
-     * - scattering
-       - |string|
-       - :monosp:`mirror`, :monosp:`lambertian` (cosine law), :monosp:`isotropic` (equal probability per solid
-         angle), :monosp:`absorbing`, :monosp:`mixed` or :monosp:`rough_mirror`. (Default: :monosp:`lambertian`)
-
-     * - reflectance
-       - |float|
-       - Share of the light that comes back, 0 to 1; not for :monosp:`absorbing`. (Default: 1)
-
-     * - reflectance_table
-       - |string|
-       - Instead of :monosp:`reflectance`: a CSV file of wavelength in nm, increasing, and reflectance, 0 to 1.
-         (Default: none)
-
-     * - specular, lambertian, isotropic
-       - |float|
-       - For :monosp:`mixed`: how much of the reflected light each law gets, 0 to 1; together they make 1.
-         (Default: 0, 0, 0)
-
-     * - rms_slope
-       - |float|
-       - For :monosp:`rough_mirror`: angle whose tangent is the root mean square slope along either axis of the wall
-         (not of both together), in degrees, from 0.01 to 45.
 
     An opaque surface that does the same on both sides. What is not reflected is absorbed. The isotropic wall is not
     reciprocal: light that comes in from any direction leaves uniformly over the hemisphere,
@@ -78,45 +45,16 @@ class Wall(mi.BSDF):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.scattering = choice(props, "scattering", "lambertian", SCATTERING)
-        for name, owner in _ONLY_FOR.items():
-            if name in props and self.scattering != owner:
-                raise InputError(f"{name} is not allowed for scattering = {self.scattering!r}, only for {owner!r}.")
-        self.law = self._read_law(props)
-        self.table: ReflectanceTable | None = None
-        self.reflectance: mi.Float | None = None
-        self._read_reflectance(props)
+        self.specification = stated = Parameters.read(props)
+        self.scattering = stated.scattering
+        self.law = _law_of(stated)
+        self.table = None if stated.reflectance_table is None else ReflectanceTable(stated.reflectance_table)
+        self.reflectance = None if self.table else dr.opaque(mi.Float, stated.reflectance or 0.0)
         self.is_directed = self.scattering in ("mirror", "rough_mirror", "mixed")
         self.m_components = self.law.components
         self.m_flags = 0
         for flags in self.law.components:
             self.m_flags |= flags
-
-    def _read_law(self, props: mi.Properties) -> Scattering:
-        if self.scattering == "mixed":
-            return Mixed(*_read_shares(props))
-        if self.scattering == "rough_mirror":
-            return RoughMirror(_read_slope(props))
-        laws: dict[str, type[Scattering]] = {
-            "mirror": Mirror,
-            "lambertian": Lambertian,
-            "isotropic": Isotropic,
-            "absorbing": Absorbing,
-        }
-        return laws[self.scattering]()
-
-    def _read_reflectance(self, props: mi.Properties) -> None:
-        given = [name for name in ("reflectance", "reflectance_table") if name in props]
-        if self.scattering == "absorbing" and given:
-            raise InputError(f"{given[0]} is not allowed for scattering = 'absorbing', which reflects nothing.")
-        if len(given) == 2:
-            raise InputError("reflectance and reflectance_table exclude each other: one of them is needed.")
-        if given == ["reflectance_table"]:
-            self.table = ReflectanceTable(props.get("reflectance_table"))
-        elif self.scattering == "absorbing":
-            self.reflectance = dr.opaque(mi.Float, 0.0)
-        else:
-            self.reflectance = dr.opaque(mi.Float, number(props, "reflectance", 1.0, minimum=0, maximum=1))
 
     @property
     def needs_wavelength(self) -> bool:
@@ -203,27 +141,20 @@ class Wall(mi.BSDF):
         return f"Wall[scattering = {self.scattering}, reflectance = {reflectance}]"
 
 
-def _read_shares(props: mi.Properties) -> tuple[float, float, float]:
-    specular = number(props, "specular", 0.0, minimum=0, maximum=1)
-    lambertian = number(props, "lambertian", 0.0, minimum=0, maximum=1)
-    isotropic = number(props, "isotropic", 0.0, minimum=0, maximum=1)
-    total = specular + lambertian + isotropic
-    if abs(total - 1) > 1e-6:
-        raise InputError(
-            f"specular = {specular:g}, lambertian = {lambertian:g}, isotropic = {isotropic:g} are not allowed: "
-            f"their sum is {total:.8g} and must be 1, as they share the reflected light."
-        )
-    return specular, lambertian, isotropic
-
-
-def _read_slope(props: mi.Properties) -> float:
-    slope = number(props, "rms_slope", above=0, maximum=45)
-    if slope < SMALLEST_SLOPE:
-        raise InputError(
-            f"rms_slope = {slope:g} is not allowed: at least {SMALLEST_SLOPE:g} degrees is needed; "
-            "use scattering = 'mirror' for less."
-        )
-    return slope
+def _law_of(stated: Parameters) -> Scattering:
+    """The law by which a wall scatters."""
+    shares = [share for share in (stated.specular, stated.lambertian, stated.isotropic) if share is not None]
+    if shares:
+        return Mixed(*shares)
+    if stated.rms_slope is not None:
+        return RoughMirror(stated.rms_slope)
+    laws: dict[str, type[Scattering]] = {
+        "mirror": Mirror,
+        "lambertian": Lambertian,
+        "isotropic": Isotropic,
+        "absorbing": Absorbing,
+    }
+    return laws[stated.scattering]()
 
 
 def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f, mi.Bool]:

@@ -8,10 +8,9 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.emission import read_law
+from mitsuba_taxel.kernels.emission import law_of
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
-from mitsuba_taxel.kernels.parameters import choice, number
+from mitsuba_taxel.specification.annular_led import AnnularLed as Parameters
 
 
 class AnnularLed(mi.Emitter):
@@ -20,50 +19,6 @@ class AnnularLed(mi.Emitter):
 
     Annular LED (:monosp:`annular_led`)
     -----------------------------------
-
-    .. pluginparameters::
-
-     * - power
-       - |float|
-       - Power that one LED emits, in W. (Default: 1)
-
-     * - wavelength
-       - |float|
-       - Wavelength of the light, in nm; what a phototransistor makes of it is its `responsivity`. (Default: 925)
-
-     * - shape
-       - |string|
-       - :monosp:`square` or :monosp:`circular`, outline of the emitting area and of its hole.
-         (Default: :monosp:`square`)
-
-     * - size
-       - |float|
-       - Side of the emitting square or diameter of the disc, in mm. (Default: 0.25)
-
-     * - hole
-       - |float|
-       - Side or diameter of the dark area at its centre, in mm, below :monosp:`size`; 0 for none. (Default: 0.1)
-
-     * - law
-       - |string|
-       - Directional law: :monosp:`uniform_solid_angle` (a cone, uniform per solid angle),
-         :monosp:`uniform_polar_angle` (a cone, uniform in the polar angle), :monosp:`lambertian`,
-         :monosp:`cosine_power` or :monosp:`tabulated`. (Default: :monosp:`uniform_solid_angle`)
-
-     * - cone_angle
-       - |float|
-       - Half-angle of the cone against the normal, from 0.05 to 90 degrees, for the two cone laws only. (Default: 88)
-
-     * - exponent
-       - |float|
-       - The m of an intensity that goes with cos(theta)**m, 0 to 1e6, for :monosp:`cosine_power` only: 0 is uniform
-         over the hemisphere, 1 Lambertian. (Default: 1)
-
-     * - file
-       - |string|
-       - CSV file with two columns, for :monosp:`tabulated` only: polar angle in degrees, from 0 to at most 90 and
-         increasing, and relative radiant intensity. It is linear between rows, zero beyond the last, and the same all
-         round the normal. Empty lines and what follows a # do not count.
 
     Nest it in a `rectangle`, which it lights from the centre of, or in a `photo_reflector`, of which it lights
     every LED. The power is a plain number of watts, the same in each colour channel; neither it nor the wavelength
@@ -87,17 +42,10 @@ class AnnularLed(mi.Emitter):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        power = number(props, "power", 1.0, minimum=0)
-        self.wavelength = number(props, "wavelength", 925.0, above=0)
-        self.outline = choice(props, "shape", "square", tuple(_ANNULI))
-        self.side = number(props, "size", 0.25, above=0)
-        self.hole_side = number(props, "hole", 0.1, minimum=0)
-        if self.hole_side >= self.side:
-            raise InputError(
-                f"hole = {self.hole_side:g} is not allowed: a number below size = {self.side:g} is needed."
-            )
-        self.law = read_law(props)
-        self.power = dr.opaque(mi.Float, power)
+        self.specification = Parameters.read(props)
+        self.wavelength = self.specification.wavelength
+        self.law = law_of(self.specification)
+        self.power = dr.opaque(mi.Float, self.specification.power)
         self._faces: FaceGrid | None = None
         self.m_flags = +mi.EmitterFlags.Surface | +mi.EmitterFlags.SpatiallyVarying
 
@@ -107,9 +55,10 @@ class AnnularLed(mi.Emitter):
     def faces(self) -> FaceGrid:
         """Where the LEDs are; found when first asked for, since the shape adopts its emitter late."""
         if self._faces is None:
-            self._faces = faces_on(self.get_shape(), "led", (self.side, self.side))
-            outer, inner = (0.5 * self._faces.scale * side for side in (self.side, self.hole_side))
-            self._annulus = _ANNULI[self.outline](outer, inner)
+            stated = self.specification
+            self._faces = faces_on(self.get_shape(), "led", (stated.size, stated.size))
+            outer, inner = (0.5 * self._faces.scale * side for side in (stated.size, stated.hole))
+            self._annulus = _ANNULI[stated.shape](outer, inner)
         return self._faces
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f:
@@ -223,7 +172,7 @@ class AnnularLed(mi.Emitter):
         self._faces = None  # the rectangle that carries it may have been moved
 
     def to_string(self) -> str:
-        size = f"{self.outline}, size = {self.side:g}, hole = {self.hole_side:g}"
+        size = f"{self.specification.shape}, size = {self.specification.size:g}, hole = {self.specification.hole:g}"
         return f"AnnularLed[power = {self.power[0]:g} W at {self.wavelength:g} nm, {size}]"
 
 

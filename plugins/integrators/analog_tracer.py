@@ -7,10 +7,11 @@ import math
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.parameters import whole_number
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
-from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.kernels.wavefronts import splat
 from mitsuba_taxel.sensing import rendering
+from mitsuba_taxel.specification.analog_tracer import AnalogTracer as Parameters
+from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 
 class AnalogTracer(mi.CppADIntegrator):
@@ -19,13 +20,6 @@ class AnalogTracer(mi.CppADIntegrator):
 
     Analog tracer (:monosp:`analog_tracer`)
     ---------------------------------------
-
-    .. pluginparameters::
-
-     * - release_points
-       - |int|
-       - Points of the LED from which rays are released. The rays of a run are dealt out among them.
-         (Default: 20)
 
     Releases rays of equal power from a grid of points in random directions, lets each wall absorb or reflect a whole
     ray at random, and counts what lands on the phototransistor: the way of the ray tracer in Multiphysics Simulation
@@ -45,7 +39,8 @@ class AnalogTracer(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.release_points = whole_number(props, "release_points", 20, minimum=1, maximum=1 << 20)
+        self.specification = Parameters.read(props)
+        self.release_points = self.specification.release_points
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""

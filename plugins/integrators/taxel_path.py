@@ -7,11 +7,12 @@ import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.emission import UniformPolarAngle
-from mitsuba_taxel.kernels.parameters import whole_number
 from mitsuba_taxel.kernels.ray_offsets import between, clearance_of, leave, release
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, walls_of
-from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.kernels.wavefronts import splat
 from mitsuba_taxel.sensing import rendering
+from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
+from mitsuba_taxel.specification.taxel_path import TaxelPath as Parameters
 
 
 class TaxelPath(mi.CppADIntegrator):
@@ -20,17 +21,6 @@ class TaxelPath(mi.CppADIntegrator):
 
     Taxel path tracer (:monosp:`taxel_path`)
     ----------------------------------------
-
-    .. pluginparameters::
-
-     * - max_depth
-       - |int|
-       - Most reflections on a path; -1 for no limit but the 131072 after which a path that nothing absorbs is left.
-         (Default: -1)
-
-     * - rr_depth
-       - |int|
-       - Reflections after which paths of little weight may end by Russian roulette. (Default: 8)
 
     Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that happen to
     arrive there count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, for less
@@ -50,8 +40,9 @@ class TaxelPath(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=MOST_REFLECTIONS)
-        self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
+        self.specification = Parameters.read(props)
+        self.max_depth = self.specification.max_depth
+        self.rr_depth = self.specification.rr_depth
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""

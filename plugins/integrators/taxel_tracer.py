@@ -10,13 +10,12 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.emission_guiding import aim_for
 from mitsuba_taxel.kernels.guide import guide_for
-from mitsuba_taxel.kernels.parameters import choice, whole_number
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.techniques import Techniques, Vertex
-from mitsuba_taxel.kernels.wavefronts import MOST_REFLECTIONS, splat
+from mitsuba_taxel.kernels.wavefronts import splat
 from mitsuba_taxel.sensing import rendering
-
-STRATEGIES = ("all", "connections", "meetings", "hits")
+from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
+from mitsuba_taxel.specification.taxel_tracer import TaxelTracer as Parameters
 
 
 class TaxelTracer(mi.CppADIntegrator):
@@ -25,24 +24,6 @@ class TaxelTracer(mi.CppADIntegrator):
 
     Taxel tracer (:monosp:`taxel_tracer`)
     -------------------------------------
-
-    .. pluginparameters::
-
-     * - max_depth
-       - |int|
-       - Most reflections on a path; -1 for no limit but the 131072 after which a path that nothing absorbs is left.
-         (Default: -1)
-
-     * - rr_depth
-       - |int|
-       - Reflections after which paths of little weight may end by Russian roulette. (Default: 8)
-
-     * - strategy
-       - |string|
-       - :monosp:`all`, or one of its three parts alone, to check them: :monosp:`connections` (each reflection is
-         connected to a point of the phototransistor), :monosp:`meetings` (each vertex is connected to the point that
-         a ray from the phototransistor sees first) or :monosp:`hits` (paths that happen to arrive there). A part
-         alone sees only what it can: light by way of a mirror is seen by hits alone. (Default: :monosp:`all`)
 
     Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the
     same taxel only, so that no work goes into LEDs that a phototransistor is not read against. Connections, meetings
@@ -63,9 +44,10 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        self.max_depth = whole_number(props, "max_depth", -1, minimum=-1, maximum=MOST_REFLECTIONS)
-        self.rr_depth = whole_number(props, "rr_depth", 8, minimum=0, maximum=1 << 20)
-        self.strategy = choice(props, "strategy", "all", STRATEGIES)
+        self.specification = Parameters.read(props)
+        self.max_depth = self.specification.max_depth
+        self.rr_depth = self.specification.rr_depth
+        self.strategy = self.specification.strategy
 
     def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
         """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""

@@ -8,10 +8,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.parameters import whole_number
 from mitsuba_taxel.kernels.sobol import DIMENSIONS, sobol_points
-
-MOST_POINTS = 1 << 20
+from mitsuba_taxel.specification.owen_sobol import MOST_POINTS
+from mitsuba_taxel.specification.owen_sobol import OwenSobol as Parameters
 
 
 class OwenSobol(mi.Sampler):
@@ -20,17 +19,6 @@ class OwenSobol(mi.Sampler):
 
     Owen-scrambled Sobol' sampler (:monosp:`owen_sobol`)
     ----------------------------------------------------
-
-    .. pluginparameters::
-
-     * - sample_count
-       - |int|
-       - Points per sequence (per pixel, or per taxel and randomisation), up to 1048576; rounded up to a power
-         of two. (Default: 1024)
-
-     * - seed
-       - |int|
-       - Added to the seed that the integrator gives. (Default: 0)
 
     Each sequence is the same Sobol' point set under a scrambling of its own, so that sequences are independent and
     each is an unbiased estimate; their scatter is the standard error. The scrambling is the nested uniform one of
@@ -49,10 +37,10 @@ class OwenSobol(mi.Sampler):
 
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
-        count = whole_number(props, "sample_count", 1024, minimum=1, maximum=MOST_POINTS)
-        self.base_seed = whole_number(props, "seed", 0, minimum=0, maximum=2**32 - 1)
+        self.specification = Parameters.read(props)
+        self.base_seed = self.specification.seed
         self.first = (0, 0)
-        self.set_sample_count(count)
+        self.set_sample_count(self.specification.sample_count)
 
     def set_sample_count(self, spp: int) -> None:
         self.count = 1 << max(int(spp) - 1, 0).bit_length()

@@ -12,10 +12,9 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
-from mitsuba_taxel.kernels.parameters import choice, number
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
+from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
 
-RESPONSES = ("ideal", "cosine_power", "tabulated")
 MOST_PIXELS = 1 << 24
 """Of a film, all blocks together."""
 
@@ -28,46 +27,6 @@ class Phototransistor(mi.Sensor):
 
     Phototransistor (:monosp:`phototransistor`)
     -------------------------------------------
-
-    .. pluginparameters::
-
-     * - width
-       - |float|
-       - Extent of the light-sensitive area along x, in mm. (Default: 0.52)
-
-     * - depth
-       - |float|
-       - Extent along y, in mm. (Default: 0.3)
-
-     * - response
-       - |string|
-       - How the reading of a parallel beam depends on its angle theta against the normal: :monosp:`ideal`
-         (cos(theta), the area that faces the beam), :monosp:`cosine_power` (cos(theta)**exponent) or
-         :monosp:`tabulated`. (Default: :monosp:`ideal`)
-
-     * - exponent
-       - |float|
-       - 1 to 1e4, for :monosp:`cosine_power` only; 1 is ideal. (Default: 1)
-
-     * - file
-       - |string|
-       - CSV file with two columns, for :monosp:`tabulated` only: angle in degrees, from 0 to at most 90 and
-         increasing, and relative response to a parallel beam, as data sheets show it (it includes the cosine). It is
-         linear between rows, zero beyond the last, and normalised to 1 at 0 degrees. Empty lines and what follows a #
-         do not count.
-
-     * - quantum_efficiency
-       - |float|
-       - Electrons per photon on the axis, above 0 and at most 1, for the `responsivity`. (Default: 1)
-
-     * - film
-       - |film|
-       - One phototransistor's irradiance map; it must have a box filter. (Default: one pixel)
-
-     * - sampler
-       - |sampler|
-       - Where the random numbers come from; `taxel_tracer` and its kin need the default.
-         (Default: :monosp:`owen_sobol`)
 
     Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. A pixel of its film is irradiance
     in W/mm²; with several phototransistors the film holds one block of pixels for each, row by row, and a reading
@@ -102,10 +61,8 @@ class Phototransistor(mi.Sensor):
         if not any(issubclass(kind, mi.Sampler) for kind in kinds):
             props["sampler"] = make_plugin("owen_sobol", sample_count=1024)
         super().__init__(props)
-        self.width = number(props, "width", 0.52, above=0)
-        self.depth = number(props, "depth", 0.3, above=0)
-        self.angular_response = _read_response(props)
-        self.quantum_efficiency = number(props, "quantum_efficiency", 1.0, above=0, maximum=1)
+        self.specification = Parameters.read(props)
+        self.angular_response = _response_of(self.specification)
         if self.film().rfilter().radius() > 0.5 + 1e-3:
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         if tuple(self.film().crop_size()) != tuple(self.film().size()):
@@ -143,7 +100,7 @@ class Phototransistor(mi.Sensor):
         """
         if not 0 < wavelength_nm < math.inf:
             raise InputError(f"wavelength_nm = {wavelength_nm:g} is not allowed: a finite number above 0 is needed.")
-        return self.quantum_efficiency * _E_OVER_HC * wavelength_nm
+        return self.specification.quantum_efficiency * _E_OVER_HC * wavelength_nm
 
     # What `taxel_tracer` asks: one phototransistor at a time
 
@@ -151,7 +108,8 @@ class Phototransistor(mi.Sensor):
     def faces(self) -> FaceGrid:
         """Where the phototransistors are; found when first asked for, since the shape adopts its sensor late."""
         if self._faces is None:
-            self._faces = faces_on(self.get_shape(), "phototransistor", (self.width, self.depth))
+            size = self.specification.width, self.specification.depth
+            self._faces = faces_on(self.get_shape(), "phototransistor", size)
         return self._faces
 
     @property
@@ -244,7 +202,7 @@ class Phototransistor(mi.Sensor):
         self._faces = None  # the rectangle that carries it may have been moved
 
     def to_string(self) -> str:
-        return f"Phototransistor[width = {self.width:g}, depth = {self.depth:g}]"
+        return f"Phototransistor[width = {self.specification.width:g}, depth = {self.specification.depth:g}]"
 
 
 class _AngularResponse(Protocol):
@@ -281,18 +239,17 @@ class _Tabulated:
         return self.to_beam(dr.safe_acos(cosine)) / dr.maximum(cosine, 1e-6)
 
 
-def _read_response(props: mi.Properties) -> _AngularResponse:
-    """The response that ``response`` names, with its own parameter ``exponent`` or ``file``."""
-    response = choice(props, "response", "ideal", RESPONSES)
-    if response == "ideal":
+def _response_of(stated: Parameters) -> _AngularResponse:
+    """The response of a phototransistor; raises `InputError` where its table is not allowed."""
+    if stated.exponent is not None:
+        return _CosinePower(stated.exponent)
+    if stated.file is None:
         return _Ideal()
-    if response == "cosine_power":
-        return _CosinePower(number(props, "exponent", 1.0, minimum=1, maximum=1e4))
-    angles, responses = read_angular_table(props)
+    angles, responses = read_angular_table(stated.file)
     smallest = 1e-6 * responses.max()
     if responses[0] < smallest or responses[0] == 0:
         raise InputError(
-            f"file = {props['file']!r}: the value {responses[0]:g} at 0 degrees is not allowed: above 0, and at least "
+            f"file = {stated.file!r}: the value {responses[0]:g} at 0 degrees is not allowed: above 0, and at least "
             f"a millionth of the largest, {smallest:g}, is needed."
         )
     return _Tabulated(angles, responses)

@@ -10,18 +10,13 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.kernels import pad_parameters
 from mitsuba_taxel.kernels.cell_surface import CellSurface
-from mitsuba_taxel.kernels.faces import similarity_scale
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
-from mitsuba_taxel.kernels.pad_parameters import LEAST_FACES, check_triangles
-from mitsuba_taxel.kernels.parameters import whole_number
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_triangles
 from mitsuba_taxel.pads import REGIONS, Pad
 
-SUBDIVISION = 6
-"""Of the surface of a cell, where nobody asks for another."""
 FLAT = 1e-5
 """Distance of triangles from a wall, relative to the pad's height, that is as good as none."""
 
@@ -32,162 +27,6 @@ class DeformablePad(mi.Mesh):
 
     Deformable pad (:monosp:`deformable_pad`)
     -----------------------------------------
-
-    .. pluginparameters::
-
-     * - cell
-       - |string|
-       - Shape of the cells: :monosp:`parallelepiped`, :monosp:`cylindrical`, :monosp:`spherical` or
-         :monosp:`hemispheric`. (Default: :monosp:`parallelepiped`)
-
-     * - rows, columns
-       - |int|
-       - Number of cells; columns run along +x, rows from +y to -y. (Default: 3, 3)
-
-     * - pitch
-       - |float|
-       - Distance between the centres of neighbouring cells, in mm. (Default: 3.55)
-
-     * - wall
-       - |float|
-       - Thickness between an outermost cell and the outside, in mm. (Default: 1)
-
-     * - height
-       - |float|
-       - Height of the pad, in mm. (Default: 4.55)
-
-     * - cell_size
-       - |float|
-       - Side or diameter of a cell, in mm. (Default: 2.55)
-
-     * - cell_height
-       - |float|
-       - From the board to the highest point of a cell, in mm. (Default: 1.55; spherical 1.6; hemispheric
-         0.5 + cell_size / 2)
-
-     * - filename
-       - |string|
-       - A pad of one's own instead of those parameters: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm,
-         standing on z = 0. (Default: none)
-
-     * - regions
-       - |string|
-       - With filename: a TOML file of rules that say which face is which region. (Default: flat faces at the bottom
-         and at the top, hollows, and the rest)
-
-     * - material
-       - |string|
-       - A law, :monosp:`neo_hookean`, :monosp:`mooney_rivlin` or :monosp:`yeoh`; or a silicone of known stiffness:
-         :monosp:`dragon_skin_10_medium`, :monosp:`dragon_skin_20`, :monosp:`dragon_skin_30`,
-         :monosp:`ecoflex_00_30`, :monosp:`ecoflex_00_50`, :monosp:`mold_star_16_fast`, :monosp:`mold_star_20t`,
-         :monosp:`rtv_615`, :monosp:`sorta_clear_40` or :monosp:`multiphysics_pad`. (Default: :monosp:`neo_hookean`)
-
-     * - youngs_modulus
-       - |float|
-       - With :monosp:`neo_hookean`: Young's modulus at small strain, in MPa. (Default: 4.16)
-
-     * - shore_a
-       - |float|
-       - With :monosp:`neo_hookean`, instead of a modulus: hardness Shore A. (Default: none)
-
-     * - c10, c01, c20, c30
-       - |float|
-       - With :monosp:`mooney_rivlin` (c10, c01) and :monosp:`yeoh` (c10, c20, c30): constants in MPa. (Default: none;
-         c20 and c30 0)
-
-     * - poisson_ratio
-       - |float|
-       - Poisson's ratio, up to 0.5. (Default: 0.49, or that of the silicone)
-
-     * - load
-       - |string|
-       - :monosp:`spread_force` on the whole top, :monosp:`patch_force` on a rectangle of it, :monosp:`plate_force` or
-         :monosp:`plate_displacement` on a rigid plate that is bonded to the top and does not turn, or the
-         :monosp:`pressure` of a fluid on top and outside. (Default: :monosp:`spread_force`)
-
-     * - force
-       - |vector|
-       - Total force, in N; compression is negative along z. (Default: 0, 0, 0)
-
-     * - displacement
-       - |vector|
-       - With :monosp:`plate_displacement`: of the plate, in mm. (Default: 0, 0, 0)
-
-     * - pressure
-       - |float|
-       - With :monosp:`pressure`: in MPa. (Default: 0)
-
-     * - patch_width, patch_depth
-       - |float|
-       - With :monosp:`patch_force`, which needs both: sides of the rectangle along x and y, in mm.
-
-     * - patch_x, patch_y
-       - |float|
-       - With :monosp:`patch_force`: its centre, in mm. (Default: 0, 0)
-
-     * - mesh_size
-       - |float|
-       - Size of the finite elements, in mm. (Default: 1.25 for cells and walls like the default ones; it goes with the
-         scale of the pad, and with the square root of its thinnest part)
-
-     * - mesh_tolerance
-       - |float|
-       - Instead of a size: relative error of the roofs' displacement under a small load that the size is chosen for.
-         (Default: none)
-
-     * - read_cells
-       - |string|
-       - Numbers of the cells that are read, as :monosp:`1, 5`; only their surface is cut finely. (Default:
-         :monosp:`all`)
-
-     * - subdivision
-       - |int|
-       - Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep
-         theirs no longer. (Default: 6)
-
-     * - finish
-       - |string|
-       - What the mould leaves on roof and side of the cells: :monosp:`smooth`, :monosp:`layer_steps`,
-         :monosp:`grooves` or :monosp:`random`. (Default: :monosp:`smooth`)
-
-     * - layer_height
-       - |float|
-       - With :monosp:`layer_steps`, which needs it: height of a printed layer, in mm.
-
-     * - print_direction
-       - |vector|
-       - With :monosp:`layer_steps`: direction in which the mould was printed. (Default: 0, 0, 1)
-
-     * - groove_pitch, groove_depth
-       - |float|
-       - With :monosp:`grooves`, which needs both: distance of the ridges along groove_direction, and the height from
-         valley to ridge, in mm.
-
-     * - groove_direction
-       - |vector|
-       - With :monosp:`grooves`: direction across the grooves. (Default: 1, 0, 0)
-
-     * - rms_height, correlation_length
-       - |float|
-       - With :monosp:`random`, which needs both: standard deviation of the heights, and the distance at which their
-         correlation has fallen to 1/e, in mm.
-
-     * - roughness_seed
-       - |int|
-       - With :monosp:`random`: another number is another sample of the same roughness. (Default: 0)
-
-     * - finish_refinement
-       - |float|
-       - With any finish but :monosp:`smooth`: least number of triangles' edges per layer height, groove pitch or
-         correlation length; subdivision is raised as that needs. (Default: 1; random 4)
-
-     * - to_world
-       - |transform|
-       - Rigid motion, with at most a uniform scale, applied to the deformed pad. (Default: none)
-
-     * - (nested)
-       - |bsdf|
-       - What the pad is made of, usually a `region`. (Default: absorbing)
 
     Solves for the deformation (or looks it up: solutions are kept on disk) and becomes the mesh of the deformed
     surface, with the face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A
@@ -214,19 +53,21 @@ class DeformablePad(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        self.pad = pad_parameters.read_pad(props)
-        self.material = pad_parameters.read_material(props)
-        self.load, self.value = pad_parameters.read_load(props)
-        self.mesh_size, self.mesh_tolerance = pad_parameters.read_mesh(props)
-        self.read_cells = pad_parameters.read_cells(props)
-        self.finish = pad_parameters.read_finish(props)
-        self.to_world = np.array(props.get("to_world", mi.ScalarTransform4f()).matrix, dtype=float)
-        similarity_scale(self.to_world)
+        from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
+
+        self.specification = stated = Parameters.read(props)
+        self.pad = stated.build_pad(found)
+        self.material = stated.build_material()
+        self.load, self.value = stated.build_load()
+        self.mesh_size, self.mesh_tolerance = stated.mesh_size, stated.mesh_tolerance
+        self.read_cells = stated.cell_numbers()
+        self.finish = stated.build_finish()
+        self.subdivision = stated.subdivision
+        self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
         self.mirrors = [code for wall in walls for code in _mirrors(wall)]
-        self.subdivision = whole_number(props, "subdivision", SUBDIVISION, minimum=1, maximum=64)
 
         self.surface = self._solve()
         triangles = self.surface.triangles

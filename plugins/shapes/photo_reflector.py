@@ -7,18 +7,12 @@ from itertools import pairwise
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.faces import FaceGrid, similarity_scale
+from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
-from mitsuba_taxel.kernels.parameters import number, whole_number
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
-
-MOST_TAXELS = 100_000
-SHORTEST, LONGEST = 1e-8, 1e8
-"""Sides of a package in mm: beyond, areas or products of them leave single precision."""
-_ROUNDING = 1e-6
-"""Relative error of lengths that Mitsuba keeps in single precision, as it does the components of vectors."""
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters
 
 
 class PhotoReflector(mi.Mesh):
@@ -27,43 +21,6 @@ class PhotoReflector(mi.Mesh):
 
     Photo-reflector (:monosp:`photo_reflector`)
     -------------------------------------------
-
-    .. pluginparameters::
-
-     * - rows, columns
-       - |int|
-       - Size of the array; columns run along +x, rows from +y to -y. (Default: 1, 1)
-
-     * - pitch
-       - |float|
-       - Distance between neighbours, in mm. (Default: 3.55)
-
-     * - spacing
-       - |float|
-       - Distance between the centres of LED (at -spacing/2) and phototransistor (at +spacing/2) along x, in mm.
-         (Default: 0.9)
-
-     * - body
-       - |vector|
-       - Extent of the package along x, y and z, in mm. (Default: 1.46, 1.06, 0.5)
-
-     * - to_world
-       - |transform|
-       - Rigid motion, with at most a uniform scale. The body stands on z = 0, its centre on x = y = 0.
-         (Default: none)
-
-     * - (nested)
-       - |emitter|
-       - One `annular_led`, repeated in each body.
-
-     * - (nested)
-       - |sensor|
-       - One `phototransistor`, repeated in each body.
-
-     * - (nested)
-       - |bsdf|
-       - What the package is made of: a `region` that says so for :monosp:`body`, :monosp:`led` and
-         :monosp:`phototransistor`, or any other BSDF, which then covers the body alone. (Default: absorbing)
 
     Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two
     faces, and the face attribute :monosp:`face_region` tells the three apart. Faces of which nothing is said absorb;
@@ -84,28 +41,13 @@ class PhotoReflector(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        self.rows = whole_number(props, "rows", 1, minimum=1, maximum=1000)
-        self.columns = whole_number(props, "columns", 1, minimum=1, maximum=1000)
-        if self.rows * self.columns > MOST_TAXELS:
-            raise InputError(
-                f"rows = {self.rows}, columns = {self.columns} are not allowed: at most {MOST_TAXELS} photo-reflectors "
-                "are possible."
-            )
-        self.pitch = number(props, "pitch", 3.55, above=0)
-        self.spacing = number(props, "spacing", 0.9, minimum=0)
-        self.body = np.array(props.get("body", mi.ScalarVector3f(1.46, 1.06, 0.5)), dtype=float)
-        if not np.all(np.isfinite(self.body) & (self.body > 0)):
-            raise InputError(f"body = {_words(self.body)} is not allowed: three finite numbers above 0 are needed.")
-        self.to_world = props.get("to_world", mi.ScalarTransform4f())
-        sides = self.body * similarity_scale(np.array(self.to_world.matrix, dtype=float))
-        if not np.all((sides >= SHORTEST) & (sides <= LONGEST)):
-            raise InputError(
-                f"body = {_words(self.body)} is not allowed: with the scale of to_world, sides from {SHORTEST:g} to "
-                f"{LONGEST:g} mm are needed."
-            )
-        led, detector = self._nested(props)
-        self.sizes = {"led": (led.side, led.side), "phototransistor": (detector.width, detector.depth)}
-        self._check_layout()
+        detector = _phototransistor_of(props)
+        self.specification = stated = Parameters.read(props)
+        self.rows, self.columns, self.pitch, self.spacing = stated.rows, stated.columns, stated.pitch, stated.spacing
+        self.body = np.array(stated.body)
+        self.to_world = stated.to_world or mi.ScalarTransform4f()
+        led, face = stated.led, stated.phototransistor
+        self.sizes = {"led": (led.size, led.size), "phototransistor": (face.width, face.depth)}
         _cover_the_body(props)
         vertices, triangles = _body(self.body, *self._cuts())
         self.built = self._repeat(vertices, triangles)
@@ -113,41 +55,6 @@ class PhotoReflector(mi.Mesh):
         regions = self._regions(vertices[triangles].mean(axis=1))
         add_face_attribute(self, "region", np.tile(regions, self.rows * self.columns))
         detector.spread_film(self.rows, self.columns)
-
-    @staticmethod
-    def _nested(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
-        leds = [value for _, value in props.objects() if isinstance(value, mi.Emitter)]
-        detectors = [value for _, value in props.objects() if isinstance(value, mi.Sensor)]
-        if len(leds) != 1 or not hasattr(leds[0], "side"):
-            raise InputError(
-                f"photo_reflector: exactly one annular_led must be nested in it, not {len(leds)} emitters."
-            )
-        if len(detectors) != 1 or not hasattr(detectors[0], "depth"):
-            raise InputError(
-                f"photo_reflector: exactly one phototransistor must be nested in it, not {len(detectors)} sensors."
-            )
-        return leds[0], detectors[0]
-
-    def _check_layout(self) -> None:
-        length, width, _ = self.body
-        (led_x, led_y), (detector_x, detector_y) = self.sizes["led"], self.sizes["phototransistor"]
-        closest = 0.5 * (led_x + detector_x)
-        furthest = length - max(led_x, detector_x)
-        slack = 1 + _ROUNDING
-        if not closest / slack <= self.spacing <= furthest * slack:
-            raise InputError(
-                f"spacing = {self.spacing:g} is not allowed: from {closest:g} (LED and phototransistor touch) "
-                f"to {furthest:g} (the edge of the body) is needed."
-            )
-        if max(led_y, detector_y) > width * slack:
-            raise InputError(
-                f"body = {_words(self.body)} is not allowed: its y extent must hold {max(led_y, detector_y):g}."
-            )
-        closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
-        if self.pitch < closest_pitch / slack:
-            raise InputError(
-                f"pitch = {self.pitch:g} is not allowed: at least {closest_pitch:g} is needed, or bodies overlap."
-            )
 
     def is_as_built(self) -> bool:
         """Whether vertices and triangles are still those that LED and phototransistor were set into."""
@@ -199,8 +106,13 @@ class PhotoReflector(mi.Mesh):
         return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {self.spacing:g}]"
 
 
-def _words(vector: np.ndarray) -> str:
-    return ", ".join(f"{component:g}" for component in vector)
+def _phototransistor_of(props: mi.Properties) -> mi.Sensor:
+    """The phototransistor that is nested in it; raises `InputError` unless there is one, and one LED."""
+    for kind, plugin, what in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
+        made = [value for _, value in props.objects() if isinstance(value, kind)]
+        if len(made) != 1 or kind_of(made[0]) != plugin:
+            raise InputError(f"photo_reflector: exactly one {plugin} must be nested in it, not {len(made)} {what}.")
+    return made[0]
 
 
 def _cover_the_body(props: mi.Properties) -> None:

@@ -125,7 +125,7 @@ NAMES = {
         PLATE, ('<emitter type="annular_led"/>', '{}<emitter type="annular_led"/>'), parameter("size", 1), 6,
         "size is no parameter of rectangle",
     ),
-    "parameter without meaning": (PAD, IN_PAD, parameter("layer_height", 0.1), 8, "layer_height means nothing"),
+    "parameter without meaning": (PAD, IN_PAD, parameter("layer_height", 0.1), 8, "layer_height is not allowed for"),
     "value out of range": (PAD, ("0.9", "1.9{}"), "", 9, "reflectance = 1.9 is not allowed"),
     "value out of a list": (PAD, ("cylindrical", "round{}"), "", 5, "cell = 'round' is not allowed: one of"),
     "no number": (PAD, ('"4.16"', '"stiff{}"'), "", 6, 'could not parse floating point value "stiff"'),

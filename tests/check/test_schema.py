@@ -9,13 +9,9 @@ import pytest
 from lxml import etree
 
 from mitsuba_taxel import InputError, Pad, PadSensor, write_template, write_xml
-from mitsuba_taxel.backend.plugin_pages import plugin_names, plugin_page
 from mitsuba_taxel.check.schema import schema, write_schema
-from mitsuba_taxel.check.vocabulary import vocabulary
-from mitsuba_taxel.kernels import emission, pad_parameters
-from mitsuba_taxel.mechanics import SILICONES
-from mitsuba_taxel.pads import CELL_SHAPES
 from mitsuba_taxel.sensing.scene import shipped_scenes
+from mitsuba_taxel.specification.plugin_pages import plugin_names, plugin_page
 
 ROOT = Path(__file__).parents[2]
 HEAD = '<scene version="3.9.0">{}</scene>'
@@ -64,26 +60,6 @@ def test_a_scene_that_mitsuba_has_written_is_valid(relaxng, tmp_path):
 @pytest.mark.parametrize("name", plugin_names())
 def test_examples_of_the_plugins_are_valid(relaxng, name):
     relaxng.assertValid(etree.fromstring(HEAD.format(plugin_page(name).example)))
-
-
-@pytest.mark.parametrize(
-    "plugin, parameter, values",
-    [
-        ("wall", "scattering", ("mirror", "lambertian", "isotropic", "absorbing", "mixed", "rough_mirror")),
-        ("annular_led", "shape", ("square", "circular")),
-        ("annular_led", "law", emission.LAWS),
-        ("annular_led", "file", ()),
-        ("phototransistor", "response", ("ideal", "cosine_power", "tabulated")),
-        ("deformable_pad", "cell", CELL_SHAPES),
-        ("deformable_pad", "material", (*pad_parameters.LAWS, *SILICONES)),
-        ("deformable_pad", "load", tuple(pad_parameters.LOADS)),
-        ("deformable_pad", "finish", ("smooth", "layer_steps", "grooves", "random")),
-        ("deformable_pad", "read_cells", ()),
-        ("taxel_tracer", "strategy", ("all", "connections", "meetings", "hits")),
-    ],
-)
-def test_tables_list_the_words_that_a_plugin_takes(plugin, parameter, values):
-    assert set(vocabulary(plugin).parameters[parameter].values) == set(values)
 
 
 PAD = '<shape type="deformable_pad">{}</shape>'

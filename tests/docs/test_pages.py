@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 import mitsuba_taxel
-from mitsuba_taxel.backend.plugin_pages import plugin_names, plugin_page
+from mitsuba_taxel.specification.plugin_pages import plugin_names, plugin_page
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel import InputError, Scene
+from mitsuba_taxel import AnnularLed, InputError, Scene
 
 SIGNIFICANCE = 1e-4
 REPLICATES = 32
@@ -24,12 +24,9 @@ def write_table(path, rows):
 
 
 def law_of(mi, **parameters):
-    from mitsuba_taxel.kernels.emission import read_law
+    from mitsuba_taxel.optics import emission
 
-    props = mi.Properties("annular_led")
-    for name, value in parameters.items():
-        props[name] = value
-    return read_law(props)
+    return emission.law_of(AnnularLed(**parameters))
 
 
 def random_points(mi, count, seed=0):

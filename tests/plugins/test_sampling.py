@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from mitsuba_taxel import AnnularLed
+
 SIGNIFICANCE = 1e-4
 
 
@@ -43,16 +45,13 @@ def test_emission_law(llvm_mono, tmp_path, law, parameters):
     mi = llvm_mono
     from mitsuba.chi2 import SphericalDomain
 
-    from mitsuba_taxel.kernels.emission import read_law
+    from mitsuba_taxel.kernels.emission import law_of
 
-    props = mi.Properties("annular_led")
-    props["law"] = law
-    for name, value in parameters.items():
-        if name == "table":
-            (tmp_path / "led.csv").write_text(value)
-            name, value = "file", str(tmp_path / "led.csv")
-        props[name] = value
-    law = read_law(props)
+    given = dict(parameters)
+    if "table" in given:
+        (tmp_path / "led.csv").write_text(given.pop("table"))
+        given["file"] = str(tmp_path / "led.csv")
+    law = law_of(AnnularLed(law=law, **given))
     chi2(mi, SphericalDomain(), law.sample, law.density)
 
 
@@ -80,14 +79,13 @@ def test_uniform_polar_angle(llvm_mono, cone_angle):
 @pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian"])
 def test_emission_laws_integrate_to_one(llvm_mono, law):
     mi = llvm_mono
-    from mitsuba_taxel.kernels.emission import read_law
+    from mitsuba_taxel.kernels.emission import law_of
 
-    props = mi.Properties("annular_led")
-    props["law"] = law
     nodes, weights = np.polynomial.legendre.leggauss(2000)
     limit = np.pi / 2 if law == "lambertian" else np.radians(88)
     theta = 0.5 * limit * (nodes + 1)
-    density = read_law(props).density(mi.Vector3f(np.sin(theta), 0 * theta, np.cos(theta))).numpy().astype(float)
+    directions = mi.Vector3f(np.sin(theta), 0 * theta, np.cos(theta))
+    density = law_of(AnnularLed(law=law)).density(directions).numpy().astype(float)
     assert 0.5 * limit * weights @ (2 * np.pi * np.sin(theta) * density) == pytest.approx(1, abs=1e-5)
 
 

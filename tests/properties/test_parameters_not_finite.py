@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 
 import pytest
 
 from mitsuba_taxel import InputError, Scene
-from mitsuba_taxel.backend import plugin_files
+from mitsuba_taxel.specification import specifications
 
-ENTRY = re.compile(r"^ +\* - (.+)\n +- \|(float|int|vector)\|", flags=re.MULTILINE)
 NUMBERS = {
     "float": [math.nan, math.inf, -math.inf, 1e308],
     "int": [10**12, -(10**12)],
@@ -46,17 +44,13 @@ NEEDED = {
 }
 """What a parameter is read with."""
 
-CALLED = {"shore_a": "shore_a|hardness"}
-"""What a message names in place of a parameter."""
-
-
 def numeric_parameters() -> list[tuple[str, str, str]]:
-    """Plugin, parameter and kind, as the plugins' tables have them."""
+    """Plugin, parameter and type of all that is a number, or three."""
     return [
-        (plugin, name, kind)
-        for plugin, file in sorted(plugin_files().items())
-        for names, kind in ENTRY.findall(file.read_text().split(".. pluginparameters::")[1])
-        for name in re.split(r",\s*", names)
+        (plugin, name, parameter.type)
+        for plugin, specification in sorted(specifications().items())
+        for name, parameter in specification.values().items()
+        if parameter.type in NUMBERS
     ]
 
 
@@ -73,7 +67,7 @@ def scene_with(plugin: str, parameters: dict) -> Scene:
     return Scene({"type": "scene", "part": content.get(plugin, part)})
 
 
-def test_the_tables_are_read():
+def test_numbers_are_found():
     found = numeric_parameters()
     assert len(found) > 50 and NEEDED.keys() <= {(plugin, name) for plugin, name, _ in found}
 
@@ -83,6 +77,6 @@ def test_numbers_that_are_none_are_refused_by_name(llvm_mono, plugin, name, kind
     for value in NUMBERS[kind]:
         given = llvm_mono.ScalarVector3f(value) if kind == "vector" else value
         scene = scene_with(plugin, {**NEEDED.get((plugin, name), {}), name: given})
-        with pytest.raises(InputError, match=CALLED.get(name, name)) as caught:
+        with pytest.raises(InputError, match=name) as caught:
             scene.load()
         assert "\n" not in str(caught.value)

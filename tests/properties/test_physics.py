@@ -74,7 +74,7 @@ reflectors = st.builds(
     spacing=number(0.8, 0.9),
     led=leds,
     phototransistor=st.builds(Phototransistor, width=number(0.3, 0.5), depth=number(0.2, 0.6)),
-    body=st.builds(Wall, scattering=st.just("lambertian"), reflectance=number(0.0, 0.9)),
+    wall=st.builds(Wall, scattering=st.just("lambertian"), reflectance=number(0.0, 0.9)),
 )
 
 
@@ -193,7 +193,13 @@ def test_only_the_ratios_of_lengths_matter(sensor, scale):
         sensor,
         pad=larger,
         force=tuple(scale**2 * component for component in sensor.force),
-        photo_reflector=replace(parts, spacing=scale * parts.spacing, led=led, phototransistor=receiver),
+        photo_reflector=replace(
+            parts,
+            body=[scale * side for side in parts.body],
+            spacing=scale * parts.spacing,
+            led=led,
+            phototransistor=receiver,
+        ),
     )
-    first, second = read(scene_of(sensor)), read(scene_of(image, body=[scale * x for x in (1.46, 1.06, 0.5)]))
+    first, second = read(scene_of(sensor)), read(scene_of(image))
     assert_alike(first, second)

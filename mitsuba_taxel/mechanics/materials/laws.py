@@ -31,9 +31,14 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.materials.jets import Jet
 from mitsuba_taxel.mechanics.materials.moduli import Moduli
+from mitsuba_taxel.parameters import REQUIRED, Checked, check, number
+
+_POISSON_RATIO: Any = number(0.49, "", "Poisson's ratio; 0.5 is incompressible.", minimum=0, maximum=0.5)
+_COMMON = (0.0005, 20)
+_FALLS = ", below it the energy falls without bound in {} tension"
 
 
-class Material(ABC, Displayed):
+class Material(ABC, Checked, Displayed):
     """A rubber-like solid; its laws are frozen dataclasses whose fields are numbers, ``poisson_ratio`` among them.
 
     Raises
@@ -52,6 +57,7 @@ class Material(ABC, Displayed):
         """
 
     def __post_init__(self) -> None:
+        check(self)
         for name in self.parameters:
             self._require(name, True, "a finite number is needed")
         self._require("poisson_ratio", 0 <= self.poisson_ratio <= 0.5, "a number from 0 to 0.5 is needed")
@@ -154,20 +160,15 @@ class NeoHookean(Material):
     (L. R. G. Treloar, The Physics of Rubber Elasticity, 3rd ed., 1975, chapter 4; isochoric form: Holzapfel 2000,
     section 6.5.)
 
-    Parameters
-    ----------
-    youngs_modulus : E at small strain, in MPa, above 0
-    poisson_ratio : nu, from 0 to 0.5
     """
 
-    youngs_modulus: float = 4.16
-    poisson_ratio: float = 0.49
+    youngs_modulus: float = number(
+        4.16, "MPa", "Young's modulus at small strain.", above=0, common=(0.005, 100)
+    )
+    poisson_ratio: float = _POISSON_RATIO
 
     def strain_energy(self, i1: Any, i2: Any) -> Any:
         return self.youngs_modulus / (4 * (1 + self.poisson_ratio)) * (i1 - 3)
-
-    def _check(self) -> None:
-        self._require("youngs_modulus", self.youngs_modulus > 0, "a finite number above 0 is needed")
 
 
 @dataclass(frozen=True)
@@ -178,24 +179,15 @@ class MooneyRivlin(Material):
     may be below 0: the energy would fall without bound, in uniaxial tension for c10 and in equibiaxial tension for
     c01. Uniaxial tests alone often give such a c01; for these :class:`Yeoh` is the safer law.
 
-    Parameters
-    ----------
-    c10, c01 : in MPa, 0 or more, not both 0; mu = 2 (c10 + c01)
-    poisson_ratio : nu, from 0 to 0.5
+    The shear modulus is mu = 2 (c10 + c01), and must not be 0.
     """
 
-    c10: float
-    c01: float
-    poisson_ratio: float = 0.49
+    c10: float = number(REQUIRED, "MPa", "Constant of I1.", minimum=0, common=_COMMON, hint=_FALLS.format("uniaxial"))
+    c01: float = number(REQUIRED, "MPa", "Constant of I2.", minimum=0, hint=_FALLS.format("equibiaxial"))
+    poisson_ratio: float = _POISSON_RATIO
 
     def strain_energy(self, i1: Any, i2: Any) -> Any:
         return self.c10 * (i1 - 3) + self.c01 * (i2 - 3)
-
-    def _check(self) -> None:
-        falls = "0 or more is needed, below it the energy falls without bound in {} tension"
-        self._require("c10", self.c10 >= 0, falls.format("uniaxial"))
-        self._require("c01", self.c01 >= 0, falls.format("equibiaxial"))
-        super()._check()
 
 
 @dataclass(frozen=True)
@@ -206,25 +198,20 @@ class Yeoh(Material):
     c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0; a measured, slightly negative c20 is allowed as far as c30 makes up
     for it.
 
-    Parameters
-    ----------
-    c10 : in MPa, above 0; mu = 2 c10
-    c20 : in MPa, 0 or more, or above -sqrt(3 c10 c30)
-    c30 : in MPa, 0 or more
-    poisson_ratio : nu, from 0 to 0.5
+    The shear modulus is mu = 2 c10.
     """
 
-    c10: float
-    c20: float
-    c30: float
-    poisson_ratio: float = 0.49
+    c10: float = number(REQUIRED, "MPa", "Constant of I1.", above=0, common=_COMMON)
+    c20: float = number(0.0, "MPa", "Constant of (I1 - 3)^2: 0 or more, or above -sqrt(3 c10 c30).")
+    c30: float = number(
+        0.0, "MPa", "Constant of (I1 - 3)^3.", minimum=0, hint=", below it the energy falls at large strain"
+    )
+    poisson_ratio: float = _POISSON_RATIO
 
     def strain_energy(self, i1: Any, i2: Any) -> Any:
         return self.c10 * (i1 - 3) + self.c20 * (i1 - 3) ** 2 + self.c30 * (i1 - 3) ** 3
 
     def _check(self) -> None:
-        self._require("c10", self.c10 > 0, "a finite number above 0 is needed")
-        self._require("c30", self.c30 >= 0, "0 or more is needed, below it the energy falls at large strain")
         least = math.sqrt(3 * self.c10 * self.c30)
         rises = f"0 or more, or above -sqrt(3 c10 c30) = {-least:.4g}, is needed for an energy that rises with strain"
         self._require("c20", self.c20 >= 0 or self.c20 > -least, rises)

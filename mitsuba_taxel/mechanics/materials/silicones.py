@@ -12,10 +12,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean, Yeoh
+from mitsuba_taxel.parameters import Number
+
+HARDNESS = Number(
+    name="hardness", unit="Shore A", doc="Hardness, from which a modulus follows.", minimum=20, maximum=80
+)
 
 
 @dataclass(frozen=True)
@@ -54,9 +58,9 @@ SILICONES: dict[str, Silicone] = {
     "rtv_615": _fitted(0.16395, 0.01618, 0.006),
     "sorta_clear_40": _fitted(0.13857, 0.00624, 0.005),
     "multiphysics_pad": Silicone(
-        NeoHookean(4.16),
+        NeoHookean(),
         "Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor, section 2.2.2: "
-        "silicone of a material library, Young's modulus 4.16 MPa",
+        f"silicone of a material library, Young's modulus {NeoHookean.youngs_modulus:g} MPa",
     ),
 }
 """Silicones by name."""
@@ -75,7 +79,7 @@ def silicone(name: str) -> Material:
     return SILICONES[name].material
 
 
-def from_shore_a(hardness: float, poisson_ratio: float = 0.49) -> NeoHookean:
+def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_ratio) -> NeoHookean:
     """A silicone known by its hardness alone: log10 E = 0.0235 S - 0.6403, with E in MPa.
 
     Ruess's relation, as K. Larson quotes it (Can You Estimate Modulus From Durometer Hardness for Silicones?, Dow
@@ -92,6 +96,4 @@ def from_shore_a(hardness: float, poisson_ratio: float = 0.49) -> NeoHookean:
     InputError
         If a number is out of its range.
     """
-    if not (is_number(hardness) and 20 <= hardness <= 80):
-        raise InputError(f"hardness = {hardness} is not allowed: a number from 20 to 80 (Shore A) is needed.")
-    return NeoHookean(10 ** (0.0235 * hardness - 0.6403), poisson_ratio)
+    return NeoHookean(10 ** (0.0235 * HARDNESS.checked(hardness) - 0.6403), poisson_ratio)

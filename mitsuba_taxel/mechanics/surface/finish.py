@@ -9,13 +9,13 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.slices import sliced
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.surface.layers import stepped
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.parameters import REQUIRED, Checked, number, vector, whole
 
 MOST_TRIANGLES = 20_000_000
 LARGEST_AMPLITUDE = 0.5
@@ -24,6 +24,14 @@ RANDOM_WAVES = 256
 """Plane waves that random roughness is the sum of."""
 STANDARD_DEVIATIONS = 4
 """Largest height of random roughness that is reckoned with, relative to its rms."""
+
+
+def _refinement(default: float) -> float:
+    doc = (
+        "Least number of triangles' edges per layer height, groove pitch or correlation length; `subdivision` is "
+        "raised as that needs."
+    )
+    return number(default, "", doc, above=0, name="finish_refinement")
 
 
 class Finish(Hashable, Protocol):
@@ -49,7 +57,7 @@ class Finish(Hashable, Protocol):
 
 
 @dataclass(frozen=True)
-class LayerSteps:
+class LayerSteps(Checked):
     """The steps of a mould printed in layers.
 
     Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the centre of the
@@ -57,23 +65,19 @@ class LayerSteps:
     is nearest to the smooth wall (half-way: the next higher). Walls along the direction stay as they are; a flat
     roof across it moves to the nearest level.
 
-    Parameters
-    ----------
-    layer_height : mm
-    direction : in which the mould was printed, of any length
-    refinement : edges of the smooth wall's triangles per layer height, at least
     """
 
-    layer_height: float
-    direction: Sequence[float] = (0.0, 0.0, 1.0)
-    refinement: float = 1.0
+    layer_height: float = number(REQUIRED, "mm", "Height of a printed layer.", above=0, common=(0.002, 5))
+    direction: Sequence[float] = vector(
+        (0.0, 0.0, 1.0),
+        "",
+        "Direction in which the mould was printed, of any length.",
+        is_direction=True,
+        name="print_direction",
+    )
+    refinement: float = _refinement(1.0)
 
     cuts: ClassVar[int] = 1
-
-    def __post_init__(self) -> None:
-        _check_number("layer_height", self.layer_height)
-        _check_number("finish_refinement", self.refinement)
-        object.__setattr__(self, "direction", _checked_direction("print_direction", self.direction))
 
     @property
     def detail(self) -> tuple[str, float]:
@@ -88,33 +92,32 @@ class LayerSteps:
 
 
 @dataclass(frozen=True)
-class Grooves:
+class Grooves(Checked):
     """V-shaped grooves, half above and half below the smooth wall.
 
     Ridges, which stand out of the silicone by half the depth, are where the distance from the centre of the pad's
     bottom along the direction is a multiple of the pitch; valleys are midway. A wall across the direction has no
     grooves, and moves to the height that belongs to its place.
 
-    Parameters
-    ----------
-    pitch : distance between ridges along the direction, mm
-    depth : from ridge to valley along the normal of the smooth wall, mm
-    direction : across the grooves, of any length
-    refinement : edges of triangles per pitch, at least
     """
 
-    pitch: float
-    depth: float
-    direction: Sequence[float] = (1.0, 0.0, 0.0)
-    refinement: float = 1.0
+    pitch: float = number(
+        REQUIRED,
+        "mm",
+        "Distance between ridges along the direction.",
+        above=0,
+        common=(0.002, 10),
+        name="groove_pitch",
+    )
+    depth: float = number(
+        REQUIRED, "mm", "Height from valley to ridge along the normal of the smooth wall.", above=0, name="groove_depth"
+    )
+    direction: Sequence[float] = vector(
+        (1.0, 0.0, 0.0), "", "Direction across the grooves, of any length.", is_direction=True, name="groove_direction"
+    )
+    refinement: float = _refinement(1.0)
 
     cuts: ClassVar[int] = 2
-
-    def __post_init__(self) -> None:
-        _check_number("groove_pitch", self.pitch)
-        _check_number("groove_depth", self.depth)
-        _check_number("finish_refinement", self.refinement)
-        object.__setattr__(self, "direction", _checked_direction("groove_direction", self.direction))
 
     @property
     def detail(self) -> tuple[str, float]:
@@ -135,31 +138,23 @@ class Grooves:
 
 
 @dataclass(frozen=True)
-class RandomRoughness:
+class RandomRoughness(Checked):
     """Gaussian heights along the normal of the smooth wall with the correlation exp(-r^2 / correlation_length^2).
 
     Each cell has its own.
 
-    Parameters
-    ----------
-    rms_height, correlation_length : mm
-    seed : another seed is another sample of the same roughness
-    refinement : edges of triangles per correlation length, at least
     """
 
-    rms_height: float
-    correlation_length: float
-    seed: int = 0
-    refinement: float = 4.0
+    rms_height: float = number(REQUIRED, "mm", "Standard deviation of the heights.", above=0)
+    correlation_length: float = number(
+        REQUIRED, "mm", "Distance at which their correlation has fallen to 1/e.", above=0, common=(0.0005, 10)
+    )
+    seed: int = whole(
+        0, 0, 2**31 - 1, "Another number is another sample of the same roughness.", name="roughness_seed"
+    )
+    refinement: float = _refinement(4.0)
 
     cuts: ClassVar[int] = 0
-
-    def __post_init__(self) -> None:
-        _check_number("rms_height", self.rms_height)
-        _check_number("correlation_length", self.correlation_length)
-        _check_number("finish_refinement", self.refinement)
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
-            raise InputError(f"roughness_seed = {self.seed!r} is not allowed: a whole number of at least 0 is needed.")
 
     @property
     def detail(self) -> tuple[str, float]:
@@ -234,21 +229,6 @@ def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
             f"have up to {triangles:.1e} triangles, more than {MOST_TRIANGLES:.0e}; choose a larger {name}."
         )
     return int(subdivision)
-
-
-def _check_number(name: str, value: float) -> None:
-    if not (is_number(value) and value > 0):
-        raise InputError(f"{name} = {value!r} is not allowed: a finite number above 0 is needed.")
-
-
-def _checked_direction(name: str, direction: Sequence[float]) -> tuple[float, ...]:
-    try:
-        components = tuple(float(component) for component in direction)
-    except (TypeError, ValueError, OverflowError):
-        components = ()
-    if len(components) != 3 or not all(map(math.isfinite, components)) or not any(components):
-        raise InputError(f"{name} = {direction!r} is not allowed: three finite numbers, not all 0, are needed.")
-    return components
 
 
 def _unit(direction: Sequence[float]) -> np.ndarray:

@@ -98,10 +98,10 @@ def _pad_file_html(pad: PadFile) -> str:
 
 def _material_html(material: Material) -> str:
     """A law, its constants and the moduli that follow from them."""
-    from mitsuba_taxel.base.units import PARAMETER_UNITS
+    from mitsuba_taxel.parameters import parameters_of
 
     law = (type(material).__doc__ or "").strip().splitlines()[0].rstrip(".")
-    units = {**dict.fromkeys(("c10", "c01", "c20", "c30"), "MPa"), **PARAMETER_UNITS, "poisson_ratio": ""}
+    units = {name: stated.unit for name, stated in parameters_of(type(material)).items()}
     rows = [(name, f"{getattr(material, name):.6g}", units.get(name, "")) for name in material.parameters]
     derived = {"shear_modulus": "MPa", "youngs_modulus": "MPa", "compressibility": "1/MPa"}
     rows += [
@@ -151,7 +151,7 @@ def _sensor_html(sensor: PadSensor) -> str:
         "photo-reflector": f"spacing {sensor.photo_reflector.spacing:g} mm",
         "LED": sensor.photo_reflector.led,
         "phototransistor": sensor.photo_reflector.phototransistor,
-        "body": sensor.photo_reflector.body,
+        "body": sensor.photo_reflector.wall,
     }
     rows = [(name, part if isinstance(part, str) else _given(part)) for name, part in parts.items()]
     return _pad_html(sensor.pad) + _material_html(sensor.material) + _framed("Sensor", _table(("part", ""), rows))
@@ -217,11 +217,12 @@ def _same_backend() -> Iterator[None]:
 
 
 def _given(part: Any) -> str:
-    """What is said of a part, without what is left to its plugin."""
-    from dataclasses import asdict
+    """What holds of a part."""
+    from mitsuba_taxel.parameters import parameters_of
 
-    words = (f"{name} = {value}" for name, value in asdict(part).items() if value is not None)
-    return ", ".join(words) or "as its plugin has it"
+    given = ((stated, getattr(part, name)) for name, stated in parameters_of(type(part)).items())
+    words = (f"{stated.name} = {stated.words(value)} {stated.unit}" for stated, value in given if value is not None)
+    return ", ".join(map(str.strip, words))
 
 
 def _framed(title: str, *parts: str) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import PARAMETER_UNITS
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.readings import (
     describe_mechanics,
@@ -35,7 +34,7 @@ def assemble(
     Parameters
     ----------
     results, failures : by place along the axes; where there is no result, readings are not a number
-    about : ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``versions``,
+    about : ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``units``, ``versions``,
         ``pilot_seconds``
 
     Raises
@@ -80,7 +79,7 @@ def assemble(
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
         },
         coords={
-            **_coordinates(axes),
+            **_coordinates(axes, about.get("units", {})),
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
         },
@@ -91,6 +90,7 @@ def assemble(
             "points": about["points"],
             **{name: about[name] for name in ("target_error", "mesh_size") if about[name] is not None},
             **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
+            "units": json.dumps(about.get("units", {})),
             "notes": "\n".join(notes),
             "failures": "\n".join(_failures(axes, failures)),
         },
@@ -107,12 +107,14 @@ def _files(
     return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
 
 
-def _coordinates(axes: Sequence[Axis]) -> dict[str, tuple]:
+def _coordinates(axes: Sequence[Axis], units: Mapping[str, str]) -> dict[str, tuple]:
     """Values along each dimension; the parameters that go together are values along ``step``."""
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
-            coordinates[name] = (axis.dim, as_numbers(words) or words, _unit(name, words))
+            numbers = as_numbers(words)
+            unit = {"units": units[name]} if numbers and name in units else {}
+            coordinates[name] = (axis.dim, numbers or words, unit)
         if axis.dim == STEP:
             coordinates[STEP] = (STEP, np.arange(1, axis.size + 1))
     return coordinates
@@ -235,7 +237,3 @@ def stage_totals(study: xr.Dataset) -> dict[str, float]:
     for stage in study.stage.values:
         totals[str(stage)] = totals.get(str(stage), 0.0) + float(study.seconds.sel(stage=stage).sum())
     return totals
-
-
-def _unit(name: str, words: list[str]) -> dict[str, str]:
-    return {"units": PARAMETER_UNITS[name]} if name in PARAMETER_UNITS and as_numbers(words) else {}

@@ -11,10 +11,14 @@ from typing import Any
 
 from mitsuba_taxel.backend import report
 from mitsuba_taxel.base.sources import code_digest
+from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import is_file
 from mitsuba_taxel.studies.plan.batch import Batch
 
-ROOMS = ("backend", "base", "geometry", "pads", "mechanics", "kernels", "sensing", "plugins", "studies")
+ROOMS = (
+    "backend", "base", "geometry", "parameters", "pads", "mechanics", "specification", "kernels", "sensing", "plugins",
+    "studies",
+)  # fmt: skip
 """Where the code is that decides what a reading of a study is."""
 
 
@@ -24,7 +28,8 @@ def provenance(batch: Batch) -> dict[str, Any]:
     Returns
     -------
     ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
-    that decide what a reading is; ``versions`` by name; and ``parameters``, values of all that are not varied.
+    that decide what a reading is; ``versions`` by name; ``parameters``, values of all that are not varied; and
+    ``units`` of parameters, as far as they are known.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.scene(first).parameters
@@ -34,6 +39,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
         "code": code_digest(*ROOMS)[:16],
         "versions": {name: str(version) for name, version in _versions().items()},
         "parameters": {name: value for name, value in parameters.items() if name not in first},
+        "units": units_of_parameters(batch.file),
     }
 
 

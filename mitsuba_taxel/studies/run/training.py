@@ -17,7 +17,7 @@ import xarray as xr
 from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, path_of, require
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.units import FORCES, PARAMETER_UNITS
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.store.datasheet import Making, datasheet
 
@@ -33,6 +33,7 @@ class _Rows(NamedTuple):
     parameters: pd.DataFrame
     power: np.ndarray
     standard_error: np.ndarray
+    units: dict[str, str]
 
 
 def training_set(
@@ -163,6 +164,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
         parameters.apply(_as_numbers),
         np.concatenate([rows.power for rows in each]),
         np.concatenate([rows.standard_error for rows in each]),
+        {name: unit for rows in each for name, unit in rows.units.items()},
     )
 
 
@@ -180,6 +182,7 @@ def _rows_of(study: xr.Dataset) -> _Rows:
         pd.DataFrame(values, index=range(one_each.size)),
         power.values.reshape(-1, count),
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
+        {**dict.fromkeys(FORCES, "N"), **json.loads(study.attrs.get("units", "{}"))},
     )
 
 
@@ -216,15 +219,11 @@ def _table(rows: _Rows, taxels: np.ndarray) -> pd.DataFrame:
     forces = _force_columns(rows.parameters)
     others = [name for name in rows.parameters if name not in forces]
     varied = [name for name in others if rows.parameters[name].nunique() > 1]
-    parameters = rows.parameters[[*forces, *varied]].rename(columns=_with_unit)
+    named = {name: f"{name}_{unit}" for name, unit in rows.units.items() if unit != "1"}
+    parameters = rows.parameters[[*forces, *varied]].rename(columns=named)
     power = pd.DataFrame(rows.power, columns=[f"power_{taxel}_W" for taxel in taxels])
     error = pd.DataFrame(rows.standard_error, columns=[f"standard_error_{taxel}_W" for taxel in taxels])
     return pd.concat([parameters, power, error], axis="columns")
-
-
-def _with_unit(name: str) -> str:
-    unit = PARAMETER_UNITS.get(name, "1")
-    return name if unit == "1" else f"{name}_{unit}"
 
 
 def _write(folder: Path, tables: Mapping[str, pd.DataFrame], sheet: str, parquet: bool) -> None:

@@ -1,0 +1,90 @@
+"""Parameters as the fields of a dataclass: it refuses values, is read from a scene, and is written to one."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping
+from dataclasses import Field, fields
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters.parameter import REQUIRED, Nested, Parameter, named
+
+
+class Checked:
+    """Base of frozen dataclasses whose fields state parameters, which are checked when an object is made.
+
+    What means nothing beside the others is None; where it does mean something, it takes its default. A class whose
+    parameters depend on one another in other ways says so in :meth:`_check`.
+    """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        made = {name: value.metadata for name, value in vars(cls).items() if isinstance(value, Field)}
+        stated = {name: about["parameter"] for name, about in made.items() if "parameter" in about}
+        if stated and cls.__doc__:
+            rows = "\n".join(f"{name} : {parameter.description_with_unit}" for name, parameter in stated.items())
+            head, mark, rest = re.split(r"(\n\n(?:Raises|Notes)\n|$)", inspect.cleandoc(cls.__doc__), maxsplit=1)
+            cls.__doc__ = "".join([head, "\n\nParameters\n----------\n", rows.replace("`", "``"), mark, rest])
+
+    def __post_init__(self) -> None:
+        check(self)
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse values that do not go together."""
+
+    @classmethod
+    def read(cls, props: Any) -> Any:
+        """What the ``mi.Properties`` of a scene say; raises `InputError`."""
+        given = {}
+        for field, parameter in parameters_of(cls).items():
+            if isinstance(parameter, Nested):
+                value = _specification_of(props, parameter)
+            else:
+                value = props.get(parameter.name) if parameter.name in props else None
+            if value is not None:
+                given[field] = value
+        return cls(**given)
+
+
+def parameters_of(cls: Any) -> Mapping[str, Parameter]:
+    """The parameters that the fields of a dataclass state, by field."""
+    stated = {field.name: field.metadata.get("parameter") for field in fields(cls)}
+    return {name: named(parameter, name) for name, parameter in stated.items() if parameter is not None}
+
+
+def check(part: Any) -> None:
+    """Refuse what a frozen dataclass may not hold, and put defaults where nothing was given; raises `InputError`."""
+    missing = []
+    for name, parameter in parameters_of(type(part)).items():
+        value = getattr(part, name)
+        hindrance = parameter.hindrance(part)
+        if hindrance and value is not None:
+            raise InputError(hindrance)
+        if value is None and not hindrance and parameter.default is REQUIRED:
+            missing.append(parameter)
+        elif not hindrance and (value is not None or parameter.default is not None):
+            given = parameter.default if value is None and parameter.is_conditional else value
+            object.__setattr__(part, name, parameter.checked(given))
+    if missing:
+        raise InputError(f"{missing[0].name} is missing: {missing[0].needed.replace('finite ', '')}.")
+
+
+def values_of(part: Any) -> dict[str, Any]:
+    """What a part holds, as entries of a Mitsuba dictionary."""
+    values = {p.name: getattr(part, name) for name, p in parameters_of(type(part)).items()}
+    written = {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    return {
+        name: value.to_dict() if hasattr(value, "to_dict") else value
+        for name, value in written.items()
+        if value is not None
+    }
+
+
+def _specification_of(props: Any, parameter: Nested) -> Any:
+    """What a nested object was made of; None where there is none, or it is no plugin of this package."""
+    made = [value for name, value in props.objects() if not parameter.by_name or name == parameter.name]
+    found = [getattr(value, "specification", None) for value in made]
+    return next((value for value in found if isinstance(value, parameter.made_of)), None)

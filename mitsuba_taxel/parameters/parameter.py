@@ -1,0 +1,393 @@
+"""What a parameter may be: its kind, unit, range, default, the conditions under which it means anything, its meaning.
+
+A parameter is stated by a field of a dataclass, with :func:`number` and its kin. All else follows from that: what is
+refused, and in which words; tables of the documentation, the schema of scenes, units of studies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number, is_whole, refusal
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters.similarity import similarity_scale
+
+LARGEST = 1e18
+"""Largest magnitude of a number: its square is still one in single precision."""
+REQUIRED: Any = ...
+"""Default of what must be given wherever it means anything."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of a plugin.
+
+    Attributes
+    ----------
+    doc : what it means, in sentences
+    name : as in a scene
+    unit : empty for what has none
+    default : :data:`REQUIRED` for none; None where it is left out, or follows from others
+    default_words : the default in words, where its value does not say it
+    when : another parameter, and its values for which this one means anything; empty for all
+    without, needs : another parameter that this one excludes, or means nothing without; empty for none
+    """
+
+    doc: str
+    name: str = ""
+    unit: str = ""
+    default: Any = None
+    default_words: str = ""
+    when: tuple[str, ...] = ()
+    without: str = ""
+    needs: str = ""
+
+    type: ClassVar[str]
+    """As Mitsuba calls it."""
+
+    def checked(self, value: Any) -> Any:
+        """A value as Python has it; raises `InputError` for one that is not allowed."""
+        raise NotImplementedError
+
+    def words(self, value: Any) -> str:
+        """A value as text."""
+        return str(value)
+
+    @property
+    def range(self) -> str:
+        """What is allowed, in words that follow on "a number"; empty if anything is."""
+        return ""
+
+    @property
+    def needed(self) -> str:
+        """What is needed, in words."""
+        raise NotImplementedError
+
+    @property
+    def default_text(self) -> str:
+        """The default in words; empty where a value must be given."""
+        if self.default_words:
+            return self.default_words
+        return "" if self.default is REQUIRED else "none" if self.default is None else self.words(self.default)
+
+    @property
+    def is_conditional(self) -> bool:
+        """Whether it means anything depends on others."""
+        return bool(self.when or self.without or self.needs)
+
+    @property
+    def label(self) -> str:
+        """What it is called in a table."""
+        return self.name
+
+    @property
+    def meaning(self) -> str:
+        """What it means, what is allowed, and when."""
+        *others, last = [f"`{word}`" for word in self.when[1:]] or [""]
+        words = f"{', '.join(others)} or {last}" if others else last
+        only = f"for {self.when[0]} {words}" if self.when else ""
+        beside = f"with {self.needs}" if self.needs else f"instead of {self.without}" if self.without else ""
+        facts = "; ".join(filter(None, (self.range.removeprefix("of "), only, beside)))
+        return f"{self.doc} {facts[0].upper()}{facts[1:]}." if facts else self.doc
+
+    @property
+    def description(self) -> str:
+        """Meaning and default."""
+        return self.meaning + self._default_in_brackets
+
+    @property
+    def description_with_unit(self) -> str:
+        """Meaning, unit and default."""
+        return self.meaning + (f" In {self.unit}." if self.unit else "") + self._default_in_brackets
+
+    @property
+    def _default_in_brackets(self) -> str:
+        return f" (Default: {self.default_text})" if self.default_text else ""
+
+    def hindrance(self, given: Any) -> str:
+        """Why it is not allowed beside what else is ``given``, as attributes of an object; empty if it is."""
+        if self.when and (chosen := getattr(given, self.when[0])) not in self.when[1:]:
+            words = ", ".join(map(repr, self.when[1:]))
+            return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
+        if self.without and getattr(given, self.without) is not None:
+            return f"{self.name} and {self.without} exclude each other: one of them is needed."
+        if self.needs and getattr(given, self.needs) is None:
+            return f"{self.name} is not allowed without {self.needs}."
+        return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Number(Parameter):
+    """A finite number.
+
+    Attributes
+    ----------
+    above, minimum, maximum : what it must be greater than; the least and the largest that it may be
+    common : least and largest size that is not odd, None where nothing is
+    hint : what to do instead of what is out of range
+    """
+
+    above: float = -math.inf
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    common: tuple[float, float] | None = None
+    hint: str = ""
+
+    type: ClassVar[str] = "float"
+
+    def checked(self, value: Any) -> float:
+        if not (is_number(value) and value > self.above and self.minimum <= value <= self.maximum):
+            raise _refused(self, value, self.words(value) if isinstance(value, float) else "")
+        if abs(value) > LARGEST:
+            raise InputError(f"{self.name} = {value:g} is not allowed: a number of at most {LARGEST:g} is needed.")
+        return float(value)
+
+    def words(self, value: Any) -> str:
+        return f"{value:g}"
+
+    @property
+    def range(self) -> str:
+        return describe_range(self.above, self.minimum, self.maximum)
+
+    @property
+    def needed(self) -> str:
+        return " ".join(filter(None, ("a finite number", self.range, "is needed"))) + self.hint
+
+
+@dataclass(frozen=True, kw_only=True)
+class Whole(Parameter):
+    """A whole number, from ``minimum`` to ``maximum``."""
+
+    minimum: int
+    maximum: int
+
+    type: ClassVar[str] = "int"
+
+    def checked(self, value: Any) -> int:
+        if not is_whole(value) or not self.minimum <= value <= self.maximum:
+            raise _refused(self, value)
+        return int(value)
+
+    @property
+    def range(self) -> str:
+        return f"from {self.minimum} to {self.maximum}"
+
+    @property
+    def needed(self) -> str:
+        return f"a whole number {self.range} is needed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text(Parameter):
+    """Any text, described by ``what``."""
+
+    what: str = "text"
+
+    type: ClassVar[str] = "string"
+
+    def checked(self, value: Any) -> str:
+        if not isinstance(value, str):
+            raise _refused(self, value)
+        return value
+
+    @property
+    def needed(self) -> str:
+        return f"{self.what} is needed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice(Parameter):
+    """One of some words, each with what it stands for, or nothing where that is plain."""
+
+    allowed: Mapping[str, str]
+
+    type: ClassVar[str] = "string"
+
+    def checked(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.allowed:
+            raise _refused(self, value)
+        return value
+
+    @property
+    def range(self) -> str:
+        words = [f"`{word}`" + (f" ({meaning})" if meaning else "") for word, meaning in self.allowed.items()]
+        return "one of " + ", ".join(words)
+
+    @property
+    def needed(self) -> str:
+        return f"one of {', '.join(self.allowed)} is needed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vector(Parameter):
+    """Three finite numbers, each ``above`` a bound.
+
+    Attributes
+    ----------
+    common : as of a `Number`
+    is_direction : whether one of them must not be 0
+    """
+
+    above: float = -math.inf
+    is_direction: bool = False
+    common: tuple[float, float] | None = None
+
+    type: ClassVar[str] = "vector"
+
+    def checked(self, value: Any) -> tuple[float, ...]:
+        try:
+            numbers = tuple(float(component) for component in value)
+        except (TypeError, ValueError, OverflowError):
+            raise _refused(self, value) from None
+        allowed = (is_number(component) and component > self.above for component in numbers)
+        if len(numbers) != 3 or not all(allowed) or (self.is_direction and not any(numbers)):
+            raise _refused(self, value, self.words(numbers))
+        return numbers
+
+    def words(self, value: Any) -> str:
+        return ", ".join(f"{component:g}" for component in value)
+
+    @property
+    def range(self) -> str:
+        return describe_range(self.above, -math.inf, math.inf)
+
+    @property
+    def needed(self) -> str:
+        if self.is_direction:
+            return "three finite numbers, not all 0, are needed"
+        return " ".join(filter(None, ("three finite numbers", self.range, "are needed")))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transform(Parameter):
+    """A rigid motion with at most a uniform scale, as ``mi.ScalarTransform4f``."""
+
+    type: ClassVar[str] = "transform"
+
+    def checked(self, value: Any) -> Any:
+        if not hasattr(value, "matrix"):
+            raise _refused(self, value)
+        similarity_scale(np.array(value.matrix, dtype=float))
+        return value
+
+    @property
+    def needed(self) -> str:
+        return "a transformation is needed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nested(Parameter):
+    """An object nested in a plugin's element.
+
+    Attributes
+    ----------
+    kind : of its plugin, as ``bsdf``
+    made_of : class of the Python object that stands for it, None where there is none
+    by_name : whether it goes by its name, and not by its kind alone
+    """
+
+    kind: str
+    made_of: Any = None
+    by_name: bool = False
+
+    @property
+    def type(self) -> str:  # type: ignore[override]
+        return self.kind
+
+    @property
+    def default_text(self) -> str:
+        return self.default_words
+
+    @property
+    def label(self) -> str:
+        return self.name if self.by_name else "(nested)"
+
+    def checked(self, value: Any) -> Any:
+        if not isinstance(value, self.made_of):
+            raise _refused(self, value)
+        return value
+
+    @property
+    def needed(self) -> str:
+        article = "an" if self.made_of.__name__[0] in "AEIOU" else "a"
+        return f"{article} {self.made_of.__name__} is needed"
+
+
+def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
+    """A field that is a finite number; see `Number` and `Parameter`."""
+    return stated(Number(default=default, unit=unit, doc=doc, **about))
+
+
+def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
+    """A field that is a whole number; see `Whole` and `Parameter`."""
+    return stated(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
+
+
+def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:
+    """A field that is any text; see `Text` and `Parameter`."""
+    return stated(Text(default=default, what=what, doc=doc, **conditions))
+
+
+def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
+    """A field that is one of some words; see `Choice` and `Parameter`."""
+    table = allowed if isinstance(allowed, Mapping) else dict.fromkeys(allowed, "")
+    return stated(Choice(default=default, allowed=table, doc=doc, **conditions))
+
+
+def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
+    """A field that is three numbers; see `Vector` and `Parameter`."""
+    return stated(Vector(default=default, unit=unit, doc=doc, **conditions))
+
+
+def transform(doc: str) -> Any:
+    """A field that is a transformation, None for none; see `Transform`."""
+    return stated(Transform(doc=doc))
+
+
+def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> Any:
+    """A field that is the Python object of another plugin; see `Nested`."""
+    return stated(Nested(kind=kind, made_of=made_of, default=default, doc=doc, **about))
+
+
+def stated(parameter: Parameter, **changes: Any) -> Any:
+    """A field that is a parameter, or what changes make of it."""
+    parameter = replace(parameter, **changes)
+    default = None if parameter.is_conditional or parameter.default is REQUIRED else parameter.default
+    return field(default=default, metadata={"parameter": parameter})
+
+
+def taken(cls: Any, field: str, **changes: Any) -> Any:
+    """A field that is a parameter of another class, where conditions or the default may be other ones."""
+    (own,) = (one.metadata["parameter"] for one in fields(cls) if one.name == field)
+    return stated(named(own, field), **changes)
+
+
+def named(parameter: Parameter, name: str) -> Parameter:
+    """A parameter with the name of its field, where it has no other."""
+    return parameter if parameter.name else replace(parameter, name=name)
+
+
+def describe_range(above: float, minimum: float, maximum: float) -> str:
+    """Words for an allowed range, as ``above 0`` or ``from 0 to 1``; empty if it has no bounds."""
+    parts = []
+    if above > -math.inf:
+        parts.append(f"above {above:g}")
+    if minimum > -math.inf and maximum < math.inf:
+        parts.append(f"from {minimum:g} to {maximum:g}")
+    elif minimum > -math.inf:
+        parts.append(f"of at least {minimum:g}")
+    elif maximum < math.inf:
+        parts.append(f"of at most {maximum:g}")
+    return " and ".join(parts)
+
+
+def _refused(parameter: Parameter, value: Any, shown: str = "") -> InputError:
+    """The error for a value of a parameter that is not allowed, ``shown`` as text."""
+    if not shown:
+        return refusal(parameter.name, value, parameter.needed)
+    return InputError(f"{parameter.name} = {shown} is not allowed: {parameter.needed}.")

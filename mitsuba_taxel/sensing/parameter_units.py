@@ -1,0 +1,51 @@
+"""Units of a scene's own parameters: those of what they stand for in it."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+
+from mitsuba_taxel.parameters import Number, Parameter
+from mitsuba_taxel.specification import specifications
+
+_NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
+"""A parameter that stands for a number alone, or for a component of a vector."""
+
+
+def units_of_parameters(scene: Path) -> dict[str, str]:
+    """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` where it has none.
+
+    It is that of the plugins' parameters, and of translations and rotations, for which it stands; what stands for
+    several, in different units, has none.
+    """
+    units: dict[str, set[str]] = {}
+    for unit, text in _places(scene):
+        for name in _NAME.findall(text):
+            units.setdefault(name, set()).add(unit)
+    return {name: found.pop() for name, found in sorted(units.items()) if len(found) == 1}
+
+
+def _places(scene: Path) -> Iterator[tuple[str, str]]:
+    """Units, and the values of attributes that are in them."""
+    for element in ElementTree.parse(scene).iter():
+        stated = specifications().get(element.get("type", ""))
+        parameters = {} if stated is None else stated.values()
+        for child in element:
+            unit = _unit(parameters.get(child.get("name", "")))
+            for text in child.attrib.values() if unit else ():
+                yield unit, text
+        if element.tag == "translate":
+            for text in element.attrib.values():
+                yield "mm", text
+        if element.tag == "rotate":
+            yield "degrees", element.get("angle", "")
+        if element.tag == "include":
+            yield from _places(scene.parent / element.get("filename", ""))
+
+
+def _unit(parameter: Parameter | None) -> str:
+    if parameter is None:
+        return ""
+    return parameter.unit or ("1" if isinstance(parameter, Number) else "")

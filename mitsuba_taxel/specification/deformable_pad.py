@@ -1,0 +1,269 @@
+"""Parameters of pads: a flat list in a scene, a pad, a material, a load and a finish in Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.elements.loads import (
+    Load,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+    SpreadForce,
+)
+from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean, Yeoh
+from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
+from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
+from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.parameters import (
+    REQUIRED,
+    choice,
+    nested,
+    number,
+    parameters_of,
+    stated,
+    taken,
+    text,
+    transform,
+    values_of,
+    vector,
+    whole,
+)
+from mitsuba_taxel.specification.region import Region
+from mitsuba_taxel.specification.specification import Specification
+
+LAWS: dict[str, type[Material]] = {"neo_hookean": NeoHookean, "mooney_rivlin": MooneyRivlin, "yeoh": Yeoh}
+LOADS: dict[str, Any] = {
+    "spread_force": SpreadForce,
+    "patch_force": PatchForce,
+    "plate_force": PlateForce,
+    "plate_displacement": PlateDisplacement,
+    "pressure": Pressure,
+}
+FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
+
+_NEO_HOOKEAN = ("material", "neo_hookean")
+_PATCH = ("load", "patch_force")
+
+
+def _of_pad(field: str) -> Any:
+    return taken(Pad, field, without="filename")
+
+
+def _of_finish(word: str, field: str) -> Any:
+    return taken(FINISHES[word], field, when=("finish", word))
+
+
+@dataclass(frozen=True)
+class DeformablePad(Specification):
+    """A pad under a load."""
+
+    plugin = "deformable_pad"
+
+    filename: str | None = text(
+        None,
+        "A pad of one's own: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
+        "the name of a file",
+    )
+    regions: str | None = text(
+        None,
+        "A TOML file of rules that say which face is which region.",
+        "the name of a TOML file",
+        needs="filename",
+        default_words="flat faces at the bottom and at the top, hollows, and the rest",
+    )
+    cell: str | None = _of_pad("cell")
+    rows: int | None = _of_pad("rows")
+    columns: int | None = _of_pad("columns")
+    pitch: float | None = _of_pad("pitch")
+    wall: float | None = _of_pad("wall")
+    height: float | None = _of_pad("height")
+    cell_size: float | None = _of_pad("cell_size")
+    cell_height: float | None = _of_pad("cell_height")
+
+    material: str = choice(
+        "neo_hookean",
+        {**dict.fromkeys(LAWS, "a law"), **dict.fromkeys(SILICONES, "")},
+        "A law, or a silicone of known stiffness.",
+    )
+    shore_a: float | None = stated(HARDNESS, name="shore_a", when=_NEO_HOOKEAN)
+    youngs_modulus: float | None = taken(NeoHookean, "youngs_modulus", when=_NEO_HOOKEAN, without="shore_a")
+    c10: float | None = taken(
+        MooneyRivlin, "c10", doc="Constant of I1; above 0 for `yeoh`.", when=("material", "mooney_rivlin", "yeoh")
+    )
+    c01: float | None = taken(MooneyRivlin, "c01", when=("material", "mooney_rivlin"))
+    c20: float | None = taken(Yeoh, "c20", when=("material", "yeoh"))
+    c30: float | None = taken(Yeoh, "c30", when=("material", "yeoh"))
+    poisson_ratio: float | None = taken(
+        NeoHookean,
+        "poisson_ratio",
+        default=None,
+        default_words=f"{NeoHookean.poisson_ratio:g}, or that of the silicone",
+    )
+
+    load: str = choice(
+        "spread_force",
+        {
+            "spread_force": "on the whole top",
+            "patch_force": "on a rectangle of it",
+            "plate_force": "on a rigid plate that is bonded to the top and does not turn",
+            "plate_displacement": "of such a plate",
+            "pressure": "of a fluid on top and outside",
+        },
+        "How it is loaded.",
+    )
+    force: tuple[float, ...] | None = vector(
+        (0.0, 0.0, 0.0),
+        "N",
+        "Total force; compression is negative along z.",
+        when=("load", *(word for word, load in LOADS.items() if load.quantity == "force")),
+    )
+    displacement: tuple[float, ...] | None = vector(
+        (0.0, 0.0, 0.0), "mm", "Displacement of the plate.", when=("load", "plate_displacement")
+    )
+    pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=("load", "pressure"))
+    patch_width: float | None = number(
+        REQUIRED, "mm", "Side of the rectangle along x.", above=0, common=(0.02, 500), when=_PATCH
+    )
+    patch_depth: float | None = number(
+        REQUIRED, "mm", "Side of the rectangle along y.", above=0, common=(0.02, 500), when=_PATCH
+    )
+    patch_x: float | None = number(0.0, "mm", "Where the rectangle is centred, along x.", when=_PATCH)
+    patch_y: float | None = number(0.0, "mm", "Where the rectangle is centred, along y.", when=_PATCH)
+
+    mesh_size: float | None = number(
+        None,
+        "mm",
+        "Size of the finite elements.",
+        above=0,
+        common=(0.02, 100),
+        without="mesh_tolerance",
+        default_words="1.25 for cells and walls like the default ones; it goes with the scale of the pad, and with the "
+        "square root of its thinnest part",
+    )
+    mesh_tolerance: float | None = number(
+        None,
+        "",
+        "Instead of a size: relative error of the roofs' displacement under a small load that the size is chosen for.",
+        above=0,
+        maximum=1,
+    )
+    read_cells: str = text(
+        "all", "Numbers of the cells that are read, as 1, 5, or all; only their surface is cut finely."
+    )
+    subdivision: int = whole(
+        6,
+        1,
+        64,
+        "Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep "
+        "theirs no longer.",
+    )
+
+    finish: str = choice("smooth", ("smooth", *FINISHES), "What the mould leaves on roof and side of the cells.")
+    layer_height: float | None = _of_finish("layer_steps", "layer_height")
+    print_direction: tuple[float, ...] | None = _of_finish("layer_steps", "direction")
+    groove_pitch: float | None = _of_finish("grooves", "pitch")
+    groove_depth: float | None = _of_finish("grooves", "depth")
+    groove_direction: tuple[float, ...] | None = _of_finish("grooves", "direction")
+    rms_height: float | None = _of_finish("random", "rms_height")
+    correlation_length: float | None = _of_finish("random", "correlation_length")
+    roughness_seed: int | None = _of_finish("random", "seed")
+    finish_refinement: float | None = taken(
+        LayerSteps,
+        "refinement",
+        when=("finish", *FINISHES),
+        default=None,
+        default_words=f"{LayerSteps.refinement:g}; random {RandomRoughness.refinement:g}",
+    )
+    to_world: Any = transform("Rigid motion, with at most a uniform scale, applied to the deformed pad.")
+    bsdf: Region | None = nested(
+        "bsdf", Region, None, "What the pad is made of, usually a `region`.", default_words="absorbing"
+    )
+
+    def _check(self) -> None:
+        if self.filename is not None and self.finish != "smooth":
+            raise InputError(
+                f"filename is not allowed here: finish = {self.finish!r} is only for pads of this package's own shapes."
+            )
+        self.cell_numbers()
+        self.build_material()
+        if self.filename is None:  # a file is looked for beside the scene
+            self.build_pad()
+
+    def build_pad(self, find: Any = Path) -> Pad | PadFile:
+        """The undeformed pad; ``find`` gives the path of a file that is named."""
+        if self.filename is None:
+            return Pad(**self._own(Pad))
+        rules = () if self.regions is None else find(self.regions)
+        return PadFile(find(self.filename), rules)
+
+    def build_material(self) -> Material:
+        """The silicone."""
+        ratio = {} if self.poisson_ratio is None else {"poisson_ratio": self.poisson_ratio}
+        if self.material in SILICONES:
+            return silicone(self.material).changed(**ratio)
+        if self.shore_a is not None:
+            return from_shore_a(self.shore_a, **ratio)
+        law = LAWS[self.material]
+        return law(**self._own(law))
+
+    def build_load(self) -> tuple[Load, tuple[float, ...]]:
+        """The load and its value."""
+        load: Load = LOADS[self.load]() if self.load != "patch_force" else self._patch()
+        value = getattr(self, load.quantity)
+        return load, value if isinstance(value, tuple) else (value,)
+
+    def _patch(self) -> PatchForce:
+        centre: Any = (self.patch_x, self.patch_y)
+        size: Any = (self.patch_width, self.patch_depth)
+        return PatchForce(centre, size)
+
+    def build_finish(self) -> Finish | None:
+        """The finish of the cells, None where they are smooth."""
+        if self.finish == "smooth":
+            return None
+        kind = FINISHES[self.finish]
+        return kind(**self._own(kind))
+
+    def cell_numbers(self) -> tuple[int, ...] | None:
+        """Numbers of the cells that are read, None for all."""
+        words = self.read_cells.replace(",", " ").split()
+        if words == ["all"]:
+            return None
+        if not words or not all(word.isdecimal() and int(word) > 0 for word in words):
+            raise InputError(
+                f"read_cells = {' '.join(words)!r} is not allowed: 'all' or numbers of cells such as '1, 5' are needed."
+            )
+        return tuple(sorted({int(word) for word in words}))
+
+    def _own(self, part: type) -> dict[str, Any]:
+        """Arguments for the class of a part: what is given of its parameters."""
+        given = {field: getattr(self, parameter.name) for field, parameter in parameters_of(part).items()}
+        return {field: value for field, value in given.items() if value is not None}
+
+    @classmethod
+    def of(
+        cls, pad: Pad, material: Material, load: Load, value: Any, finish: Finish | None, **rest: Any
+    ) -> DeformablePad:
+        """The pad of a scene that these parts make; raises `InputError` for a law that no scene has."""
+        if type(material) not in LAWS.values():
+            known = ", ".join(law.__name__ for law in LAWS.values())
+            raise InputError(f"material = {material!r} is not allowed in a scene: one of {known} is needed.")
+        if len(value) != load.components:
+            raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
+        given: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **rest}
+        if isinstance(load, PatchForce):
+            (x, y), (width, depth) = load.centre, load.size
+            given.update(patch_x=x, patch_y=y, patch_width=width, patch_depth=depth)
+        if finish is not None:
+            given.update(finish=_word(FINISHES, finish), **values_of(finish))
+        given.update(material=_word(LAWS, material), load=_word(LOADS, load))
+        return cls(**values_of(pad), **values_of(material), **given)
+
+
+def _word(kinds: dict[str, Any], part: Any) -> str:
+    return next(word for word, kind in kinds.items() if type(part) is kind)

@@ -1,0 +1,90 @@
+"""The plugins' reference pages: their parameters, and their docstrings; no plugin is imported for it."""
+
+from __future__ import annotations
+
+import ast
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mitsuba_taxel.backend import plugin_files, plugin_kind
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters import Parameter
+from mitsuba_taxel.specification import specification_of
+
+
+@dataclass(frozen=True)
+class PluginPage:
+    """What a plugin's docstring says.
+
+    Attributes
+    ----------
+    name, kind, title : as ``wall``, ``bsdf``, ``Wall``
+    parameters : rows of the parameter table; their texts have RST markup
+    text : paragraphs
+    example, python_example : XML, and entries of a dictionary as for ``mi.load_dict``
+    """
+
+    name: str
+    kind: str
+    title: str
+    parameters: tuple[Parameter, ...]
+    text: str
+    example: str
+    python_example: str
+
+
+def plugin_names() -> list[str]:
+    """Names of all plugins, by kind and then alphabetically."""
+    files = plugin_files()
+    return sorted(files, key=lambda name: (files[name].parent.name, name))
+
+
+def plain(text: str) -> str:
+    """RST roles and substitutions as plain words on one line."""
+    text = re.sub(r":\w+:`([^`]*)`", r"\1", text)
+    text = re.sub(r"\|(\w+)\|", r"\1", text)
+    return " ".join(text.replace("``", "").replace("`", "").split())
+
+
+def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
+    """The page of one plugin.
+
+    Parameters
+    ----------
+    name : of the plugin
+    convert : makes of a docstring's RST what the page's texts are to be; the title is always plain
+
+    Raises
+    ------
+    InputError
+        if there is no plugin of that name.
+    """
+    files = plugin_files()
+    if name not in files:
+        raise InputError(f"{name!r} is no plugin: one of {', '.join(plugin_names())} is needed.")
+    file = files[name]
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    docstrings = (ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.ClassDef))
+    docstring = next((text for text in docstrings if f"(:monosp:`{name}`)\n-" in text), None)
+    if docstring is None:
+        raise ValueError(f"{file.name} holds no class whose docstring has a title with its name")
+    head, underline, rest = re.split(r"\n(-+)\n", docstring, maxsplit=1)
+    prose, _, tabs = rest.partition(".. tabs::")
+    return PluginPage(
+        name=name,
+        kind=plugin_kind(name),
+        title=plain(head.splitlines()[-1]).removesuffix(f"({name})").strip(),
+        parameters=specification_of(name).table(),
+        text="\n\n".join(convert(paragraph) for paragraph in prose.strip().split("\n\n")),
+        example=_tab(tabs, "xml"),
+        python_example=_tab(tabs, "python"),
+    )
+
+
+def _tab(tabs: str, language: str) -> str:
+    """The code in the tab of a language, empty if there is none."""
+    pattern = rf"\.\. code-tab:: {language}\n(.*?)(?:^ *\.\. code-tab::|\Z)"
+    found = re.search(pattern, tabs, flags=re.MULTILINE | re.DOTALL)
+    return textwrap.dedent(found[1]).strip() if found else ""

@@ -1,0 +1,35 @@
+"""What the specifications of all plugins have in common."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from mitsuba_taxel.parameters import Checked, Nested, Parameter, parameters_of, values_of
+
+
+class Specification(Checked):
+    """Base of the classes that state the parameters of a plugin."""
+
+    plugin: ClassVar[str]
+    """Its name in a scene."""
+    nested: ClassVar[tuple[Nested, ...]] = ()
+    """Objects that may be nested in it, but are no parts of the Python object."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plugin as a Mitsuba dictionary, all that holds of it written out."""
+        return {"type": self.plugin, **values_of(self)}
+
+    @classmethod
+    def values(cls) -> dict[str, Parameter]:
+        """Its numbers, words, vectors and transformations, by name."""
+        return {p.name: p for p in parameters_of(cls).values() if not isinstance(p, Nested)}
+
+    @classmethod
+    def objects(cls) -> list[Nested]:
+        """What may be nested in it."""
+        return [p for p in cls.table() if isinstance(p, Nested)]
+
+    @classmethod
+    def table(cls) -> tuple[Parameter, ...]:
+        """All that may stand in its element."""
+        return (*parameters_of(cls).values(), *cls.nested)

@@ -1,0 +1,14 @@
+"""Parameters of the integrator that starts at the phototransistors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mitsuba_taxel.specification.path_depth import PathDepth
+
+
+@dataclass(frozen=True)
+class TaxelPath(PathDepth):
+    """The integrator that starts at the phototransistors."""
+
+    plugin = "taxel_path"

@@ -1,0 +1,77 @@
+"""Parameters of walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters import REQUIRED, choice, number, text
+from mitsuba_taxel.specification.specification import Specification
+
+SCATTERING = {
+    "mirror": "",
+    "lambertian": "cosine law",
+    "isotropic": "equal probability per solid angle",
+    "absorbing": "",
+    "mixed": "",
+    "rough_mirror": "",
+}
+_REFLECTING = ("scattering", *(word for word in SCATTERING if word != "absorbing"))
+SMALLEST_SLOPE = 0.01
+"""Least rms slope in degrees: Mitsuba widens what is below 0.004 (its alpha is at least 1e-4), and rounding blurs
+slopes by some 1e-7 / cos(theta)."""
+
+
+def _share(what: str) -> float:
+    doc = f"How much of the reflected light {what} gets; the three together make 1."
+    return number(0.0, "", doc, minimum=0, maximum=1, when=("scattering", "mixed"))
+
+
+@dataclass(frozen=True)
+class Wall(Specification):
+    """A wall of a cell, a plate or a package."""
+
+    plugin = "wall"
+
+    scattering: str = choice("lambertian", SCATTERING, "What becomes of the light.")
+    reflectance: float | None = number(
+        1.0,
+        "",
+        "Share of the light that comes back.",
+        minimum=0,
+        maximum=1,
+        when=_REFLECTING,
+        without="reflectance_table",
+    )
+    reflectance_table: str | None = text(
+        None,
+        "Instead of `reflectance`: a CSV file of wavelength in nm, increasing, and reflectance, 0 to 1.",
+        "the name of a CSV file",
+        when=_REFLECTING,
+    )
+    specular: float | None = _share("the law of mirrors")
+    lambertian: float | None = _share("the cosine law")
+    isotropic: float | None = _share("the isotropic law")
+    rms_slope: float | None = number(
+        REQUIRED,
+        "degrees",
+        "Angle whose tangent is the root mean square slope along either axis of the wall (not of both together).",
+        minimum=SMALLEST_SLOPE,
+        maximum=45,
+        hint="; use scattering = 'mirror' for less",
+        when=("scattering", "rough_mirror"),
+    )
+
+    def _check(self) -> None:
+        if self.specular is None or self.lambertian is None or self.isotropic is None:
+            return
+        total = self.specular + self.lambertian + self.isotropic
+        if abs(total - 1) > 1e-6:
+            raise InputError(
+                f"specular = {self.specular:g}, lambertian = {self.lambertian:g}, isotropic = {self.isotropic:g} are "
+                f"not allowed: their sum is {total:.8g} and must be 1, as they share the reflected light."
+            )
+
+
+ABSORBING = Wall("absorbing")
+ISOTROPIC = Wall("isotropic")
