@@ -105,7 +105,7 @@ class AnnularLed(mi.Emitter):
 
     @property
     def _is_nested(self) -> bool:
-        return self.get_shape() is not None
+        return self._faces is not None or self.get_shape() is not None  # asks no shape that may be gone
 
     @property
     def _density(self) -> mi.Float:
