@@ -31,7 +31,7 @@ def attributes(**parameters):
     return {
         "scene": "pad.xml",
         "parameters": json.dumps({name: str(value) for name, value in parameters.items()}),
-        "units": json.dumps({"poisson_ratio": "1", "spacing": "mm"}),
+        "units": json.dumps({"poisson_ratio": "1", "youngs_modulus": "MPa"}),
         "versions": json.dumps({"mitsuba": "3.9.0"}),
         "seed": 7,
         "points": 64,
