@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -84,14 +85,20 @@ class Part:
     def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacement and pressure of the whole, from those of a state that all mirrors leave as it is."""
         corners = self._whole_corners
-        return np.einsum("nij,nj->ni", self.turn, displacement[self.source]), pressure[self.source[:corners]]
+        place, sign = self._components
+        return sign * displacement.ravel()[place], pressure[self.source[:corners]]
+
+    @cached_property
+    def _components(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) component of a displacement of the part that each of the whole is, and its sign: mirrors swap them."""
+        return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     @property
     def copies(self) -> int:
         """How many images of the part make the whole."""
         return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
 
-    @property
+    @cached_property
     def _whole_corners(self) -> int:
         return int(np.count_nonzero(self.source < self.mesh.corner_count))
 

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, symmetric_product
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.stability import Unsymmetric
+from mitsuba_taxel.mechanics.path.stability import Stability
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
@@ -25,6 +26,11 @@ SLOW = 0.1
 """A factored tangent serves further iterations as long as each leaves less than this share of the error."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, over which a tangent serves for that of a state amid others."""
+REFINED = 1e-9
+"""Last change of a solution that iterative refinement has brought to rest, relative to it."""
+SLOW_REFINEMENT = 0.3
+"""A factor of a state near by serves as long as each refinement is less than this share of the one before."""
+MOST_REFINEMENTS = 20
 NATURAL_STRAIN = 0.02
 """Mean strain, about, that one step of a load path adds."""
 
@@ -116,23 +122,28 @@ class LoadedPad:
         Rejected
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
-        solution, linearised = self.solve_symmetric(start, value)
+        found = self._balanced(start, value)
+        linearised = self._linearised(self._entries(found, value))
+        solution = self._accepted(found, self._is_stable(linearised))
         self.refuse_unstable(solution.unknowns, linearised.entries, value)
         return solution, linearised
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, but displacements that lack the symmetry of the load are left to :meth:`refuse_unstable`.
+        """As :meth:`solve`, but what :meth:`refuse_unstable` looks at is left to it.
 
-        So that one factored matrix has to be in memory at a time.
+        So that one factored matrix has to be in memory at a time; it is that of a state near by where that is enough.
         """
         found = self._balanced(start, value)
         entries = self._entries(found, value)
+        if found.linearised is not None and self._solver.knows_inertia and self._stability.of_all:
+            linearised = self._linearised(entries, found.linearised)
+            return self._accepted(found, True), linearised
         found = replace(found, linearised=None)  # frees its memory for the next one
         linearised = self._linearised(entries)
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
-        """Raise Rejected if a state of balance is unstable against displacements that lack the symmetry of the load.
+        """Raise Rejected if a state of balance is unstable against displacements that :class:`Stability` looks at.
 
         Parameters
         ----------
@@ -140,7 +151,7 @@ class LoadedPad:
         """
         if self._solver.knows_inertia:
             try:
-                _refuse_surplus(self._unsymmetric.surplus(entries, *self.split(unknowns), value))
+                _refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value))
             except RuntimeError as failure:
                 raise _singular(failure) from failure
 
@@ -177,7 +188,7 @@ class LoadedPad:
                 linearised, distance = self._linearised(state.entries), 0.0
             assert linearised is not None  # from an earlier iteration
             first, last = first or error, error
-            correction = linearised.correction(state.residual, self._gap(unknowns, value))
+            correction = linearised.step(state.residual, self._gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
@@ -214,7 +225,7 @@ class LoadedPad:
         residual = self._evaluate(unknowns, value, with_tangent=False).residual
         if not np.all(np.isfinite(residual)):
             return None
-        return linearised.correction(residual, self._gap(unknowns, value))
+        return linearised.step(residual, self._gap(unknowns, value))
 
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
         """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
@@ -262,10 +273,14 @@ class LoadedPad:
     def _targets(self, value: np.ndarray) -> np.ndarray:
         return self.numbering.plate_values(value) if self._driven else np.zeros(0)
 
-    def _linearised(self, entries: np.ndarray) -> Linearised:
+    def _linearised(self, entries: np.ndarray, near: Linearised | None = None) -> Linearised:
+        """The linearised pad of some entries, with the factor of one ``near`` by, if there is one."""
+        lower = self.model.assembly.matrix(entries)
+        return Linearised(entries, lower, self._factored, self._moved, self.numbering.displacements, near)
+
+    def _factored(self, lower: sparse.csc_matrix) -> Factorisation:
         try:
-            factor = self._solver.factor(self.model.assembly.matrix(entries))
-            return Linearised(entries, factor, self._moved, self.unknowns)
+            return self._solver.factor(lower)
         except RuntimeError as failure:
             raise _singular(failure) from failure
 
@@ -282,8 +297,8 @@ class LoadedPad:
         return True
 
     @cached_property
-    def _unsymmetric(self) -> Unsymmetric:
-        return Unsymmetric(self.whole, self._mirrors, self._images, self.model, self._solver_name)
+    def _stability(self) -> Stability:
+        return Stability(self.whole, self._mirrors, self._images, self.model, self._solver_name)
 
 
 @dataclass(frozen=True)
@@ -311,30 +326,68 @@ def _refuse_surplus(surplus: int) -> None:
 
 
 class Linearised:
-    """The factored tangent of a pad at a state, from its ``entries``.
+    """The tangent of a pad at a state, from its ``entries``, and a factor: its own, or that of a state ``near`` by.
 
-    ``moved`` are unknowns that the load sets instead of forces.
+    Parameters
+    ----------
+    lower : triangle of the tangent
+    factored : gives the factor of such a triangle
+    moved : unknowns that the load sets instead of forces
+    displacements : how many of the unknowns are displacements; they come first
     """
 
-    def __init__(self, entries: np.ndarray, factor: Factorisation, moved: np.ndarray, size: int) -> None:
-        self.entries, self._factor, self._moved = entries, factor, moved
-        self._columns = np.zeros((size, len(moved)))
-        for column, unknown in enumerate(moved):
-            unit = np.zeros(size)
+    def __init__(
+        self,
+        entries: np.ndarray,
+        lower: sparse.csc_matrix,
+        factored: Callable[[sparse.csc_matrix], Factorisation],
+        moved: np.ndarray,
+        displacements: int,
+        near: Linearised | None = None,
+    ) -> None:
+        self.entries, self._lower, self._factored, self._moved = entries, lower, factored, moved
+        self._displacements, self._own = slice(displacements), near is None
+        self._factor: Factorisation
+        self._columns: np.ndarray
+        self._factor, self._columns = (near._factor, near._columns) if near else self._own_factor()
+
+    def _own_factor(self) -> tuple[Factorisation, np.ndarray]:
+        """The factor, and its solutions for unit forces at the moved unknowns."""
+        factor = self._factored(self._lower)
+        columns = np.zeros((self._lower.shape[0], len(self._moved)))
+        for column, unknown in enumerate(self._moved):
+            unit = np.zeros(len(columns))
             unit[unknown] = 1.0
-            self._columns[:, column] = factor.solve(unit)
-        self._compliance = self._columns[moved]
-        self.negative = self._negative()
+            columns[:, column] = factor.solve(unit)
+        return factor, columns
+
+    def step(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
+        """As :meth:`correction`, as well as the factor tells it: enough for an iteration."""
+        if not len(self._moved):
+            return self._factor.solve_roughly(residual)
+        forces = residual.copy()
+        forces[self._moved] = 0.0  # what holds the plate changes nothing, and is large beside what is left elsewhere
+        free = self._factor.solve_roughly(forces)
+        return free + self._columns @ np.linalg.solve(self._columns[self._moved], gap - free[self._moved])
 
     def correction(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """The change that answers a ``residual`` with the moved unknowns changing by ``gap``."""
-        free = self._factor.solve(residual)
-        if not len(self._moved):
-            return free
-        return free + self._columns @ np.linalg.solve(self._compliance, gap - free[self._moved])
+        found, last = self.step(residual, gap), math.inf
+        for _ in range(MOST_REFINEMENTS):
+            change = self.step(residual - symmetric_product(self._lower, found), gap - found[self._moved])
+            size = float(np.abs(change[self._displacements]).max())
+            if not size < last and not self._own:
+                (self._factor, self._columns), self._own = self._own_factor(), True
+                return self.correction(residual, gap)
+            found, last = found + change, SLOW_REFINEMENT * size
+            if size <= REFINED * np.abs(found[self._displacements]).max():
+                break
+        return found
 
-    def _negative(self) -> int | None:
+    @cached_property
+    def negative(self) -> int | None:
         """Negative eigenvalues of the tangent with the moved unknowns held (Haynsworth, 1968); None if unknown."""
         if self._factor.negative_pivots is None:
             return None
-        return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._compliance) < 0))
+        compliance = self._columns[self._moved]
+        return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(compliance) < 0))

@@ -1,4 +1,4 @@
-"""Whether a pad in balance is stable against displacements that lack the symmetry of its state.
+"""Whether a pad in balance is stable, against displacements that need not have the symmetry of its state.
 
 The tangent of the whole falls into blocks, one for each way in which a displacement can behave under the mirrors, and
 the pad is stable if each block is. Most states are found stable with less: the pad is cut along planes of symmetry, and
@@ -29,8 +29,10 @@ from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import CUT, Part, cut_blocks, part_between, unsymmetric_blocks
 
 
-class Unsymmetric:
-    """The displacements of a pad that lack the symmetry of its state.
+class Stability:
+    """The displacements of a pad that a factored tangent of the part between its mirrors does not tell about.
+
+    They are those that lack the symmetry of its state, or all, where pieces tell.
 
     Parameters
     ----------
@@ -39,6 +41,10 @@ class Unsymmetric:
     images : of the nodes, from :func:`node_images`
     model : of the part between the mirrors
     solver : name of a linear solver that knows the inertia
+
+    Attributes
+    ----------
+    of_all : whether it looks at displacements with the symmetry of the state, too
     """
 
     def __init__(
@@ -50,7 +56,7 @@ class Unsymmetric:
         solver: str | None,
     ) -> None:
         self._whole, self._mirrors, self._images, self._model, self._solver = whole, mirrors, images, model, solver
-        self._pieces_tell = len(cut_blocks(mirrors)) > 0
+        self.of_all = self._pieces_tell = len(cut_blocks(mirrors)) > 0
 
     def surplus(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
         """Negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad is stable.
@@ -91,7 +97,7 @@ class Unsymmetric:
 
     @cached_property
     def _blocks(self) -> list[_Block]:
-        blocks = []
+        blocks = [_Block(self._model, make_solver(self._solver))] if self.of_all else []
         for mirrors, signs in unsymmetric_blocks(self._mirrors):
             same = len(mirrors) == len(self._mirrors)
             part = self._model.part if same else part_between(self._whole, self._images, mirrors)
@@ -108,7 +114,7 @@ class _Pieces:
         self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
 
     def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
-        """Whether all of them certainly are; arguments as of :meth:`Unsymmetric.surplus`."""
+        """Whether all of them certainly are; arguments as of :meth:`Stability.surplus`."""
         entries = self.with_pressure(entries, displacement, pressure)
         try:
             return not any(block.surplus(entries) for block in self.blocks)

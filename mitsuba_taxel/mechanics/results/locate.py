@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.point_tree import PointTree
@@ -49,11 +50,8 @@ class Location:
         Outside, the field goes on linearly from the nearest point of the silicone: exact for a linear field, and off
         by the second derivative times half the square of the distance for others.
         """
-        nodal = values[self.mesh.tets[self.element]]
-        inside = np.einsum("pa,pa...->p...", self._functions, nodal)
-        if not self.offset.any():
-            return inside
-        return inside + np.einsum("p...j,pj->p...", self.gradient(values), self.offset)
+        shape = (len(self.element), *values.shape[1:])
+        return (self.weights @ values.reshape(len(values), -1)).reshape(shape)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
         """(P, ..., 3) derivatives by the undeformed place [1/mm] of what is ``values`` (N, ...) at the nodes.
@@ -63,9 +61,22 @@ class Location:
         return np.einsum("pa...,paj->p...j", values[self.mesh.tets[self.element]], self._slopes)
 
     @cached_property
-    def _functions(self) -> np.ndarray:
-        """(P, 10) shape functions at the points."""
-        return shape_functions(tet_coordinates(self.reference))
+    def weights(self) -> sparse.csr_array:
+        """(P, N) of the nodes' values in those at the points, as :meth:`interpolate` sums them."""
+        functions = shape_functions(tet_coordinates(self.reference))
+        if self.offset.any():
+            functions += np.einsum("paj,pj->pa", self._slopes, self.offset)
+        return self._over_nodes(functions)
+
+    def slope_weights(self, directions: np.ndarray) -> sparse.csr_array:
+        """(P, N) of the nodes' values in the derivatives at the points along ``directions`` (P, 3); see `gradient`."""
+        return self._over_nodes(np.einsum("paj,pj->pa", self._slopes, directions))
+
+    def _over_nodes(self, of_element: np.ndarray) -> sparse.csr_array:
+        """(P, N) from what belongs to the nodes (P, 10) of the points' elements."""
+        nodes = self.mesh.tets[self.element]
+        ends = np.arange(0, nodes.size + 1, nodes.shape[1])
+        return sparse.csr_array((of_element.ravel(), nodes.ravel(), ends), shape=(len(nodes), len(self.mesh.points)))
 
     @cached_property
     def _slopes(self) -> np.ndarray:

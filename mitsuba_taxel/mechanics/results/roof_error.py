@@ -9,14 +9,16 @@ move more precisely than pads do on elements of that size as a rule.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.results.locate import PointLocator
+from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
 from mitsuba_taxel.pads.pad import REGIONS
 
 _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1 / 6, 2 / 3]])
@@ -67,22 +69,23 @@ class RoofComparison:
         faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
         nodes = mesh.points[faces]
         points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
-        along = [np.einsum("qa,fai->fqi", slopes, nodes) for slopes in shape_slopes(_BARYCENTRIC)]
-        normal = np.cross(*along).reshape(-1, 3)
-        area = np.linalg.norm(normal, axis=1)
-        self._normal, self._weight = normal / area[:, None], area / area.sum()
-        self._here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
+        along = [np.einsum("qa,fai->fqi", slopes, nodes).reshape(-1, 3) for slopes in shape_slopes(_BARYCENTRIC)]
+        area = np.linalg.norm(np.cross(*along), axis=1)
+        self._along, self._weight = np.stack(along), area / area.sum()
         self._seen = np.unique(mesh.faces[mesh.face_cell > 0])
         # Curved roofs of two meshes lie beside each other, by less than their elements' size.
         locator, tolerance = PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
-        self._there = locator.locate(points, tolerance)
-        self._nodes_there = locator.locate(mesh.points[self._seen], tolerance)
+        here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
+        self._here, self._there = (_on_roofs(location, along) for location in (here, locator.locate(points, tolerance)))
+        self._nodes_there = locator.locate(mesh.points[self._seen], tolerance).weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
-        moved, difference = self._on_roofs(displacement, other)
+        moved, *slopes = _parts(self._here, displacement)
+        moved_there, *slopes_there = _parts(self._there, other)
+        difference = moved_there - moved
         error = self._average * difference - self._lacking(moved, difference) * moved
-        angle = _angle(self._turned(self._here.gradient(displacement)), self._turned(self._there.gradient(other)))
+        angle = _angle(self._normals(slopes), self._normals(slopes_there))
         largest = max(float(np.linalg.norm(e, axis=1).max()) for e in (self._local * difference, error))
         most = float(np.linalg.norm(displacement, axis=1).max())
         return RoofError(
@@ -104,18 +107,14 @@ class RoofComparison:
 
         First what goes along the displacement, at least the ``least`` part of it, then what is left of the change.
         """
-        moved, difference = self._on_roofs(displacement, other)
+        moved = _parts(self._here, displacement)[0]
+        difference = _parts(self._there, other)[0] - moved
         seen, short = displacement[self._seen], self._short(moved, difference)
         along = -math.copysign(max(abs(short), self._least), short) * seen
-        rest = self._average * (self._nodes_there.interpolate(other) - seen) + short * seen
+        rest = self._average * (self._nodes_there @ other - seen) + short * seen
         deviations = np.zeros((2, *displacement.shape))
         deviations[:, self._seen] = np.array([along, rest]) / ERROR_SHARE
         return deviations
-
-    def _on_roofs(self, displacement: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(P, 3) mm each at points of the roofs: displacement, and that on the other mesh less it."""
-        moved = self._here.interpolate(displacement)
-        return moved, self._there.interpolate(other) - moved
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
         """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""
@@ -127,10 +126,19 @@ class RoofComparison:
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
-    def _turned(self, gradient: np.ndarray) -> np.ndarray:
-        """(P, 3) normals of the deformed roof, of no particular length: F^-T N."""
-        deformation = gradient + np.eye(3)
-        return np.linalg.solve(np.swapaxes(deformation, -1, -2), self._normal[..., None])[..., 0]
+    def _normals(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
+        """(P, 3) normals of the deformed roof, of no particular length, from the displacement's slopes along it."""
+        return np.cross(*(self._along + slopes))
+
+
+def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
+    """(3 P, N) of the nodes' values in those at the points, and in their derivatives ``along`` two tangents."""
+    return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
+
+
+def _parts(weights: sparse.csr_array, displacement: np.ndarray) -> np.ndarray:
+    """(3, P, 3) at points of the roofs: the displacement in mm, and its derivatives along two tangents."""
+    return (weights @ displacement).reshape(3, -1, 3)
 
 
 def _angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:

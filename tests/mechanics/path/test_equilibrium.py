@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.geometry.mirror import MIRRORS
-from mitsuba_taxel.mechanics import NeoHookean, available_solvers
+from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, SpreadForce, available_solvers
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
@@ -164,6 +164,21 @@ def test_solvers_agree_and_say_what_they_know(small_mesh):
     np.testing.assert_allclose(states["rslab"].unknowns, states["superlu"].unknowns, atol=1e-9)
     assert states["rslab"].stability_checked
     assert not states["superlu"].stability_checked
+
+
+@pytest.mark.parametrize("load", [SpreadForce(), PlateDisplacement()], ids=["force", "driven plate"])
+def test_a_factor_of_a_state_near_by_gives_the_rate_of_another(load, small_mesh):
+    """As its own does; and from far off a new one is made."""
+    pad = LoadedPad(small_mesh, NeoHookean(), load)
+    size = pad.step if load.quantity == "force" else 0.02
+    near, value, far = (np.array([0.0, 0.0, -s * size]) for s in (0.9, 1.0, 0.0))
+    direction = np.array([0.3, 0.0, -1.0])
+    solution, own = pad.solve(np.zeros(pad.unknowns), value)
+    exact = pad.rate(own, solution.unknowns, direction)
+    for other in (near, far):
+        _, there = pad.solve(solution.unknowns, other)
+        rate = pad.rate(pad._linearised(own.entries, there), solution.unknowns, direction)
+        np.testing.assert_allclose(rate, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 
 
 def test_an_unstable_equilibrium_is_rejected(block):

@@ -11,7 +11,7 @@ from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.stability import Unsymmetric
+from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
 
 LAW = NeoHookean()
@@ -37,7 +37,7 @@ def test_the_pieces_have_the_energy_of_the_whole(mirrors, load, value, symmetric
     state = pad.split(unknowns)
 
     of_whole = Model(part_between(mesh, {}, ()), LAW, load, {})
-    pieces = Unsymmetric(mesh, tuple(mirrors), images, pad.model, None).pieces
+    pieces = Stability(mesh, tuple(mirrors), images, pad.model, None).pieces
     restricted = pad.part.restrict(*state)
     entries = pad.model.evaluate(*restricted, value).entries
     with_pressure = pieces.with_pressure(entries, *state)
@@ -61,6 +61,18 @@ def test_the_pieces_have_the_energy_of_the_whole(mirrors, load, value, symmetric
             half = [0.5 * (own + sign * other) for own, other in zip(here, image, strict=True)]
             total += 2 * form(block.model, with_pressure, *pad.part.restrict(*half))
     assert total == pytest.approx(whole, rel=1e-9)
+
+
+def test_the_blocks_hold_every_displacement(symmetric_block):
+    """As many unknowns as the whole has; the last block of a square counts twice."""
+    mesh = symmetric_block((3.6, 3.6, 3.0), (2, 2, 3))
+    images = node_images(mesh)
+    pad = LoadedPad(mesh, LAW, SpreadForce(), MIRRORS, images)
+    stability = Stability(mesh, tuple(MIRRORS), images, pad.model, None)
+    assert stability.of_all
+    *others, pairs = (block.model.assembly.unknowns for block in stability._blocks)
+    whole = Model(part_between(mesh, {}, ()), LAW, SpreadForce(), {})
+    assert sum(others) + 2 * pairs == whole.assembly.unknowns
 
 
 def form(model, entries, displacement, pressure):

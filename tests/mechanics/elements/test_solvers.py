@@ -1,0 +1,42 @@
+"""Factors of single precision say of a matrix what those of double precision do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+
+from mitsuba_taxel.mechanics.elements.solvers import Rslab, symmetric_product
+
+SIDE = 18
+
+
+@pytest.fixture(scope="module")
+def laplacian():
+    """Of a square grid, with its least eigenvalue in closed form."""
+    beside = np.full(SIDE - 1, -1.0)
+    line = sparse.diags_array([beside, np.full(SIDE, 2.0), beside], offsets=[-1, 0, 1])
+    one = sparse.eye_array(SIDE)
+    least = 4 - 4 * np.cos(np.pi / (SIDE + 1))
+    return sparse.csc_matrix(sparse.kron(line, one) + sparse.kron(one, line)), least
+
+
+@pytest.mark.parametrize("distance", [0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("beyond", [False, True])
+def test_the_inertia_is_right_however_near_an_eigenvalue_is_to_zero(distance, beyond, laplacian):
+    matrix, least = laplacian
+    shift = least * (1 + distance if beyond else 1 - distance)
+    shifted = sparse.csc_matrix(sparse.tril(matrix - shift * sparse.eye_array(SIDE**2)))
+    factor = Rslab().factor(shifted)
+    assert factor.negative_pivots == int(beyond)
+    rhs = np.arange(float(SIDE**2))
+    found = factor.solve(rhs)
+    np.testing.assert_allclose(symmetric_product(shifted, found), rhs, atol=1e-13 * np.abs(found).max())
+
+
+def test_a_solution_is_right_to_all_digits_and_a_rough_one_to_some(laplacian):
+    matrix, _ = laplacian
+    exact = np.random.default_rng(1).standard_normal(SIDE**2)
+    factor = Rslab().factor(sparse.csc_matrix(sparse.tril(matrix)))
+    np.testing.assert_allclose(factor.solve(matrix @ exact), exact, atol=1e-13)
+    np.testing.assert_allclose(factor.solve_roughly(matrix @ exact), exact, atol=1e-4)
