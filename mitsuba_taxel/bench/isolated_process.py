@@ -11,6 +11,8 @@ import sys
 import tempfile
 from typing import Any, Protocol
 
+from mitsuba_taxel.base.limits import address_space
+
 
 class Case(Protocol):
     """What is measured: it can be pickled, and its row is a dataclass of what JSON can hold."""
@@ -27,7 +29,7 @@ MOST_MEMORY = 8 * 2**30
 
 def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
     """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
-    command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(memory)]
+    command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(address_space(memory))]
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}
         try:

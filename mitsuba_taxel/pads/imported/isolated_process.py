@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.limits import address_space
 from mitsuba_taxel.geometry.geometry_error import Flaw
 
 WORKER = Path(__file__).with_name("worker.py")
 """Run as a file, so that the process imports neither this package nor Mitsuba."""
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes of address space."""
+"""Bytes of address space, where this process itself is under no lower limit."""
 
 
 def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
@@ -33,7 +34,8 @@ def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
         in one line, if the process crashes, fails, or goes beyond :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; what it
         wrote is in the exception's cause.
     """
-    command = [sys.executable, str(WORKER), task, str(int(MOST_MEMORY)), str(int(MOST_SECONDS))]
+    memory = address_space(int(MOST_MEMORY))
+    command = [sys.executable, str(WORKER), task, str(memory), str(int(MOST_SECONDS))]
     try:
         done = subprocess.run(command, input=_packed(arrays), capture_output=True, timeout=MOST_SECONDS)
     except subprocess.TimeoutExpired as error:
@@ -45,13 +47,13 @@ def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
         if "flaw" in answer:
             raise Flaw(str(answer["flaw"]))
         return answer
-    raise ComputationError(_reason(done)) from RuntimeError(done.stderr.decode(errors="replace"))
+    raise ComputationError(_reason(done, memory)) from RuntimeError(done.stderr.decode(errors="replace"))
 
 
-def _reason(done: subprocess.CompletedProcess[bytes]) -> str:
+def _reason(done: subprocess.CompletedProcess[bytes], memory: int) -> str:
     last = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
     if "bad_alloc" in last or "MemoryError" in last or -done.returncode == signal.SIGKILL:
-        return f"meshing the pad needed more than {MOST_MEMORY / 2**30:g} GB of memory: choose a greater mesh_size."
+        return f"meshing the pad needed more than {memory / 2**30:.3g} GB of memory: choose a greater mesh_size."
     if done.returncode < 0:
         how = f"crashed ({signal.Signals(-done.returncode).name})"
     else:

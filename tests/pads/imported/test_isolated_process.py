@@ -58,6 +58,21 @@ def test_memory_beyond_the_limit_is_refused_to_the_process(monkeypatch, box):
         sandbox.run_apart("tetrahedralise", _arguments(box()))
 
 
+def test_the_process_keeps_a_lower_limit_of_its_caller(box):
+    """Nobody may raise a limit again that another has set."""
+    arguments = _arguments(box())
+    del arguments["epsilon"]
+    program = (
+        "import resource, sys\n"
+        "from mitsuba_taxel.pads.imported import isolated_process as sandbox\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)\n"
+        "print(len(sandbox.run_apart('fill', sandbox._unpacked(sys.stdin.buffer.read()))['tets']))"
+    )
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, input=sandbox._packed(arguments), capture_output=True, check=True)
+    assert int(done.stdout) > 10
+
+
 def test_flaws_that_the_process_finds_are_told_apart(worker):
     worker("np.savez(sys.stdout.buffer, flaw='it is round')")
     with pytest.raises(Flaw, match="it is round"):

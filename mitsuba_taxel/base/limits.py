@@ -1,0 +1,11 @@
+"""Limits that the processes which this package starts are put under."""
+
+from __future__ import annotations
+
+import resource
+
+
+def address_space(most: int) -> int:
+    """Bytes of memory for a new process: ``most``, or less where this process is under a lower limit itself."""
+    own = [limit for limit in resource.getrlimit(resource.RLIMIT_AS) if limit != resource.RLIM_INFINITY]
+    return min([most, *own])
