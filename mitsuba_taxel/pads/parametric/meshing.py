@@ -34,6 +34,9 @@ CUT = 0.2
 CURVATURE_SAFETY = 2.0
 """Elements per radius of curvature; round walls and caps may have fewer if the sizes asked for are larger, whereas a
 dome would be distorted along its rim."""
+SLENDER = 10.0
+"""Height of a side wall, relative to the size of the cell, beyond which a dome asks for small elements alone: its wall
+would have them all the way down."""
 REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
 """How much smaller all local sizes are made, tried in turn until no element is too distorted: by little, or larger
 elements would be more."""
@@ -107,13 +110,16 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
         unit = pad.height / UNITS_OF_HEIGHT
         face_size, edge_size = (size / refinement for size in _local_sizes(pad, mesh_size))
         curvature_safety = CURVATURE_SAFETY * refinement
-        if pad.cell != "hemispheric":
+        slender = pad.side_height > SLENDER * pad.cell_size
+        if pad.cell != "hemispheric" or slender:
             curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
         try:
             solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)
             for face in solid.faces:
                 if face.name in ("roof", "side"):
                     face.maxh = face_size / unit
+                if slender and face.name == "roof" and pad.dome_radius:
+                    face.maxh = min(face_size, pad.dome_radius / CURVATURE_SAFETY / refinement) / unit
             for edge in singular_edges(solid, pad):
                 edge.maxh = edge_size / unit
             parameters = MeshingParameters(

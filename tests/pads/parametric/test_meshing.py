@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.element_maps import jacobians
+from mitsuba_taxel.geometry.element_maps import jacobians, worst_element
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY
 
 QUADRATIC_SURFACE = 2e-3
 """Relative error allowed for areas and volumes of curved cells: 8 or more quadratic faces to a circle."""
@@ -220,3 +221,14 @@ def test_smaller_elements_are_more_elements(cell, rows, wall):
     pad = Pad(cell, rows, 3, pitch=2.55 + wall, wall=wall)
     counts = np.array([len(mesh_pad(pad, size).tets) for size in (1.77, 1.49, 1.25, 1.05, 0.9, 0.83)])
     assert np.all(counts[1:] > 0.9 * counts[:-1]) and counts[-1] > 2 * counts[0], counts
+
+
+def test_a_deep_and_narrow_cell_costs_little():
+    """Its wall needs no elements as small as its dome's all the way down."""
+    pad = Pad("hemispheric", rows=1, columns=1, cell_size=1e-3, cell_height=1.55, height=3.0, wall=1.5)
+    mesh = mesh_pad(pad, 1.5)
+    assert len(mesh.tets) < 40_000
+    assert worst_element(mesh)[0] >= LEAST_QUALITY
+    roof = np.unique(mesh.faces[mesh.face_region == REGIONS["roof"]])
+    radius = np.linalg.norm(mesh.points[roof] - (0, 0, 1.55 - 0.5e-3), axis=1)
+    np.testing.assert_allclose(radius, 0.5e-3, rtol=1e-3)
