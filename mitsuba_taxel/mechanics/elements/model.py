@@ -83,7 +83,7 @@ class Model:
     def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
         """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
-        return float((deformed / map_determinants(self.mesh.points, self.mesh.tets)).min())
+        return float((deformed / self._determinants).min())
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Forces of the load over the unknowns, linear in ``value``; none where the load is a displacement."""
@@ -99,6 +99,11 @@ class Model:
 
     def _faces(self, region: str) -> np.ndarray:
         return self.mesh.faces[self.mesh.face_region == REGIONS[region]]
+
+    @cached_property
+    def _determinants(self) -> np.ndarray:
+        """Of the undeformed elements, as :func:`map_determinants` gives them."""
+        return map_determinants(self.mesh.points, self.mesh.tets)
 
     @cached_property
     def _share(self) -> np.ndarray:

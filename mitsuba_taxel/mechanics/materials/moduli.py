@@ -63,17 +63,20 @@ class Moduli:
         """
         count, points = weight.shape
 
-        def seen(tensor: np.ndarray) -> np.ndarray:
-            """T_ij B_aj, (m, q, 30)."""
-            return (gradients @ np.swapaxes(tensor, -1, -2)).reshape(count, points, 3 * NODES)
+        tensors = [*(tensor for pair in self.pairs for tensor in pair), *(tensor for _, tensor in self.crossed)]
+        distinct = {id(tensor): tensor for tensor in tensors}  # invariants share some
+        stacked = np.stack([np.swapaxes(tensor, -1, -2) for tensor in distinct.values()], axis=-2)
+        products = gradients @ stacked.reshape(count, points, 3, -1)
+        parts = [products[..., k : k + 3].reshape(count, points, 3 * NODES) for k in range(0, products.shape[-1], 3)]
+        seen = dict(zip(distinct, parts, strict=True))  # T_ij B_aj, (m, q, 30)
 
-        weighted = [(left, weight[..., None, None] * right) for left, right in self.pairs]
-        pairs = _product([(seen(left), seen(right)) for left, right in weighted])
-        factors = [((weight * factor)[..., None], seen(tensor)) for factor, tensor in self.crossed]
+        volume = weight[..., None]
+        pairs = _product([(seen[id(left)], volume * seen[id(right)]) for left, right in self.pairs])
+        factors = [(volume * factor[..., None], seen[id(tensor)]) for factor, tensor in self.crossed]
         crossed = _product([(tensor, factor * tensor) for factor, tensor in factors])
-        blocks = pairs[:, _BLOCK]
-        blocks += pairs[:, _TRANSPOSED]
-        blocks += crossed[:, _CROSSED]
+        blocks = pairs.take(_BLOCK, axis=1)
+        blocks += pairs.take(_TRANSPOSED, axis=1)
+        blocks += crossed.take(_CROSSED, axis=1)
         blocks = blocks.reshape(count, -1, 9)
         self._add_diagonal(blocks, weight, gradients)
         if self.outer is not None:

@@ -124,6 +124,9 @@ class LoadedPad:
         """
         found = self._balanced(start, value)
         linearised = self._linearised(self._entries(found, value))
+        # One more step costs a back-solve, and derivatives then do not feel what was left.
+        correction = linearised.step(found.state.residual, self._gap(found.unknowns, value))
+        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
         solution = self._accepted(found, self._is_stable(linearised))
         self.refuse_unstable(solution.unknowns, linearised.entries, value)
         return solution, linearised
