@@ -22,8 +22,10 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.load_path import State
 
-RELATIVE_STEP = 1e-5
-"""Change of a parameter of the material that differences are taken with: they are right to about 1e-10."""
+RELATIVE_STEP = 1e-3
+"""Change of a parameter of the material that differences of fourth order are taken with: they are right to 1e-11."""
+SMALL_STEP = 1e-5
+"""Where the law does not allow that: differences of second order, right to about 1e-9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,19 +161,24 @@ class LinearisedState:
         return self._residual_rates[name]
 
     def _difference(self, name: str) -> np.ndarray:
-        """Central difference, or a one-sided one of second order where the law allows no more or no less."""
+        """Central difference of fourth order, or one of second order where the law does not allow larger changes."""
         material, value = self._pad.material, getattr(self._pad.material, name)
-        step = RELATIVE_STEP * (abs(value) or _scale(material, name))
+        scale = abs(value) or _scale(material, name)
 
-        def inside(steps: int) -> np.ndarray:
-            return self._inside(_with(material, name, value + steps * step))
+        def inside(change: float) -> np.ndarray:
+            return self._inside(_with(material, name, value + change))
 
+        step = RELATIVE_STEP * scale
+        if _allows(material, name, value + 2 * step) and _allows(material, name, value - 2 * step):
+            wide, narrow = (inside(k * step) - inside(-k * step) for k in (2, 1))
+            return (8 * narrow - wide) / (12 * step)
+        step = SMALL_STEP * scale
         upwards, downwards = (_allows(material, name, value + change) for change in (step, -step))
         if upwards and downwards:
-            return (inside(1) - inside(-1)) / (2 * step)
+            return (inside(step) - inside(-step)) / (2 * step)
         if not upwards:
             step = -step
-        return (4 * inside(1) - 3 * inside(0) - inside(2)) / (2 * step)
+        return (4 * inside(step) - 3 * inside(0.0) - inside(2 * step)) / (2 * step)
 
     def _inside(self, material: Material) -> np.ndarray:
         """(unknowns,) forces and volumes that the pad puts up in its present shape, were it of ``material``."""
