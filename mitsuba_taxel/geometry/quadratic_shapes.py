@@ -34,8 +34,8 @@ def shape_gradients(xi: np.ndarray) -> np.ndarray:
 
 
 def tet_coordinates(xi: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates (Q, 4) of reference points (Q, 3) of a tetrahedron."""
-    return np.concatenate([1 - xi.sum(axis=1, keepdims=True), xi], axis=1)
+    """Barycentric coordinates (..., 4) of reference points (..., 3) of a tetrahedron."""
+    return np.concatenate([1 - xi.sum(axis=-1, keepdims=True), xi], axis=-1)
 
 
 def control_points(nodes: np.ndarray) -> np.ndarray:

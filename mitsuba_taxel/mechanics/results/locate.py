@@ -17,6 +17,8 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 
 SLACK = 1e-9
 """How far below 0 a barycentric coordinate may be inside an element: rounding leaves no gap between neighbours."""
+ROOM = 1e-6
+"""How far beyond those of its hull the barycentric coordinates of a point in an element may be: more than rounding."""
 ROUNDING = 1e-14
 """Distance to a point, relative to the largest coordinate, at which Newton's method has found it."""
 MOST_ITERATIONS = 30
@@ -98,6 +100,8 @@ class PointLocator:
         self._centroid = corner.mean(axis=1)
         self._to_straight = np.linalg.inv(np.swapaxes(corner[:, 1:] - corner[:, :1], 1, 2))
         self._radius = np.linalg.norm(hull - self._centroid[:, None], axis=2).max()
+        straight = tet_coordinates((hull - corner[:, :1]) @ np.swapaxes(self._to_straight, 1, 2))
+        self._least, self._most = straight.min(axis=1) - ROOM, straight.max(axis=1) + ROOM
         self._tree = PointTree(self._centroid)
         self._boundary = _Boundary(mesh)
 
@@ -147,6 +151,9 @@ class PointLocator:
         candidate = near[row, column]
         offset = x[sought[row]] - self.mesh.points[self.mesh.tets[candidate, 0]]
         start = np.einsum("kij,kj->ki", self._to_straight[candidate], offset)
+        coordinates = tet_coordinates(start)
+        within = np.all((coordinates >= self._least[candidate]) & (coordinates <= self._most[candidate]), axis=1)
+        row, candidate, start = row[within], candidate[within], start[within]
         order = np.lexsort((_violation(start), row))
         row, candidate, start = row[order], candidate[order], start[order]
         rank = np.arange(len(row)) - np.searchsorted(row, row)
