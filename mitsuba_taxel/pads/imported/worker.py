@@ -199,5 +199,5 @@ def _numbers_of_faces(mesh: Any, index: Any) -> Any:
 
 
 if __name__ == "__main__":
-    del sys.path[0]  # the folder of this file, whose modules would stand before others of the same name
+    sys.path.append(sys.path.pop(0))  # the folder of this file, whose modules must not stand before others
     main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
