@@ -104,7 +104,7 @@ def test_an_interrupt_ends_the_process_too(tmp_path):
         "time.sleep(60)\n"
     )
     code = (
-        "import pathlib; from mitsuba_taxel.pads import sandbox; "
+        "import pathlib; from mitsuba_taxel.pads.imported import isolated_process as sandbox; "
         f"sandbox.WORKER = pathlib.Path({str(tmp_path)!r}, 'worker.py'); sandbox.run_apart('any', {{}})"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
