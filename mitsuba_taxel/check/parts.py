@@ -17,7 +17,7 @@ from mitsuba_taxel.check.document import KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
 from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
-from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_triangles
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
 from mitsuba_taxel.sensing.scene import NESTED_SCENE, far_transforms, guilty_parameters
@@ -227,7 +227,9 @@ class _Maker:
         if numbers and finish is not None:
             message = "read_cells is not allowed with a finish: it is laid on all cells."
             self.findings.append(part.finding("error", message, "read_cells"))
+        wall = pad.bsdf()
         try:
+            check_mirrors(pad.pad, mirrors(wall) if wall is not None else [], stated.subdivision)
             cells = _cells_with_room(pad.pad, stated.mesh_size, stated.subdivision, len(numbers))
             if finish is not None:
                 refuse_finish(pad.pad, stated.mesh_size, finish, stated.subdivision)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import mitsuba as mi
+
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads import REGIONS, Pad, PadFile
+from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
+from mitsuba_taxel.pads.parametric.round_walls import is_round
 
 MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
 """Of the finite elements on the surface of a cell, however large they may be."""
+LEAST_OF_MIRRORS = 3
+"""Triangles along an element of a round wall that is a mirror. With fewer they turn by more than 20 degrees, and what
+they reflect at grazing angles errs by more than chords tell: by up to some percent."""
 
 
 def check_triangles(subdivision: int, faces: int) -> None:
@@ -16,4 +24,28 @@ def check_triangles(subdivision: int, faces: int) -> None:
         raise InputError(
             f"subdivision = {subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
             f"triangles, more than {MOST_TRIANGLES:.0e}; choose less, or name the cells that are read."
+        )
+
+
+def mirrors(bsdf: mi.BSDF) -> list[int]:
+    """Codes of the regions whose wall sends some light, more or less, where a mirror would."""
+    walls = getattr(bsdf, "walls", None) or dict.fromkeys(REGIONS, bsdf)
+    directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
+    return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]
+
+
+def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> None:
+    """Refuse too few triangles for round walls where regions (codes) are mirrors; raises `InputError`.
+
+    A surface file has flat walls; those of a solid may all be round.
+    """
+    if isinstance(pad, Pad):
+        round_walls = [name for name in ("roof", "side") if is_round(pad, name)]
+    else:
+        round_walls = [] if pad.suffix in SURFACE_FORMATS else list(REGIONS)
+    names = [name for name in round_walls if REGIONS[name] in codes]
+    if names and subdivision < LEAST_OF_MIRRORS:
+        raise InputError(
+            f"subdivision = {subdivision} is not allowed: the {names[0]} is a mirror and may be round, which takes "
+            f"{LEAST_OF_MIRRORS} or more."
         )

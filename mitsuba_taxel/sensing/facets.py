@@ -6,11 +6,11 @@ size as what it mends, and a small part of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import mitsuba as mi
-import numpy as np
 
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.sensing.mechanics_error import moved
@@ -21,18 +21,11 @@ def curved_pads(scene: mi.Scene) -> list[Any]:
     return [shape for shape in scene.shapes() if getattr(shape, "is_curved", False)]
 
 
-def change_by_chords(scene: mi.Scene, powers: Callable[[], np.ndarray], before: np.ndarray) -> np.ndarray:
-    """(T,) W, by how much powers change where triangles are chords of the curved walls.
-
-    Parameters
-    ----------
-    powers : traces the scene as it is, always with the same random numbers; (R, T) W
-    before : (R, T) W, what it has given
-
-    Pads are as before when this returns.
-    """
+@contextmanager
+def past_chords(scene: mi.Scene) -> Iterator[None]:
+    """Have the triangles of curved walls be their chords for a while."""
     pads = curved_pads(scene)
     with stages.stage("load"):
         chords = [pad.chords() for pad in pads]
     with moved(scene, pads, chords):
-        return (powers() - before).mean(axis=0)
+        yield

@@ -20,6 +20,7 @@ from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Cl
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.targets import (
     FLAT,
+    NEGLIGIBLE,
     Aimed,
     Geometry,
     Mechanics,
@@ -27,6 +28,7 @@ from mitsuba_taxel.sensing.targets import (
     aim,
     deviation_points,
     geometry_of,
+    geometry_points,
     mechanics_of,
     points_for,
 )
@@ -139,7 +141,10 @@ def _aimed(
         return aim(scene, target_error, seed, clock)
     mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     ready = prepare(scene)
-    geometry = geometry_of(ready, seed) if mechanics_error else FLAT
+    geometry = FLAT
+    if mechanics_error:
+        wanted = 0.0 if points else target_error or LIGHT_ERROR
+        geometry = geometry_of(ready, seed, geometry_points(points or MOST_POINTS), NEGLIGIBLE * wanted)
     if points is None and (target_error is not None or clock.end == math.inf):
         points = points_for(ready, target_error or LIGHT_ERROR, seed, clock, geometry.pilot)
     points = points or MOST_POINTS

@@ -16,7 +16,7 @@ import numpy as np
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.sensing.facets import change_by_chords, curved_pads
+from mitsuba_taxel.sensing.facets import curved_pads, past_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, loaded_pads, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
@@ -30,8 +30,12 @@ DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
 """For each taxel and replicate, of the two traces that tell what the mechanics' error does: domes take many."""
 DEVIATION_SHARE = 4
 """Of the points of a reading, what these traces have at most: a change has a fifth of the noise of a reading."""
+GEOMETRY_POINTS = 64
+"""As the least of those, for the facets' error: the first of a pilot run's, which goes on from them."""
+GEOMETRY_SHARE = 8
+"""Of the points of a reading, what each of the two traces for the facets' error has at most."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
-"""What the error of the mechanics may itself be uncertain by: part of it, or part of a target error."""
+"""What the error of mechanics or facets may itself be uncertain by: part of it, or part of a target error."""
 COST_ORDER = 4.0
 """With which the time of the mechanics grows as elements get smaller."""
 RUNG, MOST_RUNGS = 0.9, 7
@@ -92,19 +96,23 @@ class Aimed(NamedTuple):
     settings: Settings
 
 
-def geometry_of(ready: Prepared, seed: int) -> Geometry:
-    """What facets do to the readings of a scene, by two short traces."""
+def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> Geometry:
+    """What facets do to the readings of a scene, by two short traces, of as many points as :func:`mechanics_of`."""
     if not curved_pads(ready.scene):
         return FLAT
-
-    def short() -> Run:
-        run = Run(ready, derived_seed(seed, 1))
-        run.go_on(FIRST_POINTS)
-        return run
-
-    pilot = short()
-    facets = change_by_chords(ready.scene, lambda: short().powers, pilot.powers)
-    return Geometry(facets, geometry_share(facets, pilot.powers.mean(axis=0)), pilot)
+    pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
+    points = GEOMETRY_POINTS
+    while True:
+        pilot.go_on(points)
+        with past_chords(ready.scene):
+            chords.go_on(points)
+        changes, power = chords.powers - pilot.powers, pilot.powers.mean(axis=0)
+        facets = changes.mean(axis=0)
+        share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
+        more = _more_points(share, noise, tolerance)
+        if more == 1 or points >= most:
+            return Geometry(facets, share, pilot)
+        points = min(points * more, most)
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
@@ -123,11 +131,18 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
         deviation = combined(changes.mean(axis=1))
         noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
         share = mechanics_share(deviation, power)
-        wanted = max(CLEAR * share, tolerance)
-        if noise <= wanted or points >= most:
+        more = _more_points(share, noise, tolerance)
+        if more == 1 or points >= most:
             return Mechanics(deviation, share)
-        doublings = math.ceil(2 * math.log2(noise / wanted)) if wanted else 4
-        points = min(points << min(doublings, 4), most)
+        points = min(points * more, most)
+
+
+def _more_points(share: float, noise: float, tolerance: float) -> int:
+    """How many times the points a share with so much noise takes to be clear, or known to a tolerance."""
+    wanted = max(CLEAR * share, tolerance)
+    if noise <= wanted:
+        return 1
+    return 1 << min(math.ceil(2 * math.log2(noise / wanted)) if wanted else 4, 4)
 
 
 def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
@@ -135,6 +150,11 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
     if clock is not None and clock.end < math.inf:
         return DEVIATION_POINTS
     return min(points // DEVIATION_SHARE, MOST_DEVIATION_POINTS)
+
+
+def geometry_points(points: int) -> int:
+    """The most that the traces for the facets' error may take, beside readings of so many points."""
+    return min(max(points // GEOMETRY_SHARE, GEOMETRY_POINTS), FIRST_POINTS)
 
 
 def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
@@ -155,7 +175,7 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     scene = described(scene)
     ready, seconds = _timed(scene)
     traced = deviation_points(clock), NEGLIGIBLE * target_error
-    mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed)
+    mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed, tolerance=traced[1])
     tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
         tried.append((_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
@@ -168,7 +188,7 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed)
+        mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed, tolerance=traced[1])
     known = math.hypot(0.0 if math.isnan(mechanics.share) else mechanics.share, geometry.share)
     left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
     points = points_for(ready, left, seed, clock, geometry.pilot)

@@ -160,7 +160,7 @@ class DeformablePad(Specification):
         1,
         64,
         "Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep "
-        "theirs no longer.",
+        "theirs no longer; round walls that mirror take 3 or more.",
     )
 
     finish: str = choice("smooth", ("smooth", *FINISHES), "What the mould leaves on roof and side of the cells.")

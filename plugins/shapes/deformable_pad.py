@@ -14,8 +14,8 @@ from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
-from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_triangles
-from mitsuba_taxel.pads import REGIONS, Pad
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
+from mitsuba_taxel.pads import Pad
 
 FLAT = 1e-5
 """Distance of triangles from a wall, relative to the pad's height, that is as good as none."""
@@ -67,7 +67,8 @@ class DeformablePad(mi.Mesh):
         walls = [value for _, value in props.objects() if isinstance(value, mi.BSDF)]
         if not walls:
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
-        self.mirrors = [code for wall in walls for code in _mirrors(wall)]
+        self.mirrors = [code for wall in walls for code in mirrors(wall)]
+        check_mirrors(self.pad, self.mirrors, self.subdivision)
 
         self.surface = self._solve()
         triangles = self.surface.triangles
@@ -166,13 +167,6 @@ class DeformablePad(mi.Mesh):
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
-
-
-def _mirrors(bsdf: mi.BSDF) -> list[int]:
-    """Codes of the regions whose wall sends some light, more or less, where a mirror would."""
-    walls = getattr(bsdf, "walls", None) or dict.fromkeys(REGIONS, bsdf)
-    directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
-    return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]
 
 
 @lru_cache(maxsize=4)  # the pads of a study share their mesh

@@ -107,6 +107,16 @@ def test_pads_that_cannot_be_meshed(llvm_mono, pads, file, extra):
     assert str(caught.value) in [found.message for found in check_scene(scene) if found.severity == "error"]
 
 
+def test_a_round_mirror_of_few_triangles(llvm_mono, tmp_path):
+    scene = tmp_path / "scene.xml"
+    cell = f'{CELL} <string name="cell" value="hemispheric"/> <integer name="subdivision" value="2"/>'
+    text = FROM_FILE.replace('<string name="filename" value="FILE"/> EXTRA', cell)
+    scene.write_text(text.replace('type="wall"/>', 'type="wall"> <string name="scattering" value="mirror"/> </bsdf>'))
+    with pytest.raises(InputError, match="subdivision = 2 is not allowed") as caught:
+        measure(Scene.from_file(scene), points=4)
+    assert [str(caught.value)] == [found.message for found in check_scene(scene) if found.severity == "error"]
+
+
 def test_a_value_that_puts_a_part_nowhere_is_named(llvm_mono, tmp_path):
     file = tmp_path / "scene.xml"
     file.write_text(PLATE)

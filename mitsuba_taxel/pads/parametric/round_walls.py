@@ -8,6 +8,11 @@ from mitsuba_taxel.geometry.triangles import unit
 from mitsuba_taxel.pads.pad import REGIONS, Pad
 
 
+def is_round(pad: Pad, region: str) -> bool:
+    """Whether the ``roof`` or ``side`` of cells is a sphere or a cylinder."""
+    return pad.dome_radius > 0 if region == "roof" else pad.cell != "parallelepiped"
+
+
 def onto_round_walls(
     pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -27,10 +32,10 @@ def onto_round_walls(
     centre = np.zeros_like(points)
     centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
     centre[:, 2] = pad.top_of_cell - pad.dome_radius
-    walls = [("roof", pad.dome_radius, np.eye(3))] if pad.dome_radius else []
-    if pad.cell != "parallelepiped":
-        walls.append(("side", 0.5 * pad.cell_size, np.diag([1.0, 1.0, 0.0])))
+    walls = [("roof", pad.dome_radius, np.eye(3)), ("side", 0.5 * pad.cell_size, np.diag([1.0, 1.0, 0.0]))]
     for name, radius, across in walls:
+        if not is_round(pad, name):
+            continue
         here = (region == REGIONS[name]) & (cell > 0)
         from_centre = (points[here] - centre[here]) @ across
         distance = np.linalg.norm(from_centre, axis=1)[:, None]
