@@ -24,7 +24,6 @@ from .measurement import (
 from .measurement import (
     read_measurement as read_measurement,
 )
-from .mechanics_error import deviating as deviating
 from .recorded_runs import recorded_experiment as recorded_experiment
 from .sensitivity import (
     sensitivity as sensitivity,

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.characterise.equations import Deviation, hysteresis, nonlinearity, repeatability, share_forces
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
-from mitsuba_taxel.characterise.mechanics_error import with_mechanics
+from mitsuba_taxel.characterise.shape_error import with_shape
 from mitsuba_taxel.characterise.slopes import slopes
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ SLOPES = ("max_slope", "mean_slope", "zero_slope")
 DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
 
 
-def characteristics(experiments: Iterable[Experiment], off: Iterable[Experiment] = ()) -> pandas.DataFrame:
+def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Experiment]] = ()) -> pandas.DataFrame:
     """Sensitivities, nonlinearity, hysteresis and repeatability, one number a row.
 
     Slopes are those of each run of growing force; the nonlinearity that of each branch of growing force; the
@@ -28,7 +28,7 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Experiment]
 
     Parameters
     ----------
-    off : the same experiments with readings off by the error of the mechanics, which then is in the errors as well
+    off : the same experiments with readings off by each error of the shape, which then are in the errors as well
 
     Returns
     -------
@@ -38,12 +38,12 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Experiment]
     """
     import pandas
 
-    rows, off_rows = (
+    rows, *off_rows = (
         [row for experiment in all_ for row in (*_slopes(experiment), *_deviations(experiment))]
-        for all_ in (experiments, off)
+        for all_ in (experiments, *off)
     )
-    for row, other in zip(rows, off_rows, strict=bool(off_rows)):
-        row["error"] = with_mechanics(row["error"], row["value"], other["value"])
+    for row, *moved in zip(rows, *off_rows, strict=True):
+        row["error"] = float(with_shape(row["error"], row["value"], [other["value"] for other in moved]))
     last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N")
     others = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *last))
     return pandas.DataFrame(rows, columns=["figure", "force", *others, *last])

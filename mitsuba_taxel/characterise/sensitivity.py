@@ -1,4 +1,4 @@
-"""Sensitivity: the slope of a reading against force, with the error that light and mechanics give it."""
+"""Sensitivity: the slope of a reading against force, with the error that light, mechanics and geometry give it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, runs
-from mitsuba_taxel.characterise.mechanics_error import deviating, with_mechanics
+from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import Slopes, slopes
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 
     All scenes of a study share their random numbers, so slopes are formed replicate by replicate; the scatter of
     the replicates' slopes gives the error of the light, and slopes of the readings off by their ``deviation`` that of
-    the mechanics. Readings that are missing are left out.
+    the mechanics, by their ``geometry_error`` that of the geometry. Readings that are missing are left out.
 
     Parameters
     ----------
@@ -80,10 +80,10 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     others = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
     shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
     found = np.array([slopes(run) for _, run in runs(study, line)])
-    off = np.array([slopes(run) for _, run in runs(deviating(study), line)])
+    off = [np.array([slopes(run) for _, run in runs(other, line)]) for other in off_by_shape(study)]
     for name in ("max_slope", "mean_slope", "zero_slope"):
         value, error = Slopes._fields.index(name), Slopes._fields.index(f"{name}_error")
-        found[:, error] = with_mechanics(found[:, error], found[:, value], off[:, value])
+        found[:, error] = with_shape(found[:, error], found[:, value], [other[:, value] for other in off])
     coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
     return xr.Dataset(
         {

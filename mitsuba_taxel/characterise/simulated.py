@@ -1,4 +1,4 @@
-"""What a study holds of experiments: its lines of load, the same off by the mechanics' error, and tangential maps."""
+"""What a study holds of experiments: lines of load, the same off by the errors of the shape, and tangential maps."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import xarray as xr
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.mechanics_error import deviating
+from mitsuba_taxel.characterise.shape_error import off_by_shape, scenes_off_by_shape
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
 
 ERROR = (
-    "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the mechanics' error does; "
-    "on maps and of symmetric pairs that of the light alone."
+    "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the errors of mechanics and "
+    "geometry do; on maps and of symmetric pairs that of the light alone."
 )
 
 
@@ -22,7 +22,7 @@ class Simulated(NamedTuple):
     """``experiments``; ``off``, the same as ``characteristics`` takes them; ``maps``; and ``notes``, in words."""
 
     experiments: list[Experiment]
-    off: list[Experiment]
+    off: list[list[Experiment]]
     maps: list[TangentialMap]
     notes: list[str]
 
@@ -39,5 +39,5 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree) -> Simulated:
     except InputError as error:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
-    off = study.map_over_datasets(deviating) if isinstance(study, xr.DataTree) else deviating(study)
-    return Simulated(experiments(study), experiments(off), maps, notes)
+    off = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
+    return Simulated(experiments(study), [experiments(one) for one in off], maps, notes)

@@ -89,3 +89,14 @@ def test_what_the_mechanics_is_off_by_is_in_the_error_of_a_slope():
     for name in ("max_slope", "mean_slope", "zero_slope"):
         assert found[f"{name}_error"].item() == pytest.approx(ERROR_SHARE * 4e-7)
         assert found[name].item() == pytest.approx(-4e-5)
+
+
+def test_what_facets_change_is_in_the_error_of_a_slope():
+    """The same share of it as of the readings, whatever noise that has along the curve."""
+    power = np.tile(0.02 - 4e-5 * FORCES[:, None, None], (1, REPLICATES, 1))
+    study = study_of(power, ["fz", "replicate", "taxel"], fz=FORCES, taxel=[1]).assign_attrs(curve="fz")
+    share = 1e-3 * (1 + 0.3 * np.tile([1, -1], 21)[:41])
+    found = sensitivity(study.assign(geometry_error=(("fz", "taxel"), power[:, 0] * share[:, None])), "fz")
+    for name in ("max_slope", "mean_slope", "zero_slope"):
+        assert found[f"{name}_error"].item() == pytest.approx(share.mean() * 4e-5)
+        assert found[name].item() == pytest.approx(-4e-5)
