@@ -24,6 +24,7 @@ from mitsuba_taxel.mechanics.surface.finish import (
     fine_subdivision,
 )
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface, displacement_gradient
+from mitsuba_taxel.pads.imported import round_faces
 from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS, PadFile
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
@@ -274,6 +275,8 @@ def _placed(
     """Points (N, 3) of faces (N,), on the walls of the pad where these are known, and the derivative by the points."""
     if isinstance(pad, Pad):
         return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face])
+    if isinstance(pad, PadFile) and pad.suffix not in SURFACE_FORMATS:
+        return round_faces.onto_round_walls(mesh, points, mesh.face_region[face], mesh.face_cell[face])
     return points, np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
 

@@ -1,8 +1,14 @@
-"""Nodes put onto the spheres and upright cylinders that faces of a body are, found from the nodes on them."""
+"""What lies near spheres and upright cylinders that faces of a body are, put onto them; nodes on them tell which."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+
+from mitsuba_taxel.geometry.radial import put_radially
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
 
 ROUNDING = 1e-6
 """Distance from a sphere or cylinder, relative to its radius, that is rounding."""
@@ -27,12 +33,57 @@ def on_round_faces(
         given = known[np.unique(known_faces[known_face == number])]
         own = np.unique(faces[face == number])
         for axes in (3, 2):
-            centre, radius = _fitted(given[:, :axes])
-            if abs(np.linalg.norm(given[:, :axes] - centre, axis=1) / radius - 1).max() < ROUNDING:
+            if (wall := _round(given, axes)) is not None:
+                centre, radius = wall
                 outwards = points[own, :axes] - centre
                 points[own, :axes] = centre + radius * outwards / np.linalg.norm(outwards, axis=1, keepdims=True)
                 break
     return points
+
+
+def onto_round_walls(
+    mesh: VolumeMesh, points: np.ndarray, region: np.ndarray, cell: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of roofs and sides, moved radially onto the sphere or upright cylinder that all nodes of theirs are on.
+
+    Parameters
+    ----------
+    mesh : undeformed, with its nodes on the walls
+    points : (N, 3) mm, near the walls
+    region, cell : (N,) code of the region and number of the cell of each
+
+    Returns
+    -------
+    places : (N, 3) mm; points of walls that are neither as they were
+    gradient : (N, 3, 3) derivative of a point's place by the point
+    """
+    places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
+    for code, number, wall in _round_walls(mesh):
+        here = (region == code) & (cell == number)
+        places[here], gradient[here] = put_radially(points[here], *wall)
+    return places, gradient
+
+
+@lru_cache(maxsize=4)  # the states of a path share their mesh
+def _round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
+    """Code of the region, number of the cell, and centre, radius and directions across, of each round wall."""
+    found = []
+    in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])) & (mesh.face_cell > 0)
+    for code, number in np.unique(np.stack([mesh.face_region, mesh.face_cell])[:, in_cell], axis=1).T.tolist():
+        faces = mesh.faces[(mesh.face_region == code) & (mesh.face_cell == number)]
+        nodes = mesh.points[np.unique(faces)]
+        for axes in (3, 2):
+            if (wall := _round(nodes, axes)) is not None:
+                found.append((code, number, (np.append(wall[0], 0.0)[:3], wall[1], np.diag(np.arange(3) < axes) * 1.0)))
+                break
+    return found
+
+
+def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
+    """Centre and radius of the sphere (3 axes) or upright cylinder (2) that nodes (N, 3) are on; None for neither."""
+    centre, radius = _fitted(nodes[:, :axes])
+    off = np.abs(np.linalg.norm(nodes[:, :axes] - centre, axis=1) / radius - 1).max()
+    return (centre, radius) if off < ROUNDING else None
 
 
 def _fitted(points: np.ndarray) -> tuple[np.ndarray, float]:

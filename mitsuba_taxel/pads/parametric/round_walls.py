@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.triangles import unit
+from mitsuba_taxel.geometry.radial import put_radially
 from mitsuba_taxel.pads.pad import REGIONS, Pad
 
 
@@ -37,10 +37,5 @@ def onto_round_walls(
         if not is_round(pad, name):
             continue
         here = (region == REGIONS[name]) & (cell > 0)
-        from_centre = (points[here] - centre[here]) @ across
-        distance = np.linalg.norm(from_centre, axis=1)[:, None]
-        places[here] += (radius / distance - 1) * from_centre
-        radial = unit(from_centre)
-        flattened = across - radial[:, :, None] * radial[:, None, :]
-        gradient[here] = np.eye(3) - across + (radius / distance)[:, :, None] * flattened
+        places[here], gradient[here] = put_radially(points[here], centre[here], radius, across)
     return places, gradient

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import jacobians
+from mitsuba_taxel.mechanics import tessellate
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
 from mitsuba_taxel.pads.imported.rules import Rule
@@ -114,3 +116,19 @@ def test_two_solids_are_refused(tmp_path):
         Compound([Box(Pnt(0, 0, 0), Pnt(1, 1, 1)), Box(Pnt(3, 0, 0), Pnt(4, 1, 1))]).WriteStep(str(tmp_path / "a.step"))
     with pytest.raises(InputError, match="2 solids"):
         mesh_pad_file(PadFile(tmp_path / "a.step"), 1.25)
+
+
+def test_light_meets_the_spheres_and_cylinders_that_cells_are(step, mesh):
+    """Between the nodes elements have parabolas, which are off them."""
+    rest = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))
+    for pad, bounds in ((PadFile(step), (-1, 1e-9)), (None, (1e-6, 1e-2))):
+        surface = tessellate(rest, 4, pad=pad)
+        centre = np.array([[-2, 0, 0.5], [2, 0, 0.5]])[surface.cell - 1]
+        for name, axes in (("roof", 3), ("side", 2)):
+            here = surface.region == REGIONS[name]
+            from_centre = (surface.vertices[surface.triangles[here]] - centre[here][:, None])[..., :axes]
+            distance = np.linalg.norm(from_centre, axis=2, keepdims=True)
+            assert bounds[0] < np.abs(distance / RADIUS - 1).max() < bounds[1]
+            if pad is not None:
+                along = np.einsum("tki,tki->tk", from_centre / distance, surface.normals[here][..., :axes])
+                np.testing.assert_allclose(along, -1, atol=1e-9)
