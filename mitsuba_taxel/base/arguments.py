@@ -43,6 +43,15 @@ def path_of(name: str, value: object) -> Path:
     return path
 
 
+def text_of(name: str, value: str) -> str:
+    """The value of a parameter as Mitsuba takes it; raises `InputError` for what a locale could not read as text."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise refusal(name, value, "text in UTF-8, in a locale that has its letters, is needed") from None
+    return value
+
+
 def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
     """A mapping from names; None stands for an empty one. Raises `InputError`."""
     table: Any = {} if value is None else value

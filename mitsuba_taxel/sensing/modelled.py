@@ -54,6 +54,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
         )
     if getattr(integrator, "hide_emitters", False):
         raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
+    _refuse_instances(scene)
     _refuse_media(scene, plugin)
     if ours:
         taxels_of(scene)
@@ -68,6 +69,13 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     _refuse_moved_packages(scene)
     _refuse_far_faces(scene, ours)
     refuse_unknown_wavelength(scene, one_by_one=ours)
+
+
+def _refuse_instances(scene: Any) -> None:
+    """What is in an instance is not seen from outside: walls without bound, tables of reflectance, media."""
+    for shape in scene.shapes():
+        if kind_of(shape) == "instance":
+            raise InputError("instance is not allowed: its walls cannot be looked at; put the shape itself there.")
 
 
 def _is_mirror(wall: mi.BSDF) -> bool:

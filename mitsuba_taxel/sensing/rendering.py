@@ -10,6 +10,7 @@ import mitsuba as mi
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
+from mitsuba_taxel.sensing.probes import refuse_unreadable
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 
@@ -18,6 +19,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
     refuse_unmodelled(scene, integrator)
+    refuse_unreadable(scene, integrator)
     pair = next((pair for pair in taxels_of(scene) if pair.sensor is sensor), None)
     if pair is None:
         raise InputError("the sensor to render is not a phototransistor.")

@@ -11,7 +11,7 @@ from typing import Any
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of
+from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of, text_of
 from mitsuba_taxel.base.atomic import WriteError, replacing
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -58,10 +58,11 @@ class Scene(Displayed):
         allowed: set[str] = set()
         if isinstance(self.source, Path):
             self.defaults, allowed = _declared_parameters(self.source)
-        for name in given:
+        for name, value in given.items():
             if name not in allowed:
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
+            text_of(name, value)
         self.parameters = {**self.defaults, **given}
         self.leaves_mesh_open = False  # this is known once the scene has been loaded
 

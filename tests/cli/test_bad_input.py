@@ -51,6 +51,7 @@ CASES = {
     "sweep into another study": ((*SWEEP, "--vary", "z=1,2", "-o", "."), "not empty"),
     "deform write-protected": (("deform", "pad.xml", "-o", "/proc/pad"), "/proc/pad"),
     "deform without pad": (("deform", "plate.xml", "-o", "out"), "deformable_pad"),
+    "a value that is no text": (("render", "plate.xml", "-D", "law=\udcff"), "law = '\\udcff'"),
     "vary unknown name": ((*SWEEP, "--vary", "zz=1,2", "-o", "out"), "zz"),
     "vary empty": ((*SWEEP, "--vary", "z=0:1:-0.5", "-o", "out"), "empty"),
     "vary endless": ((*SWEEP, "--vary", "z=0:1:0", "-o", "out"), "endless"),

@@ -17,6 +17,7 @@ from mitsuba_taxel import ComputationError, InputError, Scene, measure
 
 ABSORBING = {"type": "wall", "scattering": "absorbing"}
 WHITE = {"type": "wall"}
+ISOTROPIC = {"type": "wall", "scattering": "isotropic"}
 OURS = ("taxel_tracer", "taxel_path", "analog_tracer")
 MEDIUM = {"type": "homogeneous"}
 
@@ -130,8 +131,7 @@ def _refused():
         yield f"40 mm away, {name}", name, {"at": (40, 0, 0)}, "from the origin, where Mitsuba's own"
     for law, z in (("lambertian", 0.02), ("lambertian", 0.05), ("uniform_solid_angle", 0.02)):
         yield f"gap of {z} mm, {law}", "taxel_path", {"z": z, "led": {"law": law}}, "hardly a path finds the light"
-    isotropic = {"type": "wall", "scattering": "isotropic"}
-    yield "isotropic from the detector", "taxel_path", {"wall": isotropic}, "weight without bound"
+    yield "isotropic from the detector", "taxel_path", {"wall": ISOTROPIC}, "weight without bound"
     half = {"type": "wall", "scattering": "mixed", "isotropic": 0.5, "specular": 0.5}
     yield "half isotropic from the detector", "taxel_path", {"wall": half}, "weight without bound"
     polar = {"led": {"law": "uniform_polar_angle"}}
@@ -168,6 +168,28 @@ def test_what_is_not_modelled_is_refused(llvm_mono, integrator, change, message)
 def test_light_that_never_ends_is_refused(llvm_mono, integrator):
     with pytest.raises(ComputationError, match="light in a closed cavity is not absorbed anywhere"):
         measure(Scene(cavity(integrator)), points=16)
+
+
+@pytest.mark.parametrize(
+    "scene, message",
+    [
+        (lambda: cavity("taxel_tracer"), "light in a closed cavity is not absorbed anywhere"),
+        (lambda: plate("taxel_path", z=0.02), "hardly a path finds the light"),
+    ],
+)
+def test_an_image_by_our_integrators_refuses_as_readings_do(llvm_mono, scene, message):
+    with pytest.raises(ComputationError, match=message):
+        llvm_mono.render(llvm_mono.load_dict(scene()), sensor=0, spp=16)
+
+
+@pytest.mark.parametrize("integrator", ["taxel_path", "path"])
+def test_instances_are_refused(llvm_mono, integrator):
+    """An isotropic wall in one would give `taxel_path` weights without bound, and nobody could tell."""
+    group = {"type": "shapegroup", "plate": shape("rectangle", (0, 0, 3), (1, 1, 1), bsdf=ISOTROPIC)}
+    copy = {"type": "instance", "ref": {"type": "ref", "id": "group"}}
+    source = plate(integrator, more={"group": group, "copy": copy})
+    with pytest.raises(InputError, match="instance is not allowed"):
+        measure(Scene(source), points=16)
 
 
 def test_light_that_ends_after_long_is_read(llvm_mono, agree):
