@@ -82,6 +82,28 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
         click.echo(summary(rows))
 
 
+@command.command("domes", short_help="Domed cells beside spheres and small elements.")
+@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@debug_option
+def domes_command(markdown: Path | None) -> None:
+    """Read domed cells whose truth is known otherwise: unloaded ones are spheres, loaded ones take small elements."""
+    from mitsuba_taxel.bench.domes import HEADINGS, dome_cells, domes, write_page
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    from .tables import print_text_table
+
+    if markdown:
+        check_new_file(markdown, ".md")
+    rows = []
+    try:
+        for row in domes(lambda name: click.echo(name, err=True)):
+            rows.append(row)
+            if markdown:
+                write_page(rows, markdown, f"taxel bench domes --markdown {markdown}")
+    finally:
+        print_text_table(list(HEADINGS.values()), map(dome_cells, rows))
+
+
 @command.command("accuracy", short_help="Error against time of every way to read a scene.")
 @click.argument("scene")
 @defines_option

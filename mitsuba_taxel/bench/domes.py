@@ -1,0 +1,132 @@
+"""Domes beside what is known of them otherwise: the sphere, and loaded ones on much smaller elements."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.bench.sphere_light import DOMES, SPACING
+from mitsuba_taxel.bench.tables import markdown_table
+from mitsuba_taxel.sensing import Readings, Scene, measure
+
+WALLS: dict[str, dict[str, Any]] = {
+    "lambertian": {"scattering": "lambertian"},
+    "isotropic": {"scattering": "isotropic"},
+    "mirror": {"scattering": "mirror"},
+    "rough mirror": {"scattering": "rough_mirror", "rms_slope": 2.0},
+}
+LOAD, FINE, FINE_CUT = -2.0, 0.4, 12
+"""N on one cell; mesh size in mm and subdivision of the truth of loaded domes."""
+POINTS, RAYS = 1 << 14, 1 << 18
+"""For each replicate, of all taxels together; and for each of the 16 runs of the rays on a sphere."""
+
+HEADINGS = {
+    "case": "cell",
+    "wall": "roof",
+    "cells": "cells",
+    "load": "load [N]",
+    "truth": "truth [W/W]",
+    "off": "off by",
+    "noise": "noise of that",
+    "stated": "stated for the shape",
+}
+
+_PAGE = """\
+# Domes
+
+Written by `{command}`; do not edit by hand.
+
+Readings of domed cells at the default settings, whose truth is known otherwise. Unloaded ones are spheres: of diffuse
+walls the truth is a quadrature, of mirrors it is traced on the sphere itself; neither knows elements, triangles or a
+renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of {fine:g} mm, each cut into
+twice as many triangles along its edges.
+
+{table}
+
+- **off by**: mean of all taxels beside the truth, relative; **noise of that**: one standard error, of both.
+- **stated for the shape**: relative error that readings state for the geometry and, where loaded, the mechanics.
+- rough mirror: slopes of 2 degrees, root mean square.
+"""
+
+
+@dataclass(frozen=True)
+class DomeRow:
+    """One row; `off`, `noise` and `stated` are relative."""
+
+    cell: str
+    wall: str
+    cells: int
+    load: float
+    truth: float
+    off: float
+    noise: float
+    stated: float
+
+
+def dome_scene(cell: str, wall: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
+    """Domes whose side wall and all below absorb, over LEDs without a hole."""
+    roof = {"type": "region", "roof": {"type": "wall", **wall}}
+    reflector = {"type": "photo_reflector", "rows": cells, "columns": cells, "spacing": SPACING}
+    reflector |= {"led": {"type": "annular_led", "hole": 0.0}, "detector": {"type": "phototransistor"}}
+    pad = {"type": "deformable_pad", "cell": cell, "rows": cells, "columns": cells, "walls": roof, **pad}
+    return Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, "pad": pad, "packages": reflector})
+
+
+def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
+    """Rows of the table as they are measured; ``starting`` is called with the name of each."""
+    for cell in DOMES:
+        for name, wall in WALLS.items():
+            sphere = None
+            for cells, load in ((1, 0.0), (3, 0.0), (1, LOAD)):
+                if starting:
+                    starting(f"{cell}, {name}, {cells} x {cells}, {load:g} N")
+                sphere = sphere or _on_sphere(cell, name)
+                yield _row(cell, name, cells, load, sphere if not load else _on_small_elements(cell, wall))
+
+
+def _row(cell: str, name: str, cells: int, load: float, truth: tuple[float, float]) -> DomeRow:
+    scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load])
+    readings = measure(scene, points=POINTS // cells**2, seed=1)
+    power, error = _mean(readings)
+    value, uncertain = truth
+    budget = readings.error_budget
+    stated = math.hypot(budget["geometry"], budget["mechanics"])
+    return DomeRow(cell, name, cells, load, value, power / value - 1, math.hypot(error, uncertain) / value, stated)
+
+
+def _on_sphere(cell: str, name: str) -> tuple[float, float]:
+    """Power on the phototransistor in W, and its standard error."""
+    wall = WALLS[name]
+    if "mirror" in name:
+        return DOMES[cell].mirror_power(wall.get("rms_slope", 0.0), seed=1, points=RAYS)
+    return DOMES[cell].diffuse_power(wall["scattering"], 24), 0.0
+
+
+def _on_small_elements(cell: str, wall: dict[str, Any]) -> tuple[float, float]:
+    scene = dome_scene(cell, wall, force=[0, 0, LOAD], mesh_size=FINE, subdivision=FINE_CUT)
+    return _mean(measure(scene, points=POINTS, seed=2, mechanics_error=False))
+
+
+def _mean(readings: Readings) -> tuple[float, float]:
+    """Mean power of all taxels, which are alike, and its standard error."""
+    means = readings.replicates.mean(axis=1)
+    return float(means.mean()), float(np.std(means, ddof=1) / math.sqrt(len(means)))
+
+
+def dome_cells(row: DomeRow) -> list[str]:
+    """The row as text, below `HEADINGS`."""
+    off, noise, stated = f"{row.off:+.3%}", f"{row.noise:.3%}", f"{row.stated:.3%}"
+    return [row.cell, row.wall, f"{row.cells} x {row.cells}", f"{row.load:g}", f"{row.truth:.6g}", off, noise, stated]
+
+
+def write_page(rows: Sequence[DomeRow], file: Path, command: str) -> None:
+    """Write the rows as a page that says what its columns mean."""
+    text = _PAGE.format(command=command, fine=FINE, table=markdown_table(HEADINGS, map(dome_cells, rows)))
+    with replacing(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")
