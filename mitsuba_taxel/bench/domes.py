@@ -23,7 +23,7 @@ WALLS: dict[str, dict[str, Any]] = {
 }
 LOAD, FINE, FINE_CUT = -2.0, 0.4, 12
 """N on one cell; mesh size in mm and subdivision of the truth of loaded domes."""
-POINTS, RAYS = 1 << 14, 1 << 18
+POINTS, RAYS = 1 << 13, 1 << 19
 """For each replicate, of all taxels together; and for each of the 16 runs of the rays on a sphere."""
 
 HEADINGS = {

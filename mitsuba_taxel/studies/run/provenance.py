@@ -36,11 +36,16 @@ def provenance(batch: Batch) -> dict[str, Any]:
     words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
     return {
         "scene_content": _digest(_files_of(batch.file, set(words))),
-        "code": code_digest(*ROOMS)[:16],
+        "code": own_code(),
         "versions": {name: str(version) for name, version in _versions().items()},
         "parameters": {name: value for name, value in parameters.items() if name not in first},
         "units": units_of_parameters(batch.file),
     }
+
+
+def own_code() -> str:
+    """Digest of the sources that decide what a reading is."""
+    return code_digest(*ROOMS)[:16]
 
 
 def _versions() -> dict[str, str]:

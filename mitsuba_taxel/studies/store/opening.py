@@ -14,7 +14,10 @@ from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.run.dataset import assemble
+from mitsuba_taxel.studies.run.provenance import own_code
 from mitsuba_taxel.studies.store.folder import STUDY, Store
+
+OF_OTHER_CODE = "computed by another version of the program, which may have stated errors otherwise"
 
 
 def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
@@ -56,7 +59,10 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"], "target_error": study.get("target_error")}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
-    return assemble(axes, results, failures, {**origin, **about, **run})
+    opened = assemble(axes, results, failures, {**origin, **about, **run})
+    if origin.get("code") != own_code():
+        opened.attrs["notes"] = "\n".join(filter(None, [opened.attrs["notes"], OF_OTHER_CODE]))
+    return opened
 
 
 def read_results(folder: Path) -> dict[str, Any]:

@@ -152,7 +152,9 @@ def test_results_of_other_code_or_another_scene_are_refused(tmp_path, finished, 
     monkeypatch.setattr(provenance, "code_digest", lambda *rooms: "another")
     with pytest.raises(InputError, match="holds another study .*code"):
         run(finished[0])
+    assert "another version of the program" in open_study(finished[0]).attrs["notes"]
     monkeypatch.undo()
+    assert "another version of the program" not in open_study(finished[0]).attrs["notes"]
     scene = tmp_path / "own.xml"
     from mitsuba_taxel.sensing import find_scene
 
