@@ -26,16 +26,7 @@ LOAD, FINE, FINE_CUT = -2.0, 0.4, 12
 POINTS, RAYS = 1 << 13, 1 << 19
 """For each replicate, of all taxels together; and for each of the 16 runs of the rays on a sphere."""
 
-HEADINGS = {
-    "case": "cell",
-    "wall": "roof",
-    "cells": "cells",
-    "load": "load [N]",
-    "truth": "truth [W/W]",
-    "off": "off by",
-    "noise": "noise of that",
-    "stated": "stated for the shape",
-}
+HEADINGS = ("cell", "roof", "cells", "load [N]", "truth [W/W]", "off by", "noise of that", "stated for the shape")
 
 _PAGE = """\
 # Domes
@@ -127,6 +118,7 @@ def dome_cells(row: DomeRow) -> list[str]:
 
 def write_page(rows: Sequence[DomeRow], file: Path, command: str) -> None:
     """Write the rows as a page that says what its columns mean."""
-    text = _PAGE.format(command=command, fine=FINE, table=markdown_table(HEADINGS, map(dome_cells, rows)))
+    table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
+    text = _PAGE.format(command=command, fine=FINE, table=table)
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -101,7 +101,7 @@ def domes_command(markdown: Path | None) -> None:
             if markdown:
                 write_page(rows, markdown, f"taxel bench domes --markdown {markdown}")
     finally:
-        print_text_table(list(HEADINGS.values()), map(dome_cells, rows))
+        print_text_table(HEADINGS, map(dome_cells, rows))
 
 
 @command.command("accuracy", short_help="Error against time of every way to read a scene.")
