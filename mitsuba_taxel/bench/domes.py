@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.sphere_light import DOMES, SPACING
-from mitsuba_taxel.bench.tables import markdown_table
 from mitsuba_taxel.sensing import Readings, Scene, measure
 
 WALLS: dict[str, dict[str, Any]] = {
