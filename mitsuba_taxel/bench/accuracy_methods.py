@@ -17,6 +17,7 @@ from mitsuba_taxel.kernels.walls import is_bounded_from_detector, set_wavelength
 from mitsuba_taxel.sensing.measurement import crosstalk, measure
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, Prepared, prepare
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.specification.taxel_tracer import STRATEGIES
 
 LARGEST_STRAY = 1e-4
 """Of a reading, from other LEDs than the taxel's own: above it an integrator that lights all of them reads too much."""
@@ -66,7 +67,7 @@ class Method:
 
 _OURS = ("taxel_tracer", "taxel_path", "analog_tracer")
 METHODS = (
-    *(Method("taxel_tracer", strategy=strategy) for strategy in ("all", "connections", "meetings", "hits")),
+    *(Method("taxel_tracer", strategy=strategy) for strategy in STRATEGIES),
     Method("taxel_path"),
     Method("analog_tracer"),
     *(Method("path", sampler) for sampler in ("independent", "stratified", "multijitter", "owen_sobol")),

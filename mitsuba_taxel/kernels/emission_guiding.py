@@ -1,8 +1,8 @@
 """In which directions an LED releases its rays, so that more of them come back by way of mirrors.
 
-Light that a mirror throws onto a small phototransistor is found by hits alone, and most rays miss. A pilot run learns
-from which part of the law's unit square the light that arrives has come; rays are then drawn from there more often,
-and weigh less. One ray in five is still drawn after the law alone, so that no weight exceeds five.
+Light that a mirror throws onto a small phototransistor is found by unidirectional hits alone, and most rays miss. A
+pilot run learns from which part of the law's unit square the light that arrives has come; rays are then drawn from
+there more often, and weigh less. One ray in five is still drawn from the law alone, so that no weight exceeds five.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _PILOT = 1 << 14
 _DEFENSIVE = 0.2
 
 
-class Aim:
+class GuidedEmission:
     """A piecewise constant density over the unit square for each taxel.
 
     Parameters
@@ -45,7 +45,7 @@ class Aim:
         return mi.Point2f(mi.Float(x) + rest.x, mi.Float(y) + rest.y) / side, density
 
 
-def aim_for(integrator: Any, scene: Any, pair: Any) -> Aim | None:
+def guided_emission(integrator: Any, scene: Any, pair: Any) -> GuidedEmission | None:
     """What a pilot run teaches, in a scene with mirrors; without them there is nothing to learn.
 
     The pilot's random numbers are always the same and enter no result. What it taught is kept with the phototransistor:
@@ -54,9 +54,9 @@ def aim_for(integrator: Any, scene: Any, pair: Any) -> Aim | None:
     mirrors = ("mirror", "mixed", "rough_mirror")
     if not any(getattr(wall, "scattering", "") in mirrors for wall in walls_of(scene)):
         return None
-    if not hasattr(pair.sensor, "aim"):
-        pair.sensor.aim = Aim(_learn(integrator, scene, pair))
-    return pair.sensor.aim
+    if not hasattr(pair.sensor, "guided_emission"):
+        pair.sensor.guided_emission = GuidedEmission(_learn(integrator, scene, pair))
+    return pair.sensor.guided_emission
 
 
 def _learn(integrator: Any, scene: Any, pair: Any) -> np.ndarray:
@@ -65,7 +65,7 @@ def _learn(integrator: Any, scene: Any, pair: Any) -> np.ndarray:
     lanes = pair.count * _PILOT
     sampler.seed(0, lanes)
     taxel = mi.UInt32(sampler.sequence)
-    power = integrator.sample_aimed(scene, pair, taxel, taxel, sampler, None, None).numpy()
+    power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, None).numpy()
     sampler.seed(0, lanes)
     sampler.next_2d()
     u = np.array(sampler.next_2d())

@@ -2,9 +2,9 @@
 
 A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be made as
 
-* a *connection*: x1 .. xn by scattering, y uniform on the phototransistor;
-* a *meeting*: x1 .. x(n-1) by scattering, y uniform and xn where a ray leaves y after the cosine law;
-* a *hit*: x1 .. xn and y by scattering.
+* a *detector connection*: x1 .. xn by scattering, y uniform on the phototransistor;
+* a *sensor-subpath connection*: x1 .. x(n-1) by scattering, y uniform and xn where a ray leaves y after the cosine law;
+* a *unidirectional hit*: x1 .. xn and y by scattering.
 
 The three densities share the factor of x1 .. x(n-1), so their ratios, and with them the weights of the power heuristic,
 follow from what happens at xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
@@ -36,7 +36,7 @@ class Vertex:
     throughput: mi.Float  # W
     guided: mi.Float  # chance that the guide draws the next direction
     place: mi.Point2f  # of the vertex, as the guide has it
-    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no meeting could have made it
+    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no sensor subpath could have made it
 
 
 @dataclass
@@ -63,16 +63,16 @@ class Techniques:
 
     Parameters
     ----------
-    strategy : ``all``, or the one technique to use: ``connections``, ``meetings`` or ``hits``
+    strategy : ``all``, or the one technique to use: ``connections``, ``sensor_subpath_connections`` or
+        ``unidirectional_hits``
     clearance : see :func:`mitsuba_taxel.kernels.ray_offsets.leave`
     """
 
     def __init__(
         self, strategy: str, scene: Any, sensor: Any, index: mi.UInt32, guide: Guide | None, clearance: mi.Float
     ) -> None:
-        self.connections, self.meetings, self.hits = (
-            strategy in ("all", name) for name in ("connections", "meetings", "hits")
-        )
+        names = ("connections", "sensor_subpath_connections", "unidirectional_hits")
+        self.connections, self.sensor_subpaths, self.unidirectional = (strategy in ("all", name) for name in names)
         self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
         self.area = sensor.faces.area
         self.detector = mi.ShapePtr(sensor.get_shape())
@@ -84,7 +84,7 @@ class Techniques:
         y, offset = self.sensor.sample_point(self.index, position)
         local = mi.warp.square_to_cosine_hemisphere(direction)
         d = self.sensor.faces.frame.to_world(local)
-        if not self.meetings:
+        if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
             return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
         ray = release(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
@@ -124,14 +124,14 @@ class Techniques:
         active &= ~self.scene.ray_test(ray, active)
         solid_angle = self.area * cosine / distance_squared
         hit = (1 - here.guided) * density * solid_angle
-        meeting = dr.inv_pi * cosine * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
-        weight = self._weight((self.hits, hit), (self.meetings, meeting))
+        subpath = dr.inv_pi * cosine * dr.abs(dr.dot(here.n, wo)) / distance_squared * here.inverse
+        weight = self._weight((self.unidirectional, hit), (self.sensor_subpaths, subpath))
         value *= here.throughput * solid_angle * self.sensor.response(cosine) * weight
         return dr.select(active, value, 0)
 
-    def meet(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
+    def connect_subpath(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
         """Power [W] by way of the point that ``view`` sees: from ``here`` to there, and on to the phototransistor."""
-        if not self.meetings:
+        if not self.sensor_subpaths:
             return mi.Float(0)
         to_z = view.si.p - here.p
         distance_squared = dr.squared_norm(to_z)
@@ -150,7 +150,7 @@ class Techniques:
         drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
         connection = drawn * cosine / (distance_squared * view.density)
         hit = connection * (1 - view.guided) * onward * view.solid_angle
-        weight = self._weight((self.connections, connection), (self.hits, hit))
+        weight = self._weight((self.connections, connection), (self.unidirectional, hit))
         value *= here.throughput * passed_on[0] * cosine / (distance_squared * view.cosine)
         return dr.select(active, value * dr.pi * self.area * view.response * weight, 0)
 
@@ -165,14 +165,14 @@ class Techniques:
         density : of the direction ``d`` [1/sr]; without meaning where ``specular``
         """
         inside, offset = self.sensor.contains(self.index, si.p)
-        if not self.hits:
+        if not self.unidirectional:
             return mi.Float(0), offset
         cosine = -dr.dot(d, self.sensor.normal)
         here = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
         distance_squared = dr.squared_norm(si.p - before.p)
         connection = distance_squared / (density * self.area * cosine)
-        meeting = connection * before.inverse * dr.inv_pi * cosine * dr.abs(dr.dot(before.n, d)) / distance_squared
-        weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.meetings, meeting)))
+        subpath = connection * before.inverse * dr.inv_pi * cosine * dr.abs(dr.dot(before.n, d)) / distance_squared
+        weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.sensor_subpaths, subpath)))
         return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
 
     def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:

@@ -27,7 +27,7 @@ _PARTS = {1: "half", 2: "a quarter", 4: "an eighth"}
 _PLANES = {"x": "x = 0", "y": "y = 0", "xy": "y = x", "-xy": "y = -x"}
 """The plane of each mirror, by its name."""
 _SPECULAR = ("mirror", "mixed", "rough_mirror")
-"""Walls for which `taxel_tracer` makes a pilot run, see `aim_for`."""
+"""Walls for which `taxel_tracer` makes a pilot run, see `guided_emission`."""
 _FLAT = 4e-7
 """Distance from a common plane, relative to the largest coordinate, that single precision does not tell from none."""
 
@@ -149,8 +149,8 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
     if all(pair.coplanar for pair in pairs):
         yield "LED and phototransistor in one plane: no light looked for that goes straight across"
     specular = any(getattr(wall, "scattering", "") in _SPECULAR for wall in walls_of(scene))
-    if hasattr(integrator, "sample_aimed") and not specular:
-        yield "no mirror: no pilot run to learn where to aim"
+    if hasattr(integrator, "sample_guided") and not specular:
+        yield "no mirror: no pilot run for emission guiding"
 
 
 def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:

@@ -10,8 +10,9 @@ from mitsuba_taxel.specification.path_depth import PathDepth
 STRATEGIES = {
     "all": "",
     "connections": "each reflection is connected to a point of the phototransistor",
-    "meetings": "each vertex is connected to the point that a ray from the phototransistor sees first",
-    "hits": "paths that happen to arrive there",
+    "sensor_subpath_connections": "each vertex is connected to the surface point that a ray from the phototransistor "
+    "finds first",
+    "unidirectional_hits": "paths that arrive there by themselves",
 }
 
 
@@ -25,5 +26,5 @@ class TaxelTracer(PathDepth):
         "all",
         STRATEGIES,
         "All techniques, or one of them alone, to check it. Alone it sees only what it can: light by way of a mirror "
-        "is seen by hits alone.",
+        "is seen by unidirectional hits alone.",
     )

@@ -8,7 +8,7 @@ from functools import partial
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.emission_guiding import aim_for
+from mitsuba_taxel.kernels.emission_guiding import guided_emission
 from mitsuba_taxel.kernels.guide import guide_for
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.techniques import Techniques, Vertex
@@ -26,10 +26,11 @@ class TaxelTracer(mi.CppADIntegrator):
     -------------------------------------
 
     Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the
-    same taxel only, so that no work goes into LEDs that a phototransistor is not read against. Connections, meetings
-    and hits are combined by multiple importance sampling with the power heuristic (E. Veach, 1997, chapters 9 and
-    10), so that mirrors, diffuse walls and narrow gaps are all seen well. Between the diffuse walls of a cell paths
-    are guided to where they can be scattered again, and where there are mirrors, a pilot run shows where to aim.
+    same taxel only, so that no work goes into LEDs that a phototransistor is not read against. Detector
+    connections, sensor-subpath connections and unidirectional hits are combined by multiple importance sampling with
+    the power heuristic (E. Veach, 1997, chapters 9 and 10), so that mirrors, diffuse walls and narrow gaps are all
+    seen well. Between the diffuse walls of a cell, path guiding leads to where light can be scattered again; where
+    there are mirrors, emission guiding learns from a pilot run in which directions light returns.
     `annular_led` and `phototransistor` pair up in the order in which the scene lists them.
 
     .. tabs::
@@ -57,12 +58,12 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
-        aim = aim_for(self, scene, pair)
-        return self.sample_aimed(scene, pair, index, led_index, sampler, pixels, aim)
+        guided = guided_emission(self, scene, pair)
+        return self.sample_guided(scene, pair, index, led_index, sampler, pixels, guided)
 
     @dr.syntax
-    def sample_aimed(self, scene, pair, index, led_index, sampler, pixels, aim):
-        """As :meth:`sample_paths`, with the directions of emission drawn from ``aim``, if there is one."""
+    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, guided):
+        """As :meth:`sample_paths`, with the directions of emission drawn from ``guided``, if there is one."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
@@ -72,15 +73,15 @@ class TaxelTracer(mi.CppADIntegrator):
         power = mi.Float(led.power) + result
         source = led.sample_point(led_index, sampler.next_2d())
         sample, overdrawn = sampler.next_2d(), mi.Float(1)
-        if dr.hint(aim is not None, mode="scalar"):
-            sample, overdrawn = aim.sample(led_index, sample)
+        if dr.hint(guided is not None, mode="scalar"):
+            sample, overdrawn = guided.sample(led_index, sample)
         direction = led.sample_direction_of_emission(sample)
         view = techniques.look(sampler.next_2d(), sampler.next_2d())
         vertex = Vertex(
             mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Point2f(0), mi.Float(0)
         )
         emit = partial(_emit, led)
-        value = techniques.meet(view, vertex, emit, (power > 0) & (most_reflections > 0))
+        value = techniques.connect_subpath(view, vertex, emit, (power > 0) & (most_reflections > 0))
         if dr.hint(not pair.coplanar, mode="scalar"):
             value += techniques.connect(view, vertex, emit, power > 0)
         splat(sensor, index, view.offset, value, pixels)
@@ -120,7 +121,7 @@ class TaxelTracer(mi.CppADIntegrator):
             bsdf = si.bsdf(ray)
             scatter = partial(_scatter, techniques.context, si, bsdf, active)
             value = techniques.connect(view, vertex, scatter, active)
-            value += techniques.meet(view, vertex, scatter, active & (depth + 1 < most_reflections))
+            value += techniques.connect_subpath(view, vertex, scatter, active & (depth + 1 < most_reflections))
             splat(sensor, index, view.offset, value, pixels)
             result += value
 

@@ -10,7 +10,7 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     """Counts per cell against the density (chi-square, chance 1e-5), for three densities at once."""
     from scipy import stats
 
-    from mitsuba_taxel.kernels.emission_guiding import Aim
+    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
 
     mi, rng = llvm_mono, np.random.default_rng(1)
     density = 0.1 + rng.random((3, 32, 32)) ** 4
@@ -18,7 +18,7 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     count = 1 << 18
     tree = rng.integers(0, 3, count)
     sample = mi.Point2f(*(mi.Float(u.astype(np.float32)) for u in rng.random((2, count))))
-    point, found = Aim(density).sample(mi.UInt32(tree), sample)
+    point, found = GuidedEmission(density).sample(mi.UInt32(tree), sample)
     column, row = (np.array(point) * 32).astype(int)
     assert np.allclose(np.array(found), density[tree, row, column], rtol=1e-5)
     counts = np.zeros_like(density)

@@ -245,7 +245,7 @@ def test_scene_finds_the_table_beside_it(llvm_mono, tmp_path):
     write_table(tmp_path / "led.csv", TABLES["data sheet"])
     (tmp_path / "scene.xml").write_text(
         """<scene version="3.9.0">
-            <integrator type="taxel_tracer"> <string name="strategy" value="hits"/> </integrator>
+            <integrator type="taxel_tracer"> <string name="strategy" value="unidirectional_hits"/> </integrator>
             <shape type="rectangle">
                 <emitter type="annular_led">
                     <float name="wavelength" value="940"/> <string name="shape" value="circular"/>

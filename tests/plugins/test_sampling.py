@@ -124,7 +124,7 @@ def test_led_lights_its_annulus_uniformly(llvm_mono, hole):
 
 
 @pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle", "lambertian", "cosine_power"])
-@pytest.mark.parametrize("strategy, power", [("hits", 1.0), ("hits", 0.25), ("all", 1.0)])
+@pytest.mark.parametrize("strategy, power", [("unidirectional_hits", 1.0), ("unidirectional_hits", 0.25), ("all", 1.0)])
 def test_led_emits_its_power(llvm_mono, agree, law, strategy, power):
     """A phototransistor that all but covers the sky of the LED receives all of it."""
     from mitsuba_taxel import Scene, measure
@@ -144,7 +144,7 @@ def test_led_emits_its_power(llvm_mono, agree, law, strategy, power):
         }
     )
     reading = measure(scene, points=4096)
-    if strategy == "hits":
+    if strategy == "unidirectional_hits":
         assert reading.power[0] == pytest.approx(power, rel=1e-6)
     else:
         agree(reading.power, reading.standard_error, power)

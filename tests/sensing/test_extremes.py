@@ -102,7 +102,7 @@ def test_rectangles_that_overlap_in_one_plane_are_refused(llvm_mono, change, ref
 def test_rectangles_that_only_touch_are_read(llvm_mono, agree, change):
     """Side by side, one after a quarter turn, on a board beneath, or with the plate on them: as hits alone see it."""
     ours = measure(rectangles(**change), points=1 << 13, seed=1)
-    theirs = measure(rectangles(**change, strategy="hits"), points=1 << 14, seed=2)
+    theirs = measure(rectangles(**change, strategy="unidirectional_hits"), points=1 << 14, seed=2)
     if change == {"plate": 0.0}:
         assert ours.power[0] == theirs.power[0] == 0
         assert "no light found on taxel 1" in ours.notes
@@ -188,7 +188,7 @@ def test_a_cell_that_only_led_and_phototransistor_absorb_in_agrees_with_counted_
     agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
 
 
-@pytest.mark.parametrize("strategy", ["all", "hits"])
+@pytest.mark.parametrize("strategy", ["all", "unidirectional_hits"])
 def test_all_light_ends_on_the_phototransistor_if_nothing_else_absorbs(llvm_mono, agree, strategy):
     """1 W: nothing is lost in the corners and edges of the cell in hundreds of reflections."""
     cover = {"type": "region", "body": WHITE, "led": WHITE}
@@ -274,7 +274,7 @@ def test_a_cell_that_nearly_closes_agrees_with_hits_and_counted_rays(llvm_mono, 
     ours = measure(scene, points=1 << 13, seed=1, mechanics_error=False)
     assert np.all(np.isfinite(ours.replicates)) and ours.relative_error < 5e-3
     assert any(note.startswith("mechanics: roofs right to") for note in ours.notes)
-    for integrator in ({"type": "taxel_tracer", "strategy": "hits"}, {"type": "analog_tracer"}):
+    for integrator in ({"type": "taxel_tracer", "strategy": "unidirectional_hits"}, {"type": "analog_tracer"}):
         other = Scene({**scene.source, "integrator": integrator})
         theirs = measure(other, points=1 << 14, seed=2, mechanics_error=False)
         agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)

@@ -18,19 +18,19 @@ from mitsuba_taxel.sensing.taxels import taxels_of
 TRACERS = {
     "all": {"type": "taxel_tracer"},
     "connections": {"type": "taxel_tracer", "strategy": "connections"},
-    "meetings": {"type": "taxel_tracer", "strategy": "meetings"},
-    "hits": {"type": "taxel_tracer", "strategy": "hits"},
+    "sensor_subpath_connections": {"type": "taxel_tracer", "strategy": "sensor_subpath_connections"},
+    "unidirectional_hits": {"type": "taxel_tracer", "strategy": "unidirectional_hits"},
     "taxel_path": {"type": "taxel_path"},
     "analog_tracer": {"type": "analog_tracer"},
     "path": {"type": "path"},
 }
-FROM_LED = ("hits", "analog_tracer")
+FROM_LED = ("unidirectional_hits", "analog_tracer")
 WITH_MIRRORS = (*FROM_LED, "taxel_path", "path")
-ON_PLATES = ("connections", "meetings", *WITH_MIRRORS)
+ON_PLATES = ("connections", "sensor_subpath_connections", *WITH_MIRRORS)
 IN_CELLS = ("connections", *WITH_MIRRORS)
 """Meetings alone have no finite variance where two Lambertian walls share an edge."""
 
-POINTS = {"all": 1 << 13, "hits": 1 << 16, "analog_tracer": 1 << 16, "path": 1024}
+POINTS = {"all": 1 << 13, "unidirectional_hits": 1 << 16, "analog_tracer": 1 << 16, "path": 1024}
 USUAL_POINTS = 1 << 12
 LARGEST_ERROR = 0.02
 """Relative standard error that each estimator must reach, so that agreement means something."""
@@ -129,7 +129,7 @@ def test_mixed_plate(llvm_mono, agree, wall, others, z):
 def test_rough_mirror_plate(llvm_mono, agree, rms_slope, z):
     """A narrow and a wide lobe, each against the same light seen from the other end."""
     wall = {"type": "wall", "scattering": "rough_mirror", "rms_slope": rms_slope}
-    points = {name: 1 << 15 for name in ("connections", "meetings", "taxel_path")} | {"path": 1 << 13}
+    points = {name: 1 << 15 for name in ("connections", "sensor_subpath_connections", "taxel_path")} | {"path": 1 << 13}
     climb(agree, plate(llvm_mono, z, wall), ON_PLATES, points=points)
 
 
@@ -196,5 +196,6 @@ def test_hemispheric_pad(llvm_mono, agree, scattering, fz, others):
     live = Scene.from_file("pad.xml", **values).load()
     assert guide_for(live, taxels_of(live)[0]) is not None
     shapes = dict(zip("abc", live.shapes(), strict=True))
-    points = {"all": 256, "connections": 256, "taxel_path": 512, "hits": 2048, "analog_tracer": 2048, "path": 128}
+    points = {"all": 256, "connections": 256, "taxel_path": 512, "path": 128}
+    points |= {"unidirectional_hits": 2048, "analog_tracer": 2048}
     climb(agree, shapes, others, 0.07, points)

@@ -206,10 +206,10 @@ def test_kept_solutions_are_said_once_nothing_is_computed(llvm_mono, tmp_path, m
 
 @pytest.mark.parametrize("scattering", ["mirror", "rough_mirror", "mixed", "lambertian", "isotropic", "absorbing"])
 def test_pilot_runs_are_those_that_the_tracer_makes(llvm_mono, monkeypatch, scattering):
-    from mitsuba_taxel.kernels import emission_guiding as aim
+    from mitsuba_taxel.kernels import emission_guiding
     from mitsuba_taxel.sensing.taxels import taxels_of
 
-    monkeypatch.setattr(aim, "_learn", lambda *_: np.ones((1, 32, 32)))
+    monkeypatch.setattr(emission_guiding, "_learn", lambda *_: np.ones((1, 32, 32)))
     own = {"mixed": {"specular": 0.5, "lambertian": 0.5}, "rough_mirror": {"rms_slope": 5.0}}.get(scattering, {})
     plate = {"type": "wall", "scattering": scattering, **own}
     mi = llvm_mono
@@ -230,7 +230,7 @@ def test_pilot_runs_are_those_that_the_tracer_makes(llvm_mono, monkeypatch, scat
     )
     (pair,) = taxels_of(ready.scene)
     lines = said(ready)
-    assert has(lines, NO_PILOT) == (aim.aim_for(ready.integrator, ready.scene, pair) is None)
+    assert has(lines, NO_PILOT) == (emission_guiding.guided_emission(ready.integrator, ready.scene, pair) is None)
     assert any("plate): paths end there" in line for line in lines) == (scattering == "absorbing")
 
 

@@ -45,7 +45,11 @@ def test_mirror_matches_method_of_images(llvm_mono, agree, law, z):
 
 
 @pytest.mark.parametrize(
-    "scattering, parts", [("lambertian", ("connections", "meetings", "hits")), ("isotropic", ("connections", "hits"))]
+    "scattering, parts",
+    [
+        ("lambertian", ("connections", "sensor_subpath_connections", "unidirectional_hits")),
+        ("isotropic", ("connections", "unidirectional_hits")),
+    ],
 )
 @pytest.mark.parametrize("z", [0.1, 0.7])
 def test_each_technique_alone_agrees_with_all(llvm_mono, agree, tmp_path, scattering, parts, z):
@@ -160,7 +164,7 @@ def with_integrator(folder, xml: str):
 def test_hits_agree_near_contact(llvm_mono, agree, tmp_path):
     """Where the plate all but touches, connections alone have too heavy a tail to tell their own error."""
     hits = with_integrator(
-        tmp_path, '<integrator type="taxel_tracer"><string name="strategy" value="hits"/></integrator>'
+        tmp_path, '<integrator type="taxel_tracer"><string name="strategy" value="unidirectional_hits"/></integrator>'
     )
     values = dict(z=0.05, scattering="lambertian", law="lambertian", spacing=0.7, hole=0)
     theirs = measure(Scene.from_file(hits, **values), points=1 << 16, seed=3)
