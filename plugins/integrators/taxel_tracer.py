@@ -58,12 +58,12 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
-        guided = guided_emission(self, scene, pair)
-        return self.sample_guided(scene, pair, index, led_index, sampler, pixels, guided)
+        emission = guided_emission(self, scene, pair)
+        return self.sample_guided(scene, pair, index, led_index, sampler, pixels, emission)
 
     @dr.syntax
-    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, guided):
-        """As :meth:`sample_paths`, with the directions of emission drawn from ``guided``, if there is one."""
+    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission):
+        """As :meth:`sample_paths`, with the directions of emission drawn from ``emission``, if there is one."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
@@ -73,8 +73,8 @@ class TaxelTracer(mi.CppADIntegrator):
         power = mi.Float(led.power) + result
         source = led.sample_point(led_index, sampler.next_2d())
         sample, overdrawn = sampler.next_2d(), mi.Float(1)
-        if dr.hint(guided is not None, mode="scalar"):
-            sample, overdrawn = guided.sample(led_index, sample)
+        if dr.hint(emission is not None, mode="scalar"):
+            sample, overdrawn = emission.sample(led_index, sample)
         direction = led.sample_direction_of_emission(sample)
         view = techniques.look(sampler.next_2d(), sampler.next_2d())
         vertex = Vertex(
