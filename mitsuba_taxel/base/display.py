@@ -11,7 +11,8 @@ class Displayed:
 
     Attributes
     ----------
-    html_of : gives the HTML of any such object; the package sets it
+    html_of : Callable[[Displayed], str]
+        Gives the HTML of any such object; the package sets it.
     """
 
     html_of: ClassVar[Callable[[Displayed], str]]

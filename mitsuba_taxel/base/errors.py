@@ -13,7 +13,8 @@ class InputError(ValueError):
 
     Attributes
     ----------
-    part : the object of a scene that is to blame, where that is known
+    part : object
+        The object of a scene that is to blame, where that is known.
     """
 
     def __init__(self, message: object, part: object = None) -> None:

@@ -10,7 +10,8 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left:
 
     Parameters
     ----------
-    left : headings of the columns that are aligned left, the first one unless given; the others are aligned right
+    left : Collection[str], optional
+        Headings of the columns that are aligned left, the first one unless given; the others are aligned right.
     """
     left = headings[:1] if left is None else left
     aligned = [":--" if heading in left else "--:" for heading in headings]

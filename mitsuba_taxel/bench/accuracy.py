@@ -36,10 +36,12 @@ def accuracy(
 
     Parameters
     ----------
-    seconds : of all processors together, for each method of the light, and for the longest solution of the mechanics;
+    seconds : float
+        Of all processors together, for each method of the light, and for the longest solution of the mechanics;
         references, and each reading to a target error (by the clock there), may take four times as long, and the mesh
-        that the mechanics is judged by sixteen times
-    starting : called with the name of each step
+        that the mechanics is judged by sixteen times.
+    starting : Callable[[str], None]
+        Called with the name of each step.
 
     Raises
     ------

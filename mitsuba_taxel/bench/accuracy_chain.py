@@ -24,8 +24,10 @@ class Near(NamedTuple):
 
     Attributes
     ----------
-    force : name of the parameter
-    step : in N, from there to the scene's own
+    force : str
+        Name of the parameter.
+    step : float
+        In N, from there to the scene's own.
     """
 
     scene: Scene
@@ -57,7 +59,8 @@ def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable
 
     Parameters
     ----------
-    seconds : time budget of each reading
+    seconds : float
+        Time budget of each reading.
     """
     measure(scene, points=1)  # compiles
     points = []

@@ -47,9 +47,12 @@ class Solved:
 
     Attributes
     ----------
-    readings : with long light and the stated error of the mechanics
-    seconds : of the mechanics alone
-    elements : of the largest pad
+    readings : Readings
+        With long light and the stated error of the mechanics.
+    seconds : float
+        Of the mechanics alone.
+    elements : int
+        Of the largest pad.
     """
 
     readings: Readings
@@ -63,9 +66,12 @@ class Limit:
 
     Attributes
     ----------
-    replicates : (R, T) power in W
-    change : (T,) W, that the extrapolation made; its error is taken to be as large
-    size : of the smallest elements solved on, in mm
+    replicates : (R, T) ndarray
+        Power in W.
+    change : (T,) ndarray
+        In W, that the extrapolation made; its error is taken to be as large.
+    size : float
+        Of the smallest elements solved on, in mm.
     """
 
     replicates: np.ndarray

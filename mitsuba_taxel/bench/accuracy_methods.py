@@ -80,8 +80,10 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
 
     Parameters
     ----------
-    folder : for the scene's variant as a file
-    stray : see :func:`stray_light`
+    folder : Path
+        For the scene's variant as a file.
+    stray : float
+        See :func:`stray_light`.
 
     Raises
     ------

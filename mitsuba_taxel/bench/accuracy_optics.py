@@ -76,8 +76,10 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
 
     Parameters
     ----------
-    seconds : for each method; each of two references takes :data:`REFERENCE_TIME` times as long
-    starting : called with the name of each step
+    seconds : float
+        For each method; each of two references takes :data:`REFERENCE_TIME` times as long.
+    starting : Callable[[str], None]
+        Called with the name of each step.
 
     Raises
     ------

@@ -35,10 +35,14 @@ class Case:
 
     Attributes
     ----------
-    value : of the load, in N, mm or MPa
-    mesh_size : of the finite elements, in mm
-    in_one_step : whether the load is put on in one Newton solve from rest, instead of along the load path
-    with_finer_mesh : whether the pad is solved on elements smaller by a factor of 1.5 too
+    value : tuple[float, ...]
+        Of the load, in N, mm or MPa.
+    mesh_size : float
+        Of the finite elements, in mm.
+    in_one_step : bool
+        Whether the load is put on in one Newton solve from rest, instead of along the load path.
+    with_finer_mesh : bool
+        Whether the pad is solved on elements smaller by a factor of 1.5 too.
     """
 
     name: str

@@ -51,10 +51,14 @@ def coverage(
 
     Parameters
     ----------
-    only : a part of the names of the settings wanted, in which * and ? stand for anything
-    csv_file : file of the rows measured so far: those that it holds are not measured again
-    markdown : page that is written anew with each row
-    starting : called with the number of a setting, that of all, and its name
+    only : str, optional
+        A part of the names of the settings wanted, in which * and ? stand for anything.
+    csv_file : Path, optional
+        File of the rows measured so far: those that it holds are not measured again.
+    markdown : Path, optional
+        Page that is written anew with each row.
+    starting : Callable[[int, int, str], None], optional
+        Called with the number of a setting, that of all, and its name.
 
     Raises
     ------

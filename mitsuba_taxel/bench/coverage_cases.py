@@ -41,9 +41,12 @@ class CoverageCase:
 
     Attributes
     ----------
-    sensor : what is read on the default mesh, with its error, and on fine ones
-    file_format : ``.step`` or ``.stl`` where the pad is read from a file of its shape; its truth is that of the shape
-    fine : size of the finest elements, in mm, where those of the others would take too much memory
+    sensor : PadSensor
+        What is read on the default mesh, with its error, and on fine ones.
+    file_format : str
+        ``.step`` or ``.stl`` where the pad is read from a file of its shape; its truth is that of the shape.
+    fine : float or None
+        Size of the finest elements, in mm, where those of the others would take too much memory.
     """
 
     name: str

@@ -14,15 +14,24 @@ class CoverageRow:
 
     Attributes
     ----------
-    remark : why there is no true or no stated error, empty where there are both
-    elements : of the pad
-    true : relative error of the reading of the taxel that is worst, by the finite elements
-    stated : the relative error that it states for them
-    noise : relative standard error of `true` by the light
-    extrapolated : of the truth, by how much the finest elements are extrapolated, relative
-    readings : number of taxels
-    within : of these, how many are true within twice the stated error (and twice the noise)
-    seconds : of processors' time
+    remark : str
+        Why there is no true or no stated error, empty where there are both.
+    elements : float
+        Of the pad.
+    true : float
+        Relative error of the reading of the taxel that is worst, by the finite elements.
+    stated : float
+        The relative error that it states for them.
+    noise : float
+        Relative standard error of `true` by the light.
+    extrapolated : float
+        Of the truth, by how much the finest elements are extrapolated, relative.
+    readings : float
+        Number of taxels.
+    within : float
+        Of these, how many are true within twice the stated error (and twice the noise).
+    seconds : float
+        Of processors' time.
     """
 
     case: str

@@ -198,7 +198,8 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
     Parameters
     ----------
-    scenes : names of :data:`SCENES`, all if there are none
+    scenes : sequence of str
+        Names of :data:`SCENES`, all if there are none.
 
     Raises
     ------

@@ -48,8 +48,10 @@ class ReadingCase:
 
     Attributes
     ----------
-    look : reads the scene and compares; raises what the program raises
-    refused : whether it must
+    look : Callable[[], Compared]
+        Reads the scene and compares; raises what the program raises.
+    refused : bool
+        Whether it must.
     """
 
     name: str

@@ -18,15 +18,24 @@ class ReadingRow:
 
     Attributes
     ----------
-    verdict : ``right``, ``refused: ...`` with the message, or how the process ended; and what else was seen
-    wrong : what is wrong, empty if nothing is
-    power : W, of the taxel that is worst
-    error : relative, of light and mechanics
-    reference : W, what the reading should be
-    deviations : of the errors of both, that the reading is from it
-    by : what the reference comes from
-    seconds : of processors' time
-    megabytes : most memory
+    verdict : str
+        ``right``, ``refused: ...`` with the message, or how the process ended; and what else was seen.
+    wrong : str
+        What is wrong, empty if nothing is.
+    power : float
+        In W, of the taxel that is worst.
+    error : float
+        Relative, of light and mechanics.
+    reference : float
+        In W, what the reading should be.
+    deviations : float
+        Of the errors of both, that the reading is from it.
+    by : str
+        What the reference comes from.
+    seconds : float
+        Of processors' time.
+    megabytes : float
+        Most memory.
     """
 
     case: str

@@ -16,22 +16,38 @@ class Row:
 
     Attributes
     ----------
-    verdict : ``converged``, ``ends at ...``, ``refused: ...``, or how the process ended
-    wrong : what is wrong with the row itself, empty if nothing is
-    iterations : of Newton's method, over all accepted steps
-    steps : accepted steps
-    cutbacks : times that a step was halved, or given up
-    min_jacobian : least volume ratio J at the quadrature points, at any accepted step
-    node_jacobian : least J at the ten nodes of the elements of the last state
-    residual : largest out-of-balance force of any accepted step, relative to the load
-    imbalance : of the load and the board's reaction at the last state, relative
-    stability : whether each step was found stable: ``stable`` or ``not checked``
-    roof : length of the mean displacement of the roofs at the last state, in mm
-    stated_error : root mean square of the roofs' error that the state states, relative to `roof`
-    finer_change : change of the mean displacement on the finer mesh, relative to `roof`
-    seconds : of processors' time, for the state and its error
-    megabytes : most memory
-    inverted : load of the first accepted step with J of 0 or less at a node of an element, empty if there is none
+    verdict : str
+        ``converged``, ``ends at ...``, ``refused: ...``, or how the process ended.
+    wrong : str
+        What is wrong with the row itself, empty if nothing is.
+    iterations : float
+        Of Newton's method, over all accepted steps.
+    steps : float
+        Accepted steps.
+    cutbacks : float
+        Times that a step was halved, or given up.
+    min_jacobian : float
+        Least volume ratio J at the quadrature points, at any accepted step.
+    node_jacobian : float
+        Least J at the ten nodes of the elements of the last state.
+    residual : float
+        Largest out-of-balance force of any accepted step, relative to the load.
+    imbalance : float
+        Of the load and the board's reaction at the last state, relative.
+    stability : str
+        Whether each step was found stable: ``stable`` or ``not checked``.
+    roof : float
+        Length of the mean displacement of the roofs at the last state, in mm.
+    stated_error : float
+        Root mean square of the roofs' error that the state states, relative to `roof`.
+    finer_change : float
+        Change of the mean displacement on the finer mesh, relative to `roof`.
+    seconds : float
+        Of processors' time, for the state and its error.
+    megabytes : float
+        Most memory.
+    inverted : str
+        Load of the first accepted step with J of 0 or less at a node of an element, empty if there is none.
     """
 
     case: str

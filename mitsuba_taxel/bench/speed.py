@@ -30,7 +30,8 @@ def speed(target_error: float) -> Iterator[str]:
 
     Parameters
     ----------
-    target_error : relative, of the worst of nine taxels
+    target_error : float
+        Relative, of the worst of nine taxels.
     """
     for cell in CELL_SHAPES:
         points, error, seconds = nine_taxels(cell, target_error)

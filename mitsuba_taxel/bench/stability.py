@@ -37,9 +37,12 @@ def stability(
 
     Parameters
     ----------
-    only : a part of the names of the cases wanted, in which * and ? stand for anything
-    csv, markdown : files that the rows are written to
-    starting : called with the number of a case, that of all, and its name
+    only : str, optional
+        A part of the names of the cases wanted, in which * and ? stand for anything.
+    csv, markdown : Path, optional
+        Files that the rows are written to.
+    starting : Callable[[int, int, str], None], optional
+        Called with the number of a case, that of all, and its name.
 
     Raises
     ------

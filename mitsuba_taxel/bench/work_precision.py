@@ -29,16 +29,26 @@ class Point:
 
     Attributes
     ----------
-    setting : what was varied, in words
-    seconds : of one run
-    error : relative, against the reference; root mean square over taxels and runs
-    stated : relative error that the method itself states; not a number where it states none
-    floor : relative error of the reference: nothing is claimed below it
-    reference : what the error was taken against
-    runs : with seeds of their own
-    readings : numbers that `error` is the root mean square of
-    shares : further columns by name: parts of the errors, seconds by stage
-    remark : what the reader must know besides
+    setting : str
+        What was varied, in words.
+    seconds : float
+        Of one run.
+    error : float
+        Relative, against the reference; root mean square over taxels and runs.
+    stated : float
+        Relative error that the method itself states; not a number where it states none.
+    floor : float
+        Relative error of the reference: nothing is claimed below it.
+    reference : str
+        What the error was taken against.
+    runs : int
+        With seeds of their own.
+    readings : int
+        Numbers that `error` is the root mean square of.
+    shares : dict[str, float]
+        Further columns by name: parts of the errors, seconds by stage.
+    remark : str
+        What the reader must know besides.
     """
 
     setting: str
@@ -64,9 +74,12 @@ class Curve:
 
     Attributes
     ----------
-    part : ``optics``, ``mechanics`` or ``chain``
-    launched : whether a run has a launch that costs time before any work is done
-    remark : what the reader must know besides, or why there are no points
+    part : str
+        ``optics``, ``mechanics`` or ``chain``.
+    launched : bool
+        Whether a run has a launch that costs time before any work is done.
+    remark : str
+        What the reader must know besides, or why there are no points.
     """
 
     part: str

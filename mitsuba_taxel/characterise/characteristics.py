@@ -28,7 +28,8 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Ex
 
     Parameters
     ----------
-    off : the same experiments with readings off by each error of the shape, which then are in the errors as well
+    off : Iterable[Iterable[Experiment]]
+        The same experiments with readings off by each error of the shape, which then are in the errors as well.
 
     Returns
     -------

@@ -35,8 +35,10 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
 
     Parameters
     ----------
-    increasing, decreasing : a branch with the force's magnitude growing, and one with it falling
-    largest_change : v_max (replicates, channels), as :attr:`Experiment.largest_change`
+    increasing, decreasing : Branch
+        A branch with the force's magnitude growing, and one with it falling.
+    largest_change : ndarray
+        v_max (replicates, channels), as :attr:`Experiment.largest_change`.
 
     Raises
     ------
@@ -53,8 +55,10 @@ def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Dev
 
     Parameters
     ----------
-    one, other : two branches with the force's magnitude growing, or two with it falling
-    largest_change : v_max (replicates, channels)
+    one, other : Branch
+        Two branches with the force's magnitude growing, or two with it falling.
+    largest_change : ndarray
+        v_max (replicates, channels).
 
     Raises
     ------
@@ -74,8 +78,10 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
 
     Parameters
     ----------
-    branch : usually the first one of growing force
-    largest_change : v_max (replicates, channels)
+    branch : Branch
+        Usually the first one of growing force.
+    largest_change : ndarray
+        v_max (replicates, channels).
     """
     return _deviation(branch.force, from_line(branch, branch), largest_change)
 

@@ -18,10 +18,11 @@ class Branch:
 
     Parameters
     ----------
-    force : (points,) in N, in the order in which the load took these values
-    samples : (points, replicates, channels), the change of each channel's reading since the unloaded start in W
-        or V. Replicate r of one branch belongs to replicate r of any other of the same experiment. With one
-        replicate there are no errors.
+    force : (points,) ndarray
+        In N, in the order in which the load took these values.
+    samples : (points, replicates, channels) ndarray
+        The change of each channel's reading since the unloaded start in W or V. Replicate r of one branch belongs to
+        replicate r of any other of the same experiment. With one replicate there are no errors.
 
     Raises
     ------
@@ -78,14 +79,21 @@ class Experiment:
 
     Parameters
     ----------
-    force : what the runs' force is: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``
-    direction : (3,) unit vector of that force; zero where it is not known
-    where : values of the other varied parameters
-    unit : ``W`` or ``V``
-    taxel : (channels,) the taxels' numbers
-    runs : from one turning point of the force to the next; a run may pass through zero
-    ordered : whether the load took the runs' forces in this order. If not, as where forces are just a set of
-        scenes, every branch counts as one of growing force.
+    force : str
+        What the runs' force is: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``.
+    direction : (3,) ndarray
+        Unit vector of that force; zero where it is not known.
+    where : dict[str, Any]
+        Values of the other varied parameters.
+    unit : str
+        ``W`` or ``V``.
+    taxel : (channels,) ndarray
+        The taxels' numbers.
+    runs : tuple[Branch, ...]
+        From one turning point of the force to the next; a run may pass through zero.
+    ordered : bool
+        Whether the load took the runs' forces in this order. If not, as where forces are just a set of scenes, every
+        branch counts as one of growing force.
     """
 
     force: str

@@ -16,11 +16,14 @@ class Largest(NamedTuple):
 
     Attributes
     ----------
-    magnitude : (replicates, channels) each sample where the other half of the replicates is largest, times the sign
-        that this half has there
-    sign : (channels,) of the mean of all samples at ``place``
-    place : (channels,) where this mean is largest
-    choice_error : (channels,) standard error that the choice of the place adds to the mean of ``magnitude``
+    magnitude : (replicates, channels) ndarray
+        Each sample where the other half of the replicates is largest, times the sign that this half has there.
+    sign : (channels,) ndarray
+        Of the mean of all samples at ``place``.
+    place : (channels,) ndarray
+        Where this mean is largest.
+    choice_error : (channels,) ndarray
+        Standard error that the choice of the place adds to the mean of ``magnitude``.
     """
 
     magnitude: np.ndarray

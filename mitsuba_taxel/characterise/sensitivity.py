@@ -25,10 +25,12 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 
     Parameters
     ----------
-    study : as ``sweep`` returns it
-    force : ``fx``, ``fy`` or ``fz``, if it changes by itself, along a dimension of its own or in the steps of a
-        path; or the dimension of a path along which a force changes in one direction (its abscissa is then the
-        component along this direction: the resultant, of a diagonal load)
+    study : xr.Dataset
+        As ``sweep`` returns it.
+    force : str
+        ``fx``, ``fy`` or ``fz``, if it changes by itself, along a dimension of its own or in the steps of a path; or
+        the dimension of a path along which a force changes in one direction (its abscissa is then the component along
+        this direction: the resultant, of a diagonal load).
 
     Returns
     -------

@@ -33,10 +33,14 @@ class Element:
 
     Attributes
     ----------
-    tag, attributes : as written
-    file, line : where it stands
-    offset : bytes before its ``<``
-    children : elements in it; those of an included file stand in its ``include``
+    tag, attributes : str and dict[str, str]
+        As written.
+    file, line : Path and int
+        Where it stands.
+    offset : int
+        Bytes before its ``<``.
+    children : list of Element
+        Elements in it; those of an included file stand in its ``include``.
     """
 
     tag: str

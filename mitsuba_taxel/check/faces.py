@@ -23,10 +23,14 @@ class Faces:
 
     Attributes
     ----------
-    part, carrier : the plugin, and the shape that it is nested in
-    centres : (N, 3) mm, in the world
-    normal : (3,) the way they look
-    side : shorter side, mm
+    part, carrier : Part
+        The plugin, and the shape that it is nested in.
+    centres : (N, 3) ndarray
+        In mm, in the world.
+    normal : (3,) ndarray
+        The way they look.
+    side : float
+        Shorter side, mm.
     """
 
     part: Part
@@ -60,10 +64,14 @@ class Boxes:
 
     Attributes
     ----------
-    part : the shape
-    to_world : (4, 4)
-    centre, half : (3,) of the box in the middle, or of the place where it would be, before ``to_world``
-    rows, columns, pitch : the grid
+    part : Part
+        The shape.
+    to_world : ndarray
+        (4, 4).
+    centre, half : (3,) ndarray
+        Of the box in the middle, or of the place where it would be, before ``to_world``.
+    rows, columns, pitch : int and float
+        The grid.
     """
 
     part: Part

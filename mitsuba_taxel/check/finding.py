@@ -14,9 +14,12 @@ class Finding:
 
     Attributes
     ----------
-    severity : one of :data:`SEVERITIES`
-    message : what is wrong, and what to do
-    file, line : where; line 0 stands for the scene as a whole
+    severity : str
+        One of :data:`SEVERITIES`.
+    message : str
+        What is wrong, and what to do.
+    file, line : str and int
+        Where; line 0 stands for the scene as a whole.
     """
 
     severity: str

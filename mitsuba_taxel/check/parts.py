@@ -32,12 +32,18 @@ class UndeformedPad:
 
     Attributes
     ----------
-    specification : its parameters
-    pad, material : as for `load_path`
-    load : the load and its value
-    read_cells : numbers of the cells that are read, None for all
-    to_world : (4, 4)
-    objects : what is nested in it, by name
+    specification
+        Its parameters.
+    pad, material
+        As for `load_path`.
+    load
+        The load and its value.
+    read_cells
+        Numbers of the cells that are read, None for all.
+    to_world
+        (4, 4).
+    objects
+        What is nested in it, by name.
     """
 
     def __init__(self, props: Any) -> None:
@@ -67,12 +73,18 @@ class Part:
 
     Attributes
     ----------
-    plugin, kind : its plugin's name, and the name of the element
-    element : where it stands in the file
-    props : what the scene says to the plugin, objects aside
-    children : objects nested in it, by name
-    made : the object, an `UndeformedPad` for a pad; None where it cannot be made
-    sound : whether it was made just as the scene describes it
+    plugin, kind : str
+        Its plugin's name, and the name of the element.
+    element : Element
+        Where it stands in the file.
+    props : Any
+        What the scene says to the plugin, objects aside.
+    children : dict[str, Part]
+        Objects nested in it, by name.
+    made : Any
+        The object, an `UndeformedPad` for a pad; None where it cannot be made.
+    sound : bool
+        Whether it was made just as the scene describes it.
     """
 
     plugin: str

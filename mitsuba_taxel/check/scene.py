@@ -28,8 +28,10 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
 
     Parameters
     ----------
-    source : path of an XML scene, or the name of a shipped one
-    parameters : values for the ``<default>``s of the file, by name
+    source : str or Path
+        Path of an XML scene, or the name of a shipped one.
+    parameters : object
+        Values for the ``<default>``s of the file, by name.
 
     Returns
     -------

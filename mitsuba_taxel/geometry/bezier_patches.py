@@ -43,10 +43,13 @@ def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: floa
 
     Parameters
     ----------
-    one, other : (3, 6, n) control points
-    shared : what two partners have in common: "nothing", "vertex" (their first corner) or "edge" (from their first
-        to their second corner). They may not meet elsewhere.
-    tolerance : distance up to which patches count as touching, mm
+    one, other : (3, 6, n) ndarray
+        Control points.
+    shared : str
+        What two partners have in common: "nothing", "vertex" (their first corner) or "edge" (from their first to their
+        second corner). They may not meet elsewhere.
+    tolerance : float
+        Distance up to which patches count as touching, mm.
     """
     for start in range(0, one.shape[2], FIRST_BATCH):
         batch = slice(start, start + FIRST_BATCH)

@@ -19,9 +19,12 @@ class Half:
 
     Attributes
     ----------
-    vertices : (V, 3)
-    triangles : (T, 3) vertex numbers, counter-clockwise seen from outside
-    source : (T,) number of the triangle of the whole surface that each is or is a part of, -1 on the face of the cut
+    vertices : ndarray
+        (V, 3).
+    triangles : (T, 3) ndarray
+        Vertex numbers, counter-clockwise seen from outside.
+    source : (T,) ndarray
+        Number of the triangle of the whole surface that each is or is a part of, -1 on the face of the cut.
     """
 
     vertices: np.ndarray
@@ -45,9 +48,12 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
 
     Parameters
     ----------
-    vertices : (V, 3)
-    triangles : (T, 3), counter-clockwise seen from outside if the surface is closed
-    normal : (3,) of length 1
+    vertices : ndarray
+        (V, 3).
+    triangles : (T, 3) ndarray
+        Counter-clockwise seen from outside if the surface is closed.
+    normal : (3,) ndarray
+        Of length 1.
     """
     height = vertices @ normal - offset
     height = height - _clear_of(height, NUDGE * np.ptp(vertices, axis=0).max(initial=0.0))
@@ -87,8 +93,10 @@ def triangulate(points: np.ndarray, loops: list[np.ndarray]) -> np.ndarray:
 
     Parameters
     ----------
-    points : (N, 2)
-    loops : numbers (K,) of the corners of each polygon, which do not cross; holes run clockwise
+    points : ndarray
+        (N, 2).
+    loops : list of ndarray
+        Numbers (K,) of the corners of each polygon, which do not cross; holes run clockwise.
     """
     areas = [_area(points[loop]) for loop in loops]
     outlines = [loop for loop, area in zip(loops, areas, strict=True) if area >= 0]

@@ -18,7 +18,8 @@ class Mirror:
 
     Attributes
     ----------
-    normal : (nx, ny) of the plane, towards the side that is kept; components are -1, 0 or 1
+    normal : tuple[int, int]
+        (nx, ny) of the plane, towards the side that is kept; components are -1, 0 or 1.
     """
 
     name: str

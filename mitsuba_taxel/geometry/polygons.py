@@ -16,7 +16,8 @@ def triangulated(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    points : (N, 2)
+    points : ndarray
+        (N, 2).
 
     Raises
     ------

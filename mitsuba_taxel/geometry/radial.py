@@ -14,13 +14,17 @@ def put_radially(
 
     Parameters
     ----------
-    points, centre : (N, 3) and (N, 3) or (3,), mm
-    across : (3, 3) projection onto the directions in which the radius is measured: the identity for a sphere
+    points, centre : (N, 3) ndarray
+        And (N, 3) or (3,), mm.
+    across : (3, 3) ndarray
+        Projection onto the directions in which the radius is measured: the identity for a sphere.
 
     Returns
     -------
-    places : (N, 3) mm
-    gradient : (N, 3, 3) derivative of a point's place by the point
+    places : (N, 3) ndarray
+        Mm.
+    gradient : (N, 3, 3) ndarray
+        Derivative of a point's place by the point.
     """
     from_centre = (points - centre) @ across
     stretch = (radius / np.linalg.norm(from_centre, axis=1))[:, None]

@@ -16,11 +16,16 @@ class Slices:
 
     Attributes
     ----------
-    low, high, fraction : (V,) the vertices of the mesh that a vertex lies between, and how far from the first
-    height : (V,) of each vertex, in distances of the planes; whole on a plane
-    triangles : (T, 3) vertex numbers; the vertices of the mesh keep theirs
-    parents : (T,) the triangle of the mesh that each is a piece of
-    band : (T,) number of the plane below each piece of a chosen triangle
+    low, high, fraction : (V,) ndarray
+        The vertices of the mesh that a vertex lies between, and how far from the first.
+    height : (V,) ndarray
+        Of each vertex, in distances of the planes; whole on a plane.
+    triangles : (T, 3) ndarray
+        Vertex numbers; the vertices of the mesh keep theirs.
+    parents : (T,) ndarray
+        The triangle of the mesh that each is a piece of.
+    band : (T,) ndarray
+        Number of the plane below each piece of a chosen triangle.
     """
 
     low: np.ndarray

@@ -20,8 +20,10 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
 
     Parameters
     ----------
-    points : (V, 3) mm
-    triangles : (T, 3)
+    points : (V, 3) ndarray
+        Mm.
+    triangles : ndarray
+        (T, 3).
     """
     origin = np.arange(len(triangles))
     for _ in range(MOST_ROUNDS):

@@ -22,12 +22,17 @@ class VolumeMesh:
 
     Attributes
     ----------
-    points : (N, 3) nodes in mm, undeformed; the corners of all elements come first
-    tets : (M, 10) nodes of each tetrahedron: corners, positively oriented, then edges as in :data:`TET_EDGES`
-    faces : (B, 6) nodes of each boundary triangle, corners counter-clockwise seen from outside, then edges
-        as in :data:`FACE_EDGES`
-    face_region : (B,) region code
-    face_cell : (B,) number of the cell that a roof or side belongs to, 0 elsewhere
+    points : (N, 3) ndarray
+        Nodes in mm, undeformed; the corners of all elements come first.
+    tets : (M, 10) ndarray
+        Nodes of each tetrahedron: corners, positively oriented, then edges as in :data:`TET_EDGES`.
+    faces : (B, 6) ndarray
+        Nodes of each boundary triangle, corners counter-clockwise seen from outside, then edges as in
+        :data:`FACE_EDGES`.
+    face_region : (B,) ndarray
+        Region code.
+    face_cell : (B,) ndarray
+        Number of the cell that a roof or side belongs to, 0 elsewhere.
     """
 
     points: np.ndarray

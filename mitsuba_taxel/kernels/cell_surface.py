@@ -14,9 +14,12 @@ class CellSurface:
 
     Attributes
     ----------
-    vertices : (V, 3) mm, in the world
-    triangles : (N, 3) vertex numbers
-    region, cell : (N,) code of the region and number of the cell of each triangle; cells count from 1
+    vertices : (V, 3) ndarray
+        In mm, in the world.
+    triangles : (N, 3) ndarray
+        Vertex numbers.
+    region, cell : (N,) ndarray
+        Code of the region and number of the cell of each triangle; cells count from 1.
     """
 
     vertices: np.ndarray

@@ -100,8 +100,10 @@ class Tabulated:
 
     Parameters
     ----------
-    angles : (n,) degrees, strictly increasing from 0 to at most 90
-    intensities : (n,) relative radiant intensity, not all 0
+    angles : (n,) ndarray
+        In degrees, strictly increasing from 0 to at most 90.
+    intensities : (n,) ndarray
+        Relative radiant intensity, not all 0.
     """
 
     def __init__(self, angles: np.ndarray, intensities: np.ndarray) -> None:

@@ -26,7 +26,8 @@ class GuidedEmission:
 
     Parameters
     ----------
-    density : (T, 32, 32) positive, row along the second coordinate; each mean is 1
+    density : (T, 32, 32) ndarray
+        Positive, row along the second coordinate; each mean is 1.
     """
 
     def __init__(self, density: np.ndarray) -> None:

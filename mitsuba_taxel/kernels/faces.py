@@ -24,11 +24,14 @@ class FaceGrid:
 
     Parameters
     ----------
-    to_world : mi.ScalarTransform4f
-        rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
-    centre : (3,) centre of face 1 when the grid has one face, else of the grid, in the carrier's frame.
-    size : (2,) extent of a face along the carrier's x and y.
-    rows, columns, pitch : the grid; rows run from +y to -y, columns along +x.
+    to_world
+        mi.ScalarTransform4f rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
+    centre : (3,) ndarray
+        Centre of face 1 when the grid has one face, else of the grid, in the carrier's frame.
+    size : (2,) ndarray
+        Extent of a face along the carrier's x and y.
+    rows, columns, pitch : int and float
+        The grid; rows run from +y to -y, columns along +x.
     """
 
     def __init__(self, to_world, centre, size, rows: int = 1, columns: int = 1, pitch: float = 0.0) -> None:

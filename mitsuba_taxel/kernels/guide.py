@@ -37,9 +37,12 @@ class Members:
 
     Attributes
     ----------
-    owner : (N,) taxel of each triangle, -1 for none
-    numbers : (M,) the triangles that have an owner
-    trees : over them, one for each taxel
+    owner : (N,) ndarray
+        Taxel of each triangle, -1 for none.
+    numbers : (M,) ndarray
+        The triangles that have an owner.
+    trees : MemberTrees
+        Over them, one for each taxel.
     """
 
     owner: np.ndarray
@@ -55,9 +58,12 @@ class Guide:
 
     Parameters
     ----------
-    mesh : the ``mi.Mesh``
-    members : which of its triangles, and their order
-    near : whether near points are to be drawn more often than far ones
+    mesh : Any
+        The ``mi.Mesh``.
+    members : Members
+        Which of its triangles, and their order.
+    near : bool
+        Whether near points are to be drawn more often than far ones.
     """
 
     def __init__(self, mesh: Any, members: Members, near: bool) -> None:
@@ -86,8 +92,10 @@ class Guide:
 
         Parameters
         ----------
-        place : where on the unit square the ray starts, see :meth:`place`; without meaning unless ``near``
-        sample, nearness : uniform random numbers
+        place : mi.Point2f
+            Where on the unit square the ray starts, see :meth:`place`; without meaning unless ``near``.
+        sample, nearness : mi.Point2f and mi.Float
+            Uniform random numbers.
         """
         if self.near:
             sample = place + (sample - place) * dr.minimum(2 * nearness, 1)

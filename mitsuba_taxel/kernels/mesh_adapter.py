@@ -13,8 +13,10 @@ class Places(NamedTuple):
 
     Attributes
     ----------
-    vertices : (V, 3) world coordinates
-    normals : (V, 3) unit normals that triangles interpolate, None for flat triangles
+    vertices : (V, 3) ndarray
+        World coordinates.
+    normals : (V, 3) ndarray or None
+        Unit normals that triangles interpolate, None for flat triangles.
     """
 
     vertices: np.ndarray
@@ -26,7 +28,8 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 
     Parameters
     ----------
-    triangles : (T, 3) int, counter-clockwise seen from outside
+    triangles : (T, 3) ndarray
+        Int, counter-clockwise seen from outside.
     """
     smooth = places.normals is not None
     props["face_normals"] = not smooth

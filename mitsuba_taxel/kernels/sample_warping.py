@@ -16,8 +16,10 @@ def descend(shares: mi.Float, depth: int, tree: mi.UInt32, sample: mi.Point2f) -
 
     Parameters
     ----------
-    shares : (trees * 2**depth,) shares of the inner nodes, tree after tree
-    tree : number of the tree to walk down
+    shares : mi.Float
+        (trees * 2**depth,) shares of the inner nodes, tree after tree.
+    tree : mi.UInt32
+        Number of the tree to walk down.
     """
     rest = [sample.x, sample.y]
     node = mi.UInt32(1)
@@ -68,14 +70,19 @@ class MemberTrees:
 
     Parameters
     ----------
-    position : (M, 2) places of the members
-    tree : (M,) number of the tree of each
-    trees : how many there are
+    position : (M, 2) ndarray
+        Places of the members.
+    tree : (M,) ndarray
+        Number of the tree of each.
+    trees : int
+        How many there are.
 
     Attributes
     ----------
-    depth : of all trees
-    leaves : (trees, 2**depth) number of the member in each leaf; 0 where there is none
+    depth
+        Of all trees.
+    leaves : (trees, 2**depth) ndarray
+        Number of the member in each leaf; 0 where there is none.
     """
 
     def __init__(self, position: np.ndarray, tree: np.ndarray, trees: int) -> None:

@@ -25,8 +25,10 @@ class Interpolant:
 
     Parameters
     ----------
-    nodes : (NODES,) strictly increasing
-    values : (NODES,) at the nodes
+    nodes : (NODES,) ndarray
+        Strictly increasing.
+    values : (NODES,) ndarray
+        At the nodes.
     """
 
     def __init__(self, nodes: np.ndarray, values: np.ndarray) -> None:
@@ -54,11 +56,13 @@ def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     Parameters
     ----------
-    angles, values : (n,), with n of at most ``NODES``; angles start at 0.
+    angles, values : (n,) ndarray
+        With n of at most ``NODES``; angles start at 0.
 
     Returns
     -------
-    angles, values : (NODES,)
+    angles, values : ndarray
+        (NODES,).
     """
     rows = len(angles)
     place = np.arange(rows) + np.floor((NODES - rows) * (angles / angles[-1]))
@@ -73,8 +77,10 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    angles : (n,) degrees, from 0 to at most 90, strictly increasing
-    values : (n,) finite, at least 0, not all 0
+    angles : (n,) ndarray
+        In degrees, from 0 to at most 90, strictly increasing.
+    values : (n,) ndarray
+        Finite, at least 0, not all 0.
 
     Raises
     ------

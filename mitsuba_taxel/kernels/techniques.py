@@ -63,9 +63,11 @@ class Techniques:
 
     Parameters
     ----------
-    strategy : ``all``, or the one technique to use: ``connections``, ``sensor_subpath_connections`` or
-        ``unidirectional_hits``
-    clearance : see :func:`mitsuba_taxel.kernels.ray_offsets.leave`
+    strategy : str
+        ``all``, or the one technique to use: ``connections``, ``sensor_subpath_connections`` or
+        ``unidirectional_hits``.
+    clearance : mi.Float
+        See :func:`mitsuba_taxel.kernels.ray_offsets.leave`.
     """
 
     def __init__(
@@ -161,8 +163,10 @@ class Techniques:
 
         Parameters
         ----------
-        before : the vertex that the ray left; its throughput is what the ray carries now
-        density : of the direction ``d`` [1/sr]; without meaning where ``specular``
+        before : Vertex
+            The vertex that the ray left; its throughput is what the ray carries now.
+        density : mi.Float
+            Of the direction ``d`` [1/sr]; without meaning where ``specular``.
         """
         inside, offset = self.sensor.contains(self.index, si.p)
         if not self.unidirectional:
@@ -194,8 +198,10 @@ class Techniques:
 
         Parameters
         ----------
-        member, place : of the point that the ray meets
-        area_per_angle : distance squared over cosine there, mm²
+        member, place : mi.Bool and mi.Point2f
+            Of the point that the ray meets.
+        area_per_angle : mi.Float
+            Distance squared over cosine there, mm².
         """
         total = (1 - before.guided) * density
         if self.guide is not None:

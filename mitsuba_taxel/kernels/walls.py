@@ -26,7 +26,8 @@ def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
 
     Parameters
     ----------
-    one_by_one : whether LEDs are traced one by one, and so may have several wavelengths
+    one_by_one : bool
+        Whether LEDs are traced one by one, and so may have several wavelengths.
 
     Raises
     ------

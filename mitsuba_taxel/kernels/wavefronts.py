@@ -25,25 +25,34 @@ def trace(
     first: int = 0,
     image: bool = False,
     crosstalk: bool = False,
-):
+) -> tuple[np.ndarray, np.ndarray | None, int]:
     """Power on each phototransistor of a pair of LED and phototransistor arrays.
 
     Parameters
     ----------
-    integrator : has ``sample_paths(scene, pair, index, led_index, sampler, pixels)``, the power that one path from
-        each LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``
-    points : paths for each reading and replicate; rounded up to a power of two
-    first : number of the first of them, 0 or a multiple of ``points``: a later run goes on where one has stopped
-    replicates : independent randomisations
-    image : whether to accumulate the irradiance map as well
-    crosstalk : whether each LED is to be read on each phototransistor
+    integrator : Any
+        Has ``sample_paths(scene, pair, index, led_index, sampler, pixels)``, the power that one path from each LED of
+        ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
+    points : int
+        Paths for each reading and replicate; rounded up to a power of two.
+    first : int
+        Number of the first of them, 0 or a multiple of ``points``: a later run goes on where one has stopped.
+    replicates : int
+        Independent randomisations.
+    image : bool
+        Whether to accumulate the irradiance map as well.
+    crosstalk : bool
+        Whether each LED is to be read on each phototransistor.
 
     Returns
     -------
-    power : (replicates, readings) float64 array, W: one reading for each taxel, or, with ``crosstalk``, for each LED
-        and phototransistor, (replicates, LEDs, phototransistors)
-    image : (height, width) irradiance in W/mm², or None
-    points : paths for each reading and replicate, as the sampler has it
+    power : (replicates, readings) ndarray
+        In W: one reading for each taxel, or, with ``crosstalk``, for each LED and phototransistor, (replicates, LEDs,
+        phototransistors).
+    image : (height, width) ndarray
+        Irradiance in W/mm², or None.
+    points : int
+        Paths for each reading and replicate, as the sampler has it.
     """
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(points)

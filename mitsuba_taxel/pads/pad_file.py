@@ -31,11 +31,11 @@ class PadFile(Displayed):
 
     Parameters
     ----------
-    path
+    path : Path
         The file; its ending says which format it is.
-    regions
-        Rules that name the regions of faces, or a TOML file of them (see :func:`read_rules`); the first rule that
-        a face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
+    regions : tuple[Rule, ...]
+        Rules that name the regions of faces, or a TOML file of them (see :func:`read_rules`); the first rule that a
+        face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
 
     Raises
     ------

@@ -24,7 +24,8 @@ class Checked:
         made = {name: value.metadata for name, value in vars(cls).items() if isinstance(value, Field)}
         stated = {name: about["parameter"] for name, about in made.items() if "parameter" in about}
         if stated and cls.__doc__:
-            rows = "\n".join(f"{name} : {parameter.description_with_unit}" for name, parameter in stated.items())
+            types = {name: str(kind).replace(" | None", ", optional") for name, kind in cls.__annotations__.items()}
+            rows = "\n".join(f"{name} : {types[name]}\n    {p.description_with_unit}" for name, p in stated.items())
             head, mark, rest = re.split(r"(\n\n(?:Raises|Notes)\n|$)", inspect.cleandoc(cls.__doc__), maxsplit=1)
             cls.__doc__ = "".join([head, "\n\nParameters\n----------\n", rows.replace("`", "``"), mark, rest])
 

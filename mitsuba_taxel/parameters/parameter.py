@@ -29,13 +29,20 @@ class Parameter:
 
     Attributes
     ----------
-    doc : what it means, in sentences
-    name : as in a scene
-    unit : empty for what has none
-    default : :data:`REQUIRED` for none; None where it is left out, or follows from others
-    default_words : the default in words, where its value does not say it
-    when : another parameter, and its values for which this one means anything; empty for all
-    without, needs : another parameter that this one excludes, or means nothing without; empty for none
+    doc : str
+        What it means, in sentences.
+    name : str
+        As in a scene.
+    unit : str
+        Empty for what has none.
+    default : Any
+        :data:`REQUIRED` for none; None where it is left out, or follows from others.
+    default_words : str
+        The default in words, where its value does not say it.
+    when : tuple[str, ...]
+        Another parameter, and its values for which this one means anything; empty for all.
+    without, needs : str
+        Another parameter that this one excludes, or means nothing without; empty for none.
     """
 
     doc: str
@@ -127,9 +134,12 @@ class Number(Parameter):
 
     Attributes
     ----------
-    above, minimum, maximum : what it must be greater than; the least and the largest that it may be
-    common : least and largest size that is not odd, None where nothing is
-    hint : what to do instead of what is out of range
+    above, minimum, maximum : float
+        What it must be greater than; the least and the largest that it may be.
+    common : tuple[float, float] or None
+        Least and largest size that is not odd, None where nothing is.
+    hint : str
+        What to do instead of what is out of range.
     """
 
     above: float = -math.inf
@@ -229,8 +239,10 @@ class Vector(Parameter):
 
     Attributes
     ----------
-    common : as of a `Number`
-    is_direction : whether one of them must not be 0
+    common : tuple[float, float] or None
+        As of a `Number`.
+    is_direction : bool
+        Whether one of them must not be 0.
     """
 
     above: float = -math.inf
@@ -286,9 +298,12 @@ class Nested(Parameter):
 
     Attributes
     ----------
-    kind : of its plugin, as ``bsdf``
-    made_of : class of the Python object that stands for it, None where there is none
-    by_name : whether it goes by its name, and not by its kind alone
+    kind : str
+        Of its plugin, as ``bsdf``.
+    made_of : Any
+        Class of the Python object that stands for it, None where there is none.
+    by_name : bool
+        Whether it goes by its name, and not by its kind alone.
     """
 
     kind: str

@@ -38,7 +38,8 @@ def write_characteristics(
 
     Parameters
     ----------
-    table, pairs : as ``characteristics(experiments)`` and ``symmetric_pairs(maps)`` return them
+    table, pairs : pandas.DataFrame
+        As ``characteristics(experiments)`` and ``symmetric_pairs(maps)`` return them.
 
     Returns
     -------

@@ -58,7 +58,8 @@ class Emulated(NamedTuple):
 
     Attributes
     ----------
-    error : standard error of the mean
+    error : float
+        Standard error of the mean.
     """
 
     mean: float
@@ -72,8 +73,10 @@ def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    force : (F,) N
-    power : (F, repetitions) W, or (F, repetitions, taxels): then the largest of all taxels
+    force : (F,) ndarray
+        N.
+    power : (F, repetitions) ndarray
+        In W, or (F, repetitions, taxels): then the largest of all taxels.
     """
     steps = np.abs(np.diff(power.reshape(*power.shape[:2], -1), axis=0))
     return (steps / np.abs(np.diff(force))[:, None, None]).max(axis=(0, 2))
@@ -97,8 +100,10 @@ class CountingTest(NamedTuple):
 
     Attributes
     ----------
-    ratio : mean over the readings of variance / (p (1 - p) / n)
-    p : two-sided, of a chi-square distribution
+    ratio : float
+        Mean over the readings of variance / (p (1 - p) / n).
+    p : float
+        Two-sided, of a chi-square distribution.
     """
 
     ratio: float
@@ -110,8 +115,10 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
 
     Parameters
     ----------
-    samples : (readings, repetitions) W of 1 W, independent of each other
-    rays : n
+    samples : (readings, repetitions) ndarray
+        W of 1 W, independent of each other.
+    rays : int
+        N.
     """
     p = samples.mean(axis=1)
     ratios = samples.var(axis=1, ddof=1) / (p * (1 - p) / rays)

@@ -18,7 +18,8 @@ class Order(NamedTuple):
 
     Attributes
     ----------
-    certainty : probability that the true values come in this order, errors taken as normal and independent
+    certainty : float
+        Probability that the true values come in this order, errors taken as normal and independent.
     """
 
     names: tuple[str, ...]
@@ -46,9 +47,12 @@ class Fit(NamedTuple):
 
     Attributes
     ----------
-    scale : the factor; ``scale_error`` its standard error
-    chi_square, freedom, p : sum of squared deviations over their variances, and the chance of so large a one
-    misfit : typical factor by which a number is off, exp of the root mean square of ln(number / (scale expected))
+    scale : float
+        The factor; ``scale_error`` its standard error.
+    chi_square, freedom, p : float and int
+        Sum of squared deviations over their variances, and the chance of so large a one.
+    misfit : float
+        Typical factor by which a number is off, exp of the root mean square of ln(number / (scale expected)).
     """
 
     scale: float

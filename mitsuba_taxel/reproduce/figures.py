@@ -45,8 +45,10 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
 
     Parameters
     ----------
-    studies : by spacing, with ``dim`` and ``law``
-    abscissa : coordinate to draw against
+    studies : Mapping[float, xr.Dataset]
+        By spacing, with ``dim`` and ``law``.
+    abscissa : str
+        Coordinate to draw against.
     """
     with _figure(file, 1, len(studies), (11, 3.4), sharey=True) as axes:
         for ax, (spacing, study) in zip(axes[0], studies.items(), strict=True):
@@ -164,7 +166,8 @@ def sensitivities(
 
     Parameters
     ----------
-    ours, expected : by ``normal`` and ``tangential``, then by shape
+    ours, expected : Mapping[str, Mapping[str, Sensitivity]] and Mapping[str, Mapping[str, Emulated]]
+        By ``normal`` and ``tangential``, then by shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
     with _figure(file, 1, 2, (10, 4), sharey=True) as axes:
@@ -196,7 +199,8 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
 
     Parameters
     ----------
-    found : by choice, then ``normal`` and ``tangential``, then shape
+    found : Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]
+        By choice, then ``normal`` and ``tangential``, then shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
     rows = np.arange(len(found))
@@ -228,8 +232,10 @@ def repetitions(
 
     Parameters
     ----------
-    counted, drawn : maximum slopes in W/N by shape, of repetitions with counted rays and of binomial counts
-    true : maximum slopes in W/N
+    counted, drawn : Mapping[str, ndarray]
+        Maximum slopes in W/N by shape, of repetitions with counted rays and of binomial counts.
+    true : Mapping[str, float]
+        Maximum slopes in W/N.
     """
     with _figure(file, 2, 2, (10, 6)) as axes:
         for ax, (cell, slopes) in zip(axes.flat, counted.items(), strict=True):

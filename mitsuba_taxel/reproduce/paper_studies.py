@@ -25,12 +25,15 @@ class PaperStudies:
 
     Parameters
     ----------
-    folder : made where it is missing
-    announce : called with the name of a study that is about to be computed; without it, none is
+    folder : Path
+        Made where it is missing.
+    announce : Callable[[str], None], optional
+        Called with the name of a study that is about to be computed; without it, none is.
 
     Attributes
     ----------
-    seconds : that the studies computed so far took, by stage, summed over processes
+    seconds : dict[str, float]
+        That the studies computed so far took, by stage, summed over processes.
     """
 
     def __init__(self, folder: Path, announce: Callable[[str], None] | None = None) -> None:
@@ -43,8 +46,9 @@ class PaperStudies:
 
         Parameters
         ----------
-        request : all that the study was asked for, as JSON can hold it; kept as an attribute, beside the
-            ``wall_seconds`` that it took
+        request : Mapping[str, Any]
+            All that the study was asked for, as JSON can hold it; kept as an attribute, beside the ``wall_seconds``
+            that it took.
 
         Raises
         ------

@@ -77,8 +77,10 @@ def compute(
 
     Parameters
     ----------
-    workers : number of processes to use, in place of this one; each takes parts of a shape where they are of all shapes
-    announce : called with the name of each study that is about to be computed, by the process that computes it
+    workers : int or None
+        Number of processes to use, in place of this one; each takes parts of a shape where they are of all shapes.
+    announce : Callable[[str], None]
+        Called with the name of each study that is about to be computed, by the process that computes it.
 
     Returns
     -------

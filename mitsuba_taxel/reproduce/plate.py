@@ -89,8 +89,10 @@ def peak(height: np.ndarray, samples: np.ndarray) -> Peak:
 
     Parameters
     ----------
-    height : (H,) mm, increasing
-    samples : (H, replicates) W
+    height : (H,) ndarray
+        In mm, increasing.
+    samples : (H, replicates) ndarray
+        W.
     """
     near = samples.mean(axis=1) > NEAR_PEAK * samples.mean(axis=1).max()
     if near[0] or near[-1] or near.sum() < 5:

@@ -28,8 +28,10 @@ def compute_shapes(
 
     Parameters
     ----------
-    stages : parts that need nothing but what the stages before have stored of the same shape
-    stages, announce : must be such as can be sent to a process; for :class:`PaperStudies`
+    stages : Sequence[Sequence[ShapePart]]
+        Parts that need nothing but what the stages before have stored of the same shape.
+    stages, announce : Sequence[Sequence[ShapePart]] and Callable[[str], None]
+        Must be such as can be sent to a process; for :class:`PaperStudies`.
 
     Returns
     -------

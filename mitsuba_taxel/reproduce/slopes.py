@@ -22,11 +22,15 @@ class Sensitivity(NamedTuple):
 
     Attributes
     ----------
-    max_slope : largest in magnitude of all taxels and force steps, its sign dropped; ``at`` is the middle of that
-        step in N, ``taxel`` the number of the taxel
-    mean_slope : from the first force to the last of the taxel for which that is largest in magnitude, with its sign
-    degree : of the polynomials whose slopes these are
-    raw_max_slope : without smoothing, noise included
+    max_slope : float
+        Largest in magnitude of all taxels and force steps, its sign dropped; ``at`` is the middle of that step in N,
+        ``taxel`` the number of the taxel.
+    mean_slope : float
+        From the first force to the last of the taxel for which that is largest in magnitude, with its sign.
+    degree : int
+        Of the polynomials whose slopes these are.
+    raw_max_slope : float
+        Without smoothing, noise included.
     """
 
     max_slope: float
@@ -76,8 +80,10 @@ def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     Parameters
     ----------
-    force : (F,) N
-    samples : (F, replicates, taxels) W
+    force : (F,) ndarray
+        N.
+    samples : (F, replicates, taxels) ndarray
+        W.
 
     Returns
     -------

@@ -42,14 +42,18 @@ class EnergyAudit:
 
     Attributes
     ----------
-    places : (P,) where light ended. A surface is called by its shape's id, or else its kind, and by the region if it
-        has several (``deformable_pad roof``); its share is what it absorbed. Then come the :data:`ENDS`:
-        ``detected`` is what phototransistors absorbed, and so what landed on them unless they reflect; it is not
-        weighted by their response. ``lost by single scattering`` is what rough mirrors did not return of their
-        reflectance, and ``unfinished`` what was under way after the most reflections.
-    replicates : (R, P) shares for each independent randomisation
-    points : light paths for each LED and replicate
-    seed : what the random numbers came from
+    places : tuple[str, ...]
+        (P,) where light ended. A surface is called by its shape's id, or else its kind, and by the region if it has
+        several (``deformable_pad roof``); its share is what it absorbed. Then come the :data:`ENDS`: ``detected`` is
+        what phototransistors absorbed, and so what landed on them unless they reflect; it is not weighted by their
+        response. ``lost by single scattering`` is what rough mirrors did not return of their reflectance, and
+        ``unfinished`` what was under way after the most reflections.
+    replicates : (R, P) ndarray
+        Shares for each independent randomisation.
+    points : int
+        Light paths for each LED and replicate.
+    seed : int
+        What the random numbers came from.
     """
 
     places: tuple[str, ...]
@@ -94,10 +98,14 @@ def energy_audit(
 
     Parameters
     ----------
-    scene : a :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``
-    points : light paths for each LED and replicate, up to 1048576; rounded up to a power of two
-    seed : whole number from 0 to 2**32 - 1
-    progress : told how many sequences of points are done, and how many there are
+    scene : Scene or str or Path or Any
+        A :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``.
+    points : int
+        Light paths for each LED and replicate, up to 1048576; rounded up to a power of two.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    progress : Callable[[int, int], None], optional
+        Told how many sequences of points are done, and how many there are.
 
     Raises
     ------

@@ -53,20 +53,27 @@ def measure(
 
     Parameters
     ----------
-    scene : a :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or what :func:`prepare` returned
-    target_error : relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a
-        `Scene` leaves open get one that is fine enough. Pilot runs with other random numbers choose how many points it
-        takes; they do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
-    points : light paths for each taxel and replicate, instead of a target; rounded up to a power of two
-    time_budget : seconds after which no finer mesh and no further points are begun. Alone, it is used up; together with
-        a target or a number of points the run ends at whichever comes first. At least 256 points are traced in any
-        case.
-    seed : whole number from 0 to 2**32 - 1
-    irradiance : whether to return the irradiance map as well
-    mechanics_error : whether to find out what the errors of the pads' shape do to the readings, by short traces
-    continued : readings of the same scene and seed, of 256 points or more, that this run goes on from: with
-        ``points`` it gives what a run of so many points from the start would give (under Mitsuba's own integrators an
-        estimate that is as good)
+    scene : Scene or str or Path or Any
+        A :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or what :func:`prepare` returned.
+    target_error : float, optional
+        Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene`
+        leaves open get one that is fine enough. Pilot runs with other random numbers choose how many points it takes;
+        they do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
+    points : int, optional
+        Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
+    time_budget : float, optional
+        Seconds after which no finer mesh and no further points are begun. Alone, it is used up; together with a target
+        or a number of points the run ends at whichever comes first. At least 256 points are traced in any case.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    irradiance : bool
+        Whether to return the irradiance map as well.
+    mechanics_error : bool
+        Whether to find out what the errors of the pads' shape do to the readings, by short traces.
+    continued : Readings, optional
+        Readings of the same scene and seed, of 256 points or more, that this run goes on from: with ``points`` it gives
+        what a run of so many points from the start would give (under Mitsuba's own integrators an estimate that is as
+        good).
 
     Raises
     ------

@@ -28,7 +28,8 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
 
     Parameters
     ----------
-    powers : traces the scene as it is, always with the same random numbers; (R, T) W
+    powers : Callable[[], ndarray]
+        Traces the scene as it is, always with the same random numbers; (R, T) W.
 
     Returns
     -------

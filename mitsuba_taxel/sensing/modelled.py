@@ -34,8 +34,10 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
 
     Parameters
     ----------
-    scene : the ``mi.Scene``, or what has its ``shapes()``, ``emitters()`` and ``sensors()``
-    integrator : that is to read it
+    scene : Any
+        The ``mi.Scene``, or what has its ``shapes()``, ``emitters()`` and ``sensors()``.
+    integrator : Any
+        That is to read it.
 
     Raises
     ------

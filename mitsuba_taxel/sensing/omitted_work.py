@@ -39,10 +39,13 @@ def left_out(
 
     Parameters
     ----------
-    ready : the scene, from `prepare`
-    irradiance, crosstalk : whether the irradiance map, or each LED on each phototransistor, is asked for as well
-    began : ``time.time()`` before the scene was loaded for the first time; with it, it is said where neither mesh nor
-        solution has been computed since, because all were kept on disk
+    ready : Prepared
+        The scene, from `prepare`.
+    irradiance, crosstalk : bool
+        Whether the irradiance map, or each LED on each phototransistor, is asked for as well.
+    began : float, optional
+        ``time.time()`` before the scene was loaded for the first time; with it, it is said where neither mesh nor
+        solution has been computed since, because all were kept on disk.
 
     Raises
     ------

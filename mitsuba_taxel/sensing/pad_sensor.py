@@ -33,13 +33,19 @@ class PadSensor(Displayed):
 
     Parameters
     ----------
-    pad, material : the silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`
-    force : total force (Fx, Fy, Fz), in N; compression is Fz < 0
-    load : how it acts: `SpreadForce`, `PatchForce` or `PlateForce`; for `PlateDisplacement` ``force`` is the
-        displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa
-    photo_reflector : its rows, columns and pitch are those of the pad, whatever it says
-    roof, side : what covers the cells
-    finish : what the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth
+    pad, material : Pad and Material
+        The silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`.
+    force : sequence of float
+        Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
+    load : Load
+        How it acts: `SpreadForce`, `PatchForce` or `PlateForce`; for `PlateDisplacement` ``force`` is the displacement
+        in mm, for `Pressure` it is ``(pressure,)`` in MPa.
+    photo_reflector : PhotoReflector
+        Its rows, columns and pitch are those of the pad, whatever it says.
+    roof, side : Wall
+        What covers the cells.
+    finish : LayerSteps or Grooves or RandomRoughness, optional
+        What the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth.
 
     Raises
     ------

@@ -103,12 +103,17 @@ class RayPaths:
 
     Attributes
     ----------
-    vertices : for each path (n, 3) positions in mm, n from 2 to 64: the LED, each reflection, the end. A path that
-        escapes ends a little way along its last direction.
-    reached : (N,) whether each has reached the taxel's own phototransistor
-    power : (N,) power in W that each stands for
-    taxel : number of the taxel, from 1
-    drawn, arrived : how many paths were drawn for this sample, and how many of those have reached
+    vertices : list of ndarray
+        For each path (n, 3) positions in mm, n from 2 to 64: the LED, each reflection, the end. A path that escapes
+        ends a little way along its last direction.
+    reached : (N,) ndarray
+        Whether each has reached the taxel's own phototransistor.
+    power : (N,) ndarray
+        Power in W that each stands for.
+    taxel : int
+        Number of the taxel, from 1.
+    drawn, arrived : int
+        How many paths were drawn for this sample, and how many of those have reached.
     """
 
     vertices: list[np.ndarray]
@@ -135,11 +140,16 @@ def sample_paths(
 
     Parameters
     ----------
-    scene : a loaded ``mi.Scene``
-    taxel : number of the taxel, from 1
-    count : paths to return, 1 to 100000; fewer that reach are made up for by others
-    seed : whole number from 0 to 2**32 - 1
-    progress : told how many of the paths that reach are found, and how many are wanted
+    scene : mi.Scene
+        A loaded ``mi.Scene``.
+    taxel : int
+        Number of the taxel, from 1.
+    count : int
+        Paths to return, 1 to 100000; fewer that reach are made up for by others.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    progress : Callable[[int, int], None]
+        Told how many of the paths that reach are found, and how many are wanted.
 
     Raises
     ------

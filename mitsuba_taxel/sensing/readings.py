@@ -56,21 +56,33 @@ class Readings(Displayed):
 
     Attributes
     ----------
-    replicates : (R, T) power in W for each independent randomisation and taxel
-    points : light paths for each taxel and replicate
-    seed : what the random numbers came from
-    seconds : time by stage, in s
-    parameters : values of the scene's parameters
-    irradiance : (height, width) map in W/mm², one block of pixels for each taxel, or None
-    responsivity : (T,) photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None
-    deviation : (T,) W, by how much the power changes where loaded pads have the shape that coarser finite elements give
-        them; not a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors
-        are then those of the light alone
-    facets : (T,) W, by how much the power changes where the triangles of curved walls are their chords; 0 where all
-        walls are flat; None where it was not asked for
-    mesh_size : mm, of the finite elements of pads that the scene leaves open; None for the default
-    roof_errors : of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown
-    remarks : what the reader of the numbers must know besides, in words
+    replicates : (R, T) ndarray
+        Power in W for each independent randomisation and taxel.
+    points : int
+        Light paths for each taxel and replicate.
+    seed : int
+        What the random numbers came from.
+    seconds : dict[str, float]
+        Time by stage, in s.
+    parameters : dict[str, str]
+        Values of the scene's parameters.
+    irradiance : (height, width) ndarray or None
+        Map in W/mm², one block of pixels for each taxel, or None.
+    responsivity : (T,) ndarray or None
+        Photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None.
+    deviation : (T,) ndarray or None
+        In W, by how much the power changes where loaded pads have the shape that coarser finite elements give them; not
+        a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors are then
+        those of the light alone.
+    facets : (T,) ndarray or None
+        In W, by how much the power changes where the triangles of curved walls are their chords; 0 where all walls are
+        flat; None where it was not asked for.
+    mesh_size : float or None
+        In mm, of the finite elements of pads that the scene leaves open; None for the default.
+    roof_errors : list[RoofError | None]
+        Of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown.
+    remarks : list of str
+        What the reader of the numbers must know besides, in words.
     """
 
     replicates: np.ndarray
@@ -159,9 +171,12 @@ class Crosstalk:
 
     Attributes
     ----------
-    replicates : (R, T, T) power in W for each independent randomisation, LED and phototransistor
-    points : light paths for each of them
-    seed : what the random numbers came from
+    replicates : (R, T, T) ndarray
+        Power in W for each independent randomisation, LED and phototransistor.
+    points : int
+        Light paths for each of them.
+    seed : int
+        What the random numbers came from.
     """
 
     replicates: np.ndarray

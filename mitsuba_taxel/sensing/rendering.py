@@ -24,6 +24,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     if pair is None:
         raise InputError("the sensor to render is not a phototransistor.")
     _, image, _ = trace(integrator, scene, pair, spp or sensor.sampler().sample_count(), int(seed), image=True)
+    assert image is not None  # it was asked for
     film.prepare([])
     block = film.create_block()
     height, width = image.shape

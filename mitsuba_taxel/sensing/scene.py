@@ -31,11 +31,13 @@ class Scene(Displayed):
 
     Parameters
     ----------
-    source : path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with
-        ``"type": "scene"``)
-    parameters : values for the ``<default>``s of the file, by name
-    mesh_size : mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance;
-        None for the default
+    source : str or Path or dict[str, Any]
+        Path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``).
+    parameters : Mapping[str, object], optional
+        Values for the ``<default>``s of the file, by name.
+    mesh_size : float, optional
+        In mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance; None for
+        the default.
 
     Raises
     ------

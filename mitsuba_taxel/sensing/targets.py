@@ -61,8 +61,10 @@ class Mechanics(NamedTuple):
 
     Attributes
     ----------
-    deviation : (T,) W, as in `Readings`; None where no pad is loaded
-    share : relative error that it stands for; not a number where it is unknown
+    deviation : (T,) ndarray or None
+        In W, as in `Readings`; None where no pad is loaded.
+    share : float
+        Relative error that it stands for; not a number where it is unknown.
     """
 
     deviation: np.ndarray | None
@@ -74,9 +76,12 @@ class Geometry(NamedTuple):
 
     Attributes
     ----------
-    facets : (T,) W, as in `Readings`; None where no wall is curved
-    share : relative error that they stand for
-    pilot : the first of the runs of :func:`points_for`, where it has been done already
+    facets : (T,) ndarray or None
+        In W, as in `Readings`; None where no wall is curved.
+    share : float
+        Relative error that they stand for.
+    pilot : Run or None
+        The first of the runs of :func:`points_for`, where it has been done already.
     """
 
     facets: np.ndarray | None
@@ -168,9 +173,12 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
 
     Parameters
     ----------
-    scene : what :func:`prepare` takes; only a `Scene` that leaves the mesh of its pads open gets a finer one
-    target_error : relative; where it is out of reach of the mechanics, the light still gets a share of it
-    clock : what would not end in time is not begun
+    scene : Any
+        What :func:`prepare` takes; only a `Scene` that leaves the mesh of its pads open gets a finer one.
+    target_error : float
+        Relative; where it is out of reach of the mechanics, the light still gets a share of it.
+    clock : Clock, optional
+        What would not end in time is not begun.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
@@ -219,7 +227,8 @@ def _finer(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], targ
 
     Parameters
     ----------
-    tried : mesh sizes in mm and the errors found on them, the present one last
+    tried : list[tuple[float, float]]
+        Mesh sizes in mm and the errors found on them, the present one last.
     """
     wanted_error = MECHANICS_SHARE * target_error
     size, error = tried[-1]

@@ -20,10 +20,14 @@ class PluginPage:
 
     Attributes
     ----------
-    name, kind, title : as ``wall``, ``bsdf``, ``Wall``
-    parameters : rows of the parameter table; their texts have RST markup
-    text : paragraphs
-    example, python_example : XML, and entries of a dictionary as for ``mi.load_dict``
+    name, kind, title : str
+        As ``wall``, ``bsdf``, ``Wall``.
+    parameters : tuple[Parameter, ...]
+        Rows of the parameter table; their texts have RST markup.
+    text : str
+        Paragraphs.
+    example, python_example : str
+        XML, and entries of a dictionary as for ``mi.load_dict``.
     """
 
     name: str
@@ -53,8 +57,10 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
 
     Parameters
     ----------
-    name : of the plugin
-    convert : makes of a docstring's RST what the page's texts are to be; the title is always plain
+    name : str
+        Of the plugin.
+    convert : Callable[[str], str]
+        Makes of a docstring's RST what the page's texts are to be; the title is always plain.
 
     Raises
     ------

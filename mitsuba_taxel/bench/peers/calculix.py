@@ -27,10 +27,14 @@ class Result:
 
     Attributes
     ----------
-    displacement : (N, 3) of each node in mm, to seven digits, as many as the program prints
-    seconds : wall time of the whole process: it reads the deck, solves, and writes the displacements
-    increments : in which the load was applied
-    iterations : of Newton's method, those of increments given up included
+    displacement : (N, 3) ndarray
+        Of each node in mm, to seven digits, as many as the program prints.
+    seconds : float
+        Wall time of the whole process: it reads the deck, solves, and writes the displacements.
+    increments : int
+        In which the load was applied.
+    iterations : int
+        Of Newton's method, those of increments given up included.
     """
 
     displacement: np.ndarray
@@ -51,8 +55,10 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
 
     Parameters
     ----------
-    force : (3,) total force in N
-    threads : of the program's own
+    force : sequence of float
+        (3,) total force in N.
+    threads : int
+        Of the program's own.
 
     Raises
     ------

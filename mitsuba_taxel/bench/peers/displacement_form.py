@@ -35,7 +35,8 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.
 
     Parameters
     ----------
-    force : (3,) total force in N
+    force : sequence of float
+        (3,) total force in N.
 
     Raises
     ------

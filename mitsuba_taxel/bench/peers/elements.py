@@ -63,8 +63,10 @@ def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int
 
     Parameters
     ----------
-    displacement : (N, 3) of each node, mm
-    cell : number of the cell, from 1
+    displacement : (N, 3) ndarray
+        Of each node, mm.
+    cell : int
+        Number of the cell, from 1.
     """
     roof = mesh.faces[(mesh.face_region == REGIONS["roof"]) & (mesh.face_cell == cell)]
     nodes, weights = np.polynomial.legendre.leggauss(5)

@@ -33,11 +33,16 @@ class Result:
 
     Attributes
     ----------
-    error : relative standard error of one run, root mean square over taxels
-    bias : mean relative deviation of all runs and taxels from the truth
-    z : the bias in standard errors, of runs and truth together
-    agrees : whether ``z`` passes a t-test at :data:`FALSE_ALARM_RATE`
-    seconds : wall time of one run
+    error : float
+        Relative standard error of one run, root mean square over taxels.
+    bias : float
+        Mean relative deviation of all runs and taxels from the truth.
+    z : float
+        The bias in standard errors, of runs and truth together.
+    agrees : bool
+        Whether ``z`` passes a t-test at :data:`FALSE_ALARM_RATE`.
+    seconds : float
+        Wall time of one run.
     """
 
     error: float

@@ -34,9 +34,12 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
 
     Parameters
     ----------
-    cases, peers : names of :data:`CASES` and :data:`PEERS`; all if there are none; the peer ``none`` leaves ours alone
-    runs : independent seeds of each system, at least :data:`FEWEST_RUNS`
-    seconds : about how long one run is
+    cases, peers : sequence of str
+        Names of :data:`CASES` and :data:`PEERS`; all if there are none; the peer ``none`` leaves ours alone.
+    runs : int
+        Independent seeds of each system, at least :data:`FEWEST_RUNS`.
+    seconds : float
+        About how long one run is.
 
     Raises
     ------

@@ -16,11 +16,16 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
 
     Parameters
     ----------
-    z : height of the plate above the LED's plane, mm
-    spacing : distance of the LED's centre from the phototransistor's, along x, mm
-    side : of the plate, mm
-    panels : along each side
-    exponent : of the cosine in the phototransistor's response to a parallel beam, 1 if ideal
+    z : float
+        Height of the plate above the LED's plane, mm.
+    spacing : float
+        Distance of the LED's centre from the phototransistor's, along x, mm.
+    side : float
+        Of the plate, mm.
+    panels : int
+        Along each side.
+    exponent : float
+        Of the cosine in the phototransistor's response to a parallel beam, 1 if ideal.
     """
     nodes, weights = np.polynomial.legendre.leggauss(8)
     step = side / panels

@@ -44,8 +44,10 @@ class Contact:
 
     Attributes
     ----------
-    what : "itself", "the board" or "a package"
-    place : mm, in the deformed pad
+    what : str
+        "itself", "the board" or "a package".
+    place : Place
+        In mm, in the deformed pad.
     """
 
     what: str
@@ -62,7 +64,8 @@ class ContactTest:
 
     Parameters
     ----------
-    obstacles : (K, 3, 3) corners of the triangles of closed surfaces, in mm: the packages in the cells
+    obstacles : (K, 3, 3) ndarray, optional
+        Corners of the triangles of closed surfaces, in mm: the packages in the cells.
 
     Raises
     ------

@@ -22,9 +22,12 @@ class Inside:
 
     Attributes
     ----------
-    residual : forces and volumes over the unknowns
-    entries : of the tangent, as :class:`Couplings` lists them; None if not asked for, or an element is inverted
-    min_jacobian : least volume ratio J at any quadrature point
+    residual : ndarray
+        Forces and volumes over the unknowns.
+    entries : ndarray or None
+        Of the tangent, as :class:`Couplings` lists them; None if not asked for, or an element is inverted.
+    min_jacobian : float
+        Least volume ratio J at any quadrature point.
     """
 
     residual: np.ndarray
@@ -37,7 +40,8 @@ class Assembly:
 
     Parameters
     ----------
-    like : another assembly of the same mesh and material, with which it shares its elements
+    like : Assembly, optional
+        Another assembly of the same mesh and material, with which it shares its elements.
     """
 
     def __init__(
@@ -67,8 +71,10 @@ class Assembly:
 
         Parameters
         ----------
-        displacement : (N, 3) mm
-        pressure : (corners,) MPa, positive in tension
+        displacement : (N, 3) ndarray
+            Mm.
+        pressure : (corners,) ndarray
+            In MPa, positive in tension.
         """
         state = self.elements.evaluate(displacement, pressure, with_tangent)
         if not state.min_jacobian > 0:

@@ -23,12 +23,18 @@ class Numbering:
 
     Attributes
     ----------
-    unknown : (3 N + corners,) unknown of each displacement (x, y, z of each node) and pressure; -1 where it is 0
-    sign : (3 N + corners,) what the unknown is multiplied with
-    nodes : N
-    displacements, pressures : how many unknowns there are of each
-    plate : (3,) unknown of each component of the plate's displacement, -1 where it is 0; None without a plate
-    plate_sign : (3,)
+    unknown : (3 N + corners,) ndarray
+        Unknown of each displacement (x, y, z of each node) and pressure; -1 where it is 0.
+    sign : (3 N + corners,) ndarray
+        What the unknown is multiplied with.
+    nodes : int
+        N.
+    displacements, pressures : int
+        How many unknowns there are of each.
+    plate : (3,) ndarray or None
+        Unknown of each component of the plate's displacement, -1 where it is 0; None without a plate.
+    plate_sign : ndarray or None
+        (3,).
     """
 
     unknown: np.ndarray
@@ -98,10 +104,13 @@ def number_unknowns(
 
     Parameters
     ----------
-    held : (N,) whether each node stays where it is
-    walls : planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, -1 for
-        those that are its opposite, and 0 for any that have no pressure there
-    plate : nodes that move together, as on a rigid plate that does not turn
+    held : (N,) ndarray
+        Whether each node stays where it is.
+    walls : Mapping[Mirror, int]
+        Planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, -1 for those
+        that are its opposite, and 0 for any that have no pressure there.
+    plate : ndarray, optional
+        Nodes that move together, as on a rigid plate that does not turn.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
     body = _Dofs(np.append(held, False), corners)  # the plate is one node more

@@ -60,8 +60,10 @@ class Elements:
     Attributes
     ----------
     nodes : (m, 10) ascending; corners : (m, 4)
-    weight : (m, q) mm³ that each quadrature point stands for
-    gradients : (m, q, 10, 3) of the shape functions of ``nodes``, 1/mm
+    weight : (m, q) ndarray
+        mm³ that each quadrature point stands for.
+    gradients : (m, q, 10, 3) ndarray
+        Of the shape functions of ``nodes``, 1/mm.
     """
 
     def __init__(self, mesh: VolumeMesh, material: Material) -> None:

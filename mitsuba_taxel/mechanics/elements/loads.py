@@ -43,8 +43,10 @@ class PatchForce:
 
     Parameters
     ----------
-    centre : (x, y) in mm
-    size : of the rectangle along x and y, in mm; what lies beside the top carries nothing
+    centre : tuple[float, float]
+        (x, y) in mm.
+    size : tuple[float, float]
+        Of the rectangle along x and y, in mm; what lies beside the top carries nothing.
     """
 
     centre: tuple[float, float]

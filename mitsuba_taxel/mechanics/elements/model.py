@@ -25,10 +25,14 @@ class Configuration:
 
     Attributes
     ----------
-    residual : out-of-balance forces [N] and volumes [mm³] over the unknowns
-    load : the part of it that the load makes
-    entries : of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted
-    min_jacobian : least volume ratio J at any quadrature point
+    residual : ndarray
+        Out-of-balance forces [N] and volumes [mm³] over the unknowns.
+    load : ndarray
+        The part of it that the load makes.
+    entries : ndarray or None
+        Of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted.
+    min_jacobian : float
+        Least volume ratio J at any quadrature point.
     """
 
     residual: np.ndarray
@@ -42,10 +46,13 @@ class Model:
 
     Parameters
     ----------
-    signs : at the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite,
-        0 for all that have no pressure there
-    held_plate : whether a bonded plate stays where it is, instead of being one more unknown
-    like : another model of the same part, material and load, with which it shares its elements
+    signs : Mapping[Mirror, int]
+        At the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite, 0
+        for all that have no pressure there.
+    held_plate : bool
+        Whether a bonded plate stays where it is, instead of being one more unknown.
+    like : Model, optional
+        Another model of the same part, material and load, with which it shares its elements.
     """
 
     def __init__(

@@ -23,14 +23,19 @@ class Couplings:
 
     Parameters
     ----------
-    nodes : (m, 10) of each element, ascending
-    corners : (m, 4) of each element, which have a pressure
-    count : number of nodes
+    nodes : (m, 10) ndarray
+        Of each element, ascending.
+    corners : (m, 4) ndarray
+        Of each element, which have a pressure.
+    count : int
+        Number of nodes.
 
     Attributes
     ----------
-    rows, columns : (E,) degree of freedom of each entry: 3 of each node, then one of each corner
-    lower : (E,) whether it counts; the other half of symmetric blocks does not
+    rows, columns : (E,) ndarray
+        Degree of freedom of each entry: 3 of each node, then one of each corner.
+    lower : (E,) ndarray
+        Whether it counts; the other half of symmetric blocks does not.
     """
 
     def __init__(self, nodes: np.ndarray, corners: np.ndarray, count: int) -> None:
@@ -53,9 +58,12 @@ class Couplings:
 
         Parameters
         ----------
-        blocks : (m, pairs, 9) of displacements, for :data:`PAIRS`
-        mixed : (m, 4, 30) of pressures and displacements
-        pressures : (m, 4, 4)
+        blocks : (m, pairs, 9) ndarray
+            Of displacements, for :data:`PAIRS`.
+        mixed : (m, 4, 30) ndarray
+            Of pressures and displacements.
+        pressures : ndarray
+            (m, 4, 4).
         """
         parts = self._blocks.summed(blocks, 9), self._mixed.summed(mixed, 3), self._pressures.summed(pressures, 1)
         return np.concatenate(parts)

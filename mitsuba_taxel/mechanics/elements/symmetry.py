@@ -63,12 +63,18 @@ class Part:
 
     Attributes
     ----------
-    mesh : of the part
-    nodes : (n,) node of the whole that each of its nodes is; corners come first here too
-    walls : the mirrors that bound it
-    mirrors : how many make the group
-    source : (N,) node of the part that each node of the whole is an image of
-    turn : (N, 3, 3) what turns a displacement there into that of the node of the whole
+    mesh : VolumeMesh
+        Of the part.
+    nodes : (n,) ndarray
+        Node of the whole that each of its nodes is; corners come first here too.
+    walls : tuple[Mirror, ...]
+        The mirrors that bound it.
+    mirrors : int
+        How many make the group.
+    source : (N,) ndarray
+        Node of the part that each node of the whole is an image of.
+    turn : (N, 3, 3) ndarray
+        What turns a displacement there into that of the node of the whole.
     """
 
     mesh: VolumeMesh

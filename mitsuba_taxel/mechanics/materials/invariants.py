@@ -20,9 +20,12 @@ class IsochoricInvariants:
 
     Parameters
     ----------
-    gradient : F (..., 3, 3)
-    determinant : J (...), above 0
-    inverse_transpose : G (..., 3, 3)
+    gradient : ndarray
+        F (..., 3, 3).
+    determinant : ndarray
+        J (...), above 0.
+    inverse_transpose : ndarray
+        G (..., 3, 3).
     """
 
     def __init__(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> None:
@@ -58,7 +61,8 @@ class IsochoricInvariants:
 
         Parameters
         ----------
-        pull : p J (...)
+        pull : Any
+            P J (...).
         """
         f, g = self.gradient, self.inverse_transpose
         with_g = _tensor(0.5 * pull) * g

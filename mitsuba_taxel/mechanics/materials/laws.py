@@ -108,9 +108,12 @@ class Material(ABC, Checked, Displayed):
 
         Parameters
         ----------
-        gradient : F (..., 3, 3)
-        determinant : det F (...), above 0
-        inverse_transpose : F^-T (..., 3, 3)
+        gradient : ndarray
+            F (..., 3, 3).
+        determinant : ndarray
+            Det F (...), above 0.
+        inverse_transpose : ndarray
+            F^-T (..., 3, 3).
         """
         invariants = IsochoricInvariants(gradient, determinant, inverse_transpose)
         w = self._derivatives(invariants)

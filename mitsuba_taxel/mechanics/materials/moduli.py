@@ -29,10 +29,14 @@ class Moduli:
 
     Attributes
     ----------
-    pairs : L and R, (..., 3, 3) each
-    crossed : c (...) and T (..., 3, 3)
-    inner : M (..., 3, 3), symmetric; a scalar (...) stands for a multiple of the identity
-    outer : N (..., 3, 3), symmetric; None for zero
+    pairs : list[tuple[ndarray, ndarray]]
+        L and R, (..., 3, 3) each.
+    crossed : list[tuple[ndarray, ndarray]]
+        C (...) and T (..., 3, 3).
+    inner : ndarray
+        M (..., 3, 3), symmetric; a scalar (...) stands for a multiple of the identity.
+    outer : ndarray or None
+        N (..., 3, 3), symmetric; None for zero.
     """
 
     pairs: list[tuple[np.ndarray, np.ndarray]]
@@ -58,8 +62,10 @@ class Moduli:
 
         Parameters
         ----------
-        weight : (m, q) volume that each quadrature point stands for
-        gradients : B (m, q, 10, 3) of the shape functions
+        weight : (m, q) ndarray
+            Volume that each quadrature point stands for.
+        gradients : ndarray
+            B (m, q, 10, 3) of the shape functions.
         """
         count, points = weight.shape
 

@@ -28,9 +28,12 @@ class Silicone(Displayed):
 
     Parameters
     ----------
-    material : the law
-    source : publication or data, and what was done with them
-    max_strain : largest nominal tensile strain of the fit; ``None`` where only a modulus at small strain is known
+    material : Material
+        The law.
+    source : str
+        Publication or data, and what was done with them.
+    max_strain : float, optional
+        Largest nominal tensile strain of the fit; ``None`` where only a modulus at small strain is known.
     """
 
     material: Material
@@ -88,8 +91,10 @@ def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_rati
 
     Parameters
     ----------
-    hardness : S on the Shore A scale, from 20 to 80
-    poisson_ratio : nu, from 0 to 0.5
+    hardness : float
+        S on the Shore A scale, from 20 to 80.
+    poisson_ratio : float
+        Nu, from 0 to 0.5.
 
     Raises
     ------

@@ -41,9 +41,12 @@ class Solution:
 
     Attributes
     ----------
-    min_jacobian : least volume ratio J at any quadrature point and node of the elements
-    residual : largest out-of-balance force, relative to the load
-    stability_checked : whether the solver gave the inertia that stability is judged by
+    min_jacobian : float
+        Least volume ratio J at any quadrature point and node of the elements.
+    residual : float
+        Largest out-of-balance force, relative to the load.
+    stability_checked : bool
+        Whether the solver gave the inertia that stability is judged by.
     """
 
     unknowns: np.ndarray
@@ -70,10 +73,14 @@ class LoadedPad:
 
     Parameters
     ----------
-    mesh : of the whole pad
-    mirrors : a group of mirrors that leave pad and load as they are; only the part between them is solved for
-    images : of the nodes, from :func:`node_images`; needed with mirrors
-    solver : name of a linear solver; None takes the best there is
+    mesh : VolumeMesh
+        Of the whole pad.
+    mirrors : sequence of Mirror
+        A group of mirrors that leave pad and load as they are; only the part between them is solved for.
+    images : Mapping[Mirror, ndarray], optional
+        Of the nodes, from :func:`node_images`; needed with mirrors.
+    solver : str, optional
+        Name of a linear solver; None takes the best there is.
     """
 
     def __init__(
@@ -113,7 +120,8 @@ class LoadedPad:
 
         Parameters
         ----------
-        value : (3,) N or mm, or (1,) MPa: of the load on the whole pad
+        value : (3,) ndarray
+            N or mm, or (1,) MPa: of the load on the whole pad.
 
         Returns the solution and the linearised pad there.
 
@@ -150,7 +158,8 @@ class LoadedPad:
 
         Parameters
         ----------
-        entries : of the tangent there, :attr:`Linearised.entries`
+        entries : ndarray
+            Of the tangent there, :attr:`Linearised.entries`.
         """
         if self._solver.knows_inertia:
             try:
@@ -333,10 +342,14 @@ class Linearised:
 
     Parameters
     ----------
-    lower : triangle of the tangent
-    factored : gives the factor of such a triangle
-    moved : unknowns that the load sets instead of forces
-    displacements : how many of the unknowns are displacements; they come first
+    lower : sparse.csc_matrix
+        Triangle of the tangent.
+    factored : Callable[[sparse.csc_matrix], Factorisation]
+        Gives the factor of such a triangle.
+    moved : ndarray
+        Unknowns that the load sets instead of forces.
+    displacements : int
+        How many of the unknowns are displacements; they come first.
     """
 
     def __init__(

@@ -71,23 +71,38 @@ class State(Displayed):
 
     Attributes
     ----------
-    mesh : undeformed mesh
-    material, load : what it is made of, and how it is loaded
-    value : (3,) N or mm, or (1,) MPa: of the load
-    displacement : (N, 3) of each node, in mm
-    pressure : (corners,) MPa, positive in tension
-    min_jacobian : least volume ratio J at the ends of the interval that the state lies in
-    residual : largest out-of-balance force there, relative to the load
-    newton_iterations : iterations of the last solve
-    stability_checked : whether the solver gave the inertia that stability was judged by
-    error : estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser
-        or finer, can be made or loaded so far, or memory does not suffice for it
-    seconds : that the equilibria on the way to it took to solve, on both meshes, and whenever that was
-    deviations : (2, N, 3) mm, of the displacement on elements of twice the size from this one on roofs and sides of the
-        cells, extrapolated from those of the second mesh, 0 elsewhere: what goes along the displacement, and what is
-        left; None where that is not known
-    force_error : N, of the board's force on the pad where a plate is moved, and 0 where a force is given; not a number
-        where that is not known
+    mesh : VolumeMesh
+        Undeformed mesh.
+    material : Material
+        What it is made of.
+    load : Load
+        How it is loaded.
+    value : (3,) ndarray
+        N or mm, or (1,) MPa: of the load.
+    displacement : (N, 3) ndarray
+        Of each node, in mm.
+    pressure : (corners,) ndarray
+        In MPa, positive in tension.
+    min_jacobian : float
+        Least volume ratio J at the ends of the interval that the state lies in.
+    residual : float
+        Largest out-of-balance force there, relative to the load.
+    newton_iterations : int
+        Iterations of the last solve.
+    stability_checked : bool
+        Whether the solver gave the inertia that stability was judged by.
+    error : RoofError or None
+        Estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser or
+        finer, can be made or loaded so far, or memory does not suffice for it.
+    seconds : float
+        That the equilibria on the way to it took to solve, on both meshes, and whenever that was.
+    deviations : (2, N, 3) ndarray or None
+        In mm, of the displacement on elements of twice the size from this one on roofs and sides of the cells,
+        extrapolated from those of the second mesh, 0 elsewhere: what goes along the displacement, and what is left;
+        None where that is not known.
+    force_error : float
+        In N, of the board's force on the pad where a plate is moved, and 0 where a force is given; not a number where
+        that is not known.
     """
 
     mesh: VolumeMesh
@@ -121,12 +136,17 @@ def load_path(
 
     Parameters
     ----------
-    values : (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa
-    mesh_size : size of the finite elements in mm; by default the pad's own `default_mesh_size`
-    mesh_tolerance : instead of a size, the relative error of the roofs' displacement under a small load that the size
-        is chosen for; see :func:`mesh_size_for`
-    obstacles : (K, 3, 3) mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame
-    progress : called with the number of states done and the number of all
+    values : Sequence[Sequence[float]] or ndarray
+        (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
+    mesh_size : float, optional
+        Size of the finite elements in mm; by default the pad's own `default_mesh_size`.
+    mesh_tolerance : float, optional
+        Instead of a size, the relative error of the roofs' displacement under a small load that the size is chosen for;
+        see :func:`mesh_size_for`.
+    obstacles : (K, 3, 3) ndarray, optional
+        In mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame.
+    progress : Callable[[int, int], None], optional
+        Called with the number of states done and the number of all.
 
     Raises
     ------

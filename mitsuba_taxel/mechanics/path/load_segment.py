@@ -60,13 +60,17 @@ class Leg:
 
     Parameters
     ----------
-    step : distance between nodes where nothing asks for less
-    judged : whether states must be stable against all displacements, not only those with the symmetry of the load
+    step : float
+        Distance between nodes where nothing asks for less.
+    judged : bool
+        Whether states must be stable against all displacements, not only those with the symmetry of the load.
 
     Attributes
     ----------
-    limit, reason : distance beyond which there is no state, and why; infinite and empty as long as none is known
-    place : (3,) mm, where the pad touches something at the limit; not numbers if it does not
+    limit, reason
+        Distance beyond which there is no state, and why; infinite and empty as long as none is known.
+    place : (3,) ndarray
+        In mm, where the pad touches something at the limit; not numbers if it does not.
     """
 
     def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float, judged: bool) -> None:
@@ -195,8 +199,10 @@ class Leg:
 
         Parameters
         ----------
-        index : of the node; the first has none before it
-        find : tells a contact under a displacement (N, 3) of the pad, as :meth:`ContactTest.find` does
+        index : int
+            Of the node; the first has none before it.
+        find : Callable[[ndarray], Contact | None]
+            Tells a contact under a displacement (N, 3) of the pad, as :meth:`ContactTest.find` does.
         """
         found = find(pad.split(self.nodes[index].unknowns)[0])
         if found is None:

@@ -22,9 +22,12 @@ class Obstacles:
 
     Parameters
     ----------
-    mesh : of the undeformed pad
-    triangles : (K, 3, 3) mm, corners of the triangles of their closed surfaces, in the frame of the pad
-    mirrors : applied to them one after the other, as to the load that the legs belong to
+    mesh : VolumeMesh
+        Of the undeformed pad.
+    triangles : (K, 3, 3) ndarray
+        In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
+    mirrors : sequence of Mirror
+        Applied to them one after the other, as to the load that the legs belong to.
 
     Raises
     ------

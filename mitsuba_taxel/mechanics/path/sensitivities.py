@@ -34,8 +34,10 @@ class Gradient:
 
     Attributes
     ----------
-    value : (3,) per N or mm, or (1,) per MPa: dL by each component of the load's value
-    material : dL by each parameter of the material, by name
+    value : (3,) ndarray
+        Per N or mm, or (1,) per MPa: dL by each component of the load's value.
+    material : dict[str, float]
+        DL by each parameter of the material, by name.
     """
 
     value: np.ndarray
@@ -73,8 +75,10 @@ class LinearisedState:
 
     Attributes
     ----------
-    displacement : (N, 3) mm of each node, in balance to the solver's tolerance
-    pressure : (corners,) MPa
+    displacement : (N, 3) ndarray
+        mm of each node, in balance to the solver's tolerance.
+    pressure : (corners,) ndarray
+        MPa.
     """
 
     def __init__(self, pad: LoadedPad, unknowns: np.ndarray, linearised: Linearised) -> None:
@@ -87,7 +91,8 @@ class LinearisedState:
 
         Parameters
         ----------
-        direction : (3,) or (1,), as the load's value is; a unit vector gives mm per N, mm or MPa
+        direction : Sequence[float] or ndarray
+            (3,) or (1,), as the load's value is; a unit vector gives mm per N, mm or MPa.
 
         Raises
         ------
@@ -117,7 +122,8 @@ class LinearisedState:
 
         Parameters
         ----------
-        gradient : (N, 3) dL/d(displacement) of each node, per mm; what it has on nodes of the board does not matter
+        gradient : (N, 3) ndarray
+            DL/d(displacement) of each node, per mm; what it has on nodes of the board does not matter.
 
         Raises
         ------

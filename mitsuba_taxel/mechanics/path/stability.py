@@ -36,15 +36,21 @@ class Stability:
 
     Parameters
     ----------
-    whole : mesh of the whole pad
-    mirrors : those that leave the state as it is
-    images : of the nodes, from :func:`node_images`
-    model : of the part between the mirrors
-    solver : name of a linear solver that knows the inertia
+    whole : VolumeMesh
+        Mesh of the whole pad.
+    mirrors : tuple[Mirror, ...]
+        Those that leave the state as it is.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes, from :func:`node_images`.
+    model : Model
+        Of the part between the mirrors.
+    solver : str or None
+        Name of a linear solver that knows the inertia.
 
     Attributes
     ----------
-    of_all : whether it looks at displacements with the symmetry of the state, too
+    of_all
+        Whether it looks at displacements with the symmetry of the state, too.
     """
 
     def __init__(
@@ -63,9 +69,12 @@ class Stability:
 
         Parameters
         ----------
-        entries : of the tangent of the part, from :meth:`Model.evaluate`
-        displacement, pressure : (N, 3) mm and (corners,) MPa of the whole pad, which has the symmetry of the part
-        value : of the load
+        entries : ndarray
+            Of the tangent of the part, from :meth:`Model.evaluate`.
+        displacement, pressure : (N, 3) ndarray
+            mm and (corners,) MPa of the whole pad, which has the symmetry of the part.
+        value : ndarray
+            Of the load.
 
         Raises
         ------

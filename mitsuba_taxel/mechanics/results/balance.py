@@ -23,12 +23,18 @@ class Reactions:
 
     Attributes
     ----------
-    force : (3,) N, by which the board holds the pad
-    moment : (3,) N mm, of the board's forces on the deformed pad
-    applied_force : (3,) N; where the load is the displacement of a plate, what the plate does
-    applied_moment : (3,) N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning
-    size : largest distance from the origin in the undeformed pad, in mm
-    force_error : N, what `force` is off by for the finite elements; not a number where that is unknown
+    force : (3,) ndarray
+        In N, by which the board holds the pad.
+    moment : (3,) ndarray
+        N mm, of the board's forces on the deformed pad.
+    applied_force : (3,) ndarray
+        In N; where the load is the displacement of a plate, what the plate does.
+    applied_moment : (3,) ndarray
+        N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning.
+    size : float
+        Largest distance from the origin in the undeformed pad, in mm.
+    force_error : float
+        In N, what `force` is off by for the finite elements; not a number where that is unknown.
     """
 
     force: np.ndarray

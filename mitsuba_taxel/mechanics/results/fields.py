@@ -21,9 +21,12 @@ class NodalFields:
 
     Attributes
     ----------
-    deformation_gradient : (N, 3, 3) F = 1 + grad u
-    pressure : (N,) MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses
-    material : the law that gives the rest of the stress
+    deformation_gradient : (N, 3, 3) ndarray
+        F = 1 + grad u.
+    pressure : (N,) ndarray
+        In MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses.
+    material : Material
+        The law that gives the rest of the stress.
     """
 
     deformation_gradient: np.ndarray
@@ -67,9 +70,12 @@ def nodal_fields(mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarra
 
     Parameters
     ----------
-    mesh : undeformed mesh
-    displacement : (N, 3) of each node, in mm
-    pressure : (corners,) MPa at the corners of elements, positive in tension; linear in between
+    mesh : VolumeMesh
+        Undeformed mesh.
+    displacement : (N, 3) ndarray
+        Of each node, in mm.
+    pressure : (corners,) ndarray
+        MPa at the corners of elements, positive in tension; linear in between.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure

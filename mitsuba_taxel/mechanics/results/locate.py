@@ -35,10 +35,14 @@ class Location:
 
     Attributes
     ----------
-    mesh : the undeformed mesh
-    element : (P,) number of the element of each point
-    reference : (P, 3) reference coordinates in it, of the nearest point of the silicone if the point is outside
-    offset : (P, 3) mm from there to the point; 0 inside
+    mesh : VolumeMesh
+        The undeformed mesh.
+    element : (P,) ndarray
+        Number of the element of each point.
+    reference : (P, 3) ndarray
+        Reference coordinates in it, of the nearest point of the silicone if the point is outside.
+    offset : (P, 3) ndarray
+        mm from there to the point; 0 inside.
     """
 
     mesh: VolumeMesh
@@ -110,7 +114,8 @@ class PointLocator:
 
         Parameters
         ----------
-        tolerance : how far from the silicone a point may lie, in mm, as one on a roof that a finer mesh has rounder
+        tolerance : float
+            How far from the silicone a point may lie, in mm, as one on a roof that a finer mesh has rounder.
 
         Raises
         ------
@@ -261,8 +266,10 @@ def displacement_at(
 
     Parameters
     ----------
-    displacement : (N, 3) of each node, in mm
-    tolerance : how far from the silicone a point may lie, in mm; see :meth:`Location.interpolate`
+    displacement : (N, 3) ndarray
+        Of each node, in mm.
+    tolerance : float
+        How far from the silicone a point may lie, in mm; see :meth:`Location.interpolate`.
 
     Raises
     ------

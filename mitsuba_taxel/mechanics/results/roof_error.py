@@ -30,10 +30,14 @@ class RoofError:
 
     Attributes
     ----------
-    displacement : root mean square over the roofs, in mm, by the order with which averages converge
-    largest : mm, at the worst place, by the order with which that does
-    relative : ``largest``, relative to the largest displacement of any node
-    slope : root mean square of the angle between normals, in degrees, by the same
+    displacement : float
+        Root mean square over the roofs, in mm, by the order with which averages converge.
+    largest : float
+        In mm, at the worst place, by the order with which that does.
+    relative : float
+        ``largest``, relative to the largest displacement of any node.
+    slope : float
+        Root mean square of the angle between normals, in degrees, by the same.
     """
 
     displacement: float

@@ -25,9 +25,12 @@ def write_vtu(
 
     Parameters
     ----------
-    file : its name ends in .vtu
-    displacement : (N, 3) of each node, in mm
-    pressure : (corners,) MPa at the corners of elements, positive in tension
+    file : str or Path
+        Its name ends in .vtu.
+    displacement : (N, 3) ndarray
+        Of each node, in mm.
+    pressure : (corners,) ndarray
+        MPa at the corners of elements, positive in tension.
 
     Raises
     ------

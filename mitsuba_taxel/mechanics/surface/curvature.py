@@ -23,10 +23,14 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
 
     Parameters
     ----------
-    triangles : (F, 3) corners
-    normals : (F, 3, 3) unit normals at the middles of the edges from the first corner to the second, and so on
-    region : (F,) sheets end where it changes
-    crease : degrees between the normals of two faces at the middle of their common edge, from which it is sharp
+    triangles : (F, 3) ndarray
+        Corners.
+    normals : (F, 3, 3) ndarray
+        Unit normals at the middles of the edges from the first corner to the second, and so on.
+    region : (F,) ndarray
+        Sheets end where it changes.
+    crease : float
+        Degrees between the normals of two faces at the middle of their common edge, from which it is sharp.
     """
     edges, pairs = neighbours(triangles)
     normal = []
@@ -44,10 +48,14 @@ class Corners:
 
     Attributes
     ----------
-    triangles : (T, 3) vertex numbers
-    curved : (T,) whether a triangle cuts a curved wall
-    points : (T, 3) numbers of points, which are vertices, each on one smooth sheet; of curved triangles alone
-    vertex : (P,) the vertex that each point is
+    triangles : (T, 3) ndarray
+        Vertex numbers.
+    curved : (T,) ndarray
+        Whether a triangle cuts a curved wall.
+    points : (T, 3) ndarray
+        Numbers of points, which are vertices, each on one smooth sheet; of curved triangles alone.
+    vertex : (P,) ndarray
+        The vertex that each point is.
     """
 
     triangles: np.ndarray
@@ -63,7 +71,8 @@ class Corners:
 
         Parameters
         ----------
-        normals : (P, 3) unit normals of the walls at the points
+        normals : (P, 3) ndarray
+            Unit normals of the walls at the points.
         """
         by = self._bulge(vertices, normals)
         wish = np.stack([np.bincount(self.vertex, column, len(vertices)) for column in (by[:, None] * normals).T], 1)

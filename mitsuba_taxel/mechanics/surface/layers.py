@@ -45,8 +45,10 @@ def _assembled(
 
     Parameters
     ----------
-    layer : (T, 3) of each corner of each piece, or ``fixed``
-    move : (V',) in layers, of the vertices of the smooth surface that are not in a layer
+    layer : (T, 3) ndarray
+        Of each corner of each piece, or ``fixed``.
+    move : (V',) ndarray
+        In layers, of the vertices of the smooth surface that are not in a layer.
     """
     lowest = int(layer.min())
     layers = int(layer.max()) - lowest + 1

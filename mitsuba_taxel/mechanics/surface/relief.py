@@ -57,10 +57,14 @@ class Relief:
 
     Attributes
     ----------
-    low, high, fraction : (V,) vertices of the smooth surface that a vertex belongs between, and how far from the first
-    offset : (V, 3) mm from there to the vertex, undeformed
-    triangles : (T, 3) vertex numbers
-    parents : (T,) the triangle of the smooth surface whose region and cell each has
+    low, high, fraction : (V,) ndarray
+        Vertices of the smooth surface that a vertex belongs between, and how far from the first.
+    offset : (V, 3) ndarray
+        mm from there to the vertex, undeformed.
+    triangles : (T, 3) ndarray
+        Vertex numbers.
+    parents : (T,) ndarray
+        The triangle of the smooth surface whose region and cell each has.
     """
 
     low: np.ndarray
@@ -77,7 +81,8 @@ class Relief:
 
         Parameters
         ----------
-        gradient : of the displacement, F - 1, at the vertices of the smooth surface, (V', 3, 3)
+        gradient : ndarray
+            Of the displacement, F - 1, at the vertices of the smooth surface, (V', 3, 3).
         """
         stretch = np.einsum("vij,vj->vi", self.between(gradient), self.offset)
         return self.between(position) + self.offset + stretch

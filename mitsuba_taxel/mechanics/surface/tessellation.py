@@ -40,12 +40,18 @@ class Surface:
 
     Attributes
     ----------
-    vertices : (V, 3) mm, on the surface
-    triangles : (T, 3) vertex numbers, counter-clockwise seen from outside the silicone
-    region : (T,) region codes
-    cell : (T,) number of the cell that a roof or side belongs to, 0 elsewhere
-    offsets : (V, 3) mm from the vertices to where the triangles have the mean of the curved walls that they cut
-    normals : (T, 3, 3) unit normals of these walls at the corners of the triangles; of others, their own
+    vertices : (V, 3) ndarray
+        In mm, on the surface.
+    triangles : (T, 3) ndarray
+        Vertex numbers, counter-clockwise seen from outside the silicone.
+    region : (T,) ndarray
+        Region codes.
+    cell : (T,) ndarray
+        Number of the cell that a roof or side belongs to, 0 elsewhere.
+    offsets : (V, 3) ndarray
+        mm from the vertices to where the triangles have the mean of the curved walls that they cut.
+    normals : (T, 3, 3) ndarray
+        Unit normals of these walls at the corners of the triangles; of others, their own.
     """
 
     vertices: np.ndarray
@@ -220,10 +226,14 @@ class _Walls:
 
     Attributes
     ----------
-    places : (V, 3) mm, of all vertices
-    corners : points are those at which a normal is wanted, one for each vertex and smooth sheet
-    point : (Q,) the number of such a point, for each of the points ``of_cut`` (Q,) of the cut that lie there
-    tangents : (2, Q, 3) along two sides of the face
+    places : (V, 3) ndarray
+        In mm, of all vertices.
+    corners : Corners
+        Points are those at which a normal is wanted, one for each vertex and smooth sheet.
+    point : (Q,) ndarray
+        The number of such a point, for each of the points ``of_cut`` (Q,) of the cut that lie there.
+    tangents : (2, Q, 3) ndarray
+        Along two sides of the face.
     """
 
     places: np.ndarray

@@ -54,8 +54,10 @@ class SingularEdges:
 
     Attributes
     ----------
-    ends : (E, 2, 3) of the edges of the surface there
-    between : (P, 2) pairs of parts that such edges lie between
+    ends : (E, 2, 3) ndarray
+        Of the edges of the surface there.
+    between : (P, 2) ndarray
+        Pairs of parts that such edges lie between.
     """
 
     def __init__(self, patches: Patches, region: np.ndarray, part: np.ndarray) -> None:

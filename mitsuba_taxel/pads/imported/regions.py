@@ -32,10 +32,14 @@ class FacedSurface:
 
     Attributes
     ----------
-    vertices : (V, 3) mm
-    triangles : (T, 3) vertex numbers
-    face : (T,) number of the face that each triangle is part of
-    names : the faces' names, or empty where a file has none
+    vertices : (V, 3) ndarray
+        Mm.
+    triangles : (T, 3) ndarray
+        Vertex numbers.
+    face : (T,) ndarray
+        Number of the face that each triangle is part of.
+    names : sequence of str
+        The faces' names, or empty where a file has none.
     """
 
     vertices: np.ndarray

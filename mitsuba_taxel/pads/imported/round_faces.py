@@ -48,14 +48,19 @@ def onto_round_walls(
 
     Parameters
     ----------
-    mesh : undeformed, with its nodes on the walls
-    points : (N, 3) mm, near the walls
-    region, cell : (N,) code of the region and number of the cell of each
+    mesh : VolumeMesh
+        Undeformed, with its nodes on the walls.
+    points : (N, 3) ndarray
+        In mm, near the walls.
+    region, cell : (N,) ndarray
+        Code of the region and number of the cell of each.
 
     Returns
     -------
-    places : (N, 3) mm; points of walls that are neither as they were
-    gradient : (N, 3, 3) derivative of a point's place by the point
+    places : (N, 3) ndarray
+        In mm; points of walls that are neither as they were.
+    gradient : (N, 3, 3) ndarray
+        Derivative of a point's place by the point.
     """
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     for code, number, wall in _round_walls(mesh):

@@ -29,15 +29,15 @@ class Rule:
 
     Parameters
     ----------
-    region
+    region : str
         ``roof``, ``side``, ``bottom``, ``top`` or ``outer``.
-    face
+    face : str, optional
         Name of the face in a STEP file.
-    normal, within
+    normal, within : tuple[float, float, float], optional and float
         Direction out of the silicone, and by how many degrees the face may be off it.
-    above, below
+    above, below : float, optional
         Lowest and highest z, in mm.
-    box
+    box : tuple[tuple[float, float, float], tuple[float, float, float]], optional
         Two opposite corners, in mm.
 
     Raises

@@ -84,13 +84,20 @@ class Survey:
 
     Attributes
     ----------
-    volume, diagonal, height : in mm3 and mm
-    mirrors : a whole group
-    region, cell : (F,) of each of its faces
-    patches : of triangles (T, 3) that stand for its surface
-    patch_region : (T,) of these triangles
-    face : (T,) that they are parts of
-    singular : where the stress is singular
+    volume, diagonal, height : float
+        In mm3 and mm.
+    mirrors : tuple[Mirror, ...]
+        A whole group.
+    region, cell : (F,) ndarray
+        Of each of its faces.
+    patches : Patches
+        Of triangles (T, 3) that stand for its surface.
+    patch_region : (T,) ndarray
+        Of these triangles.
+    face : (T,) ndarray
+        That they are parts of.
+    singular : SingularEdges
+        Where the stress is singular.
     """
 
     volume: float

@@ -20,13 +20,17 @@ def onto_round_walls(
 
     Parameters
     ----------
-    points : (N, 3) mm, undeformed, near the walls
-    region, cell : (N,) code of the region and number of the cell of each
+    points : (N, 3) ndarray
+        In mm, undeformed, near the walls.
+    region, cell : (N,) ndarray
+        Code of the region and number of the cell of each.
 
     Returns
     -------
-    places : (N, 3) mm; points of flat walls, and of other regions, as they were
-    gradient : (N, 3, 3) derivative of a point's place by the point
+    places : (N, 3) ndarray
+        In mm; points of flat walls, and of other regions, as they were.
+    gradient : (N, 3, 3) ndarray
+        Derivative of a point's place by the point.
     """
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     centre = np.zeros_like(points)

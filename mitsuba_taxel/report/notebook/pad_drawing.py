@@ -67,10 +67,14 @@ class _View:
 
     Parameters
     ----------
-    corner : lowest coordinates of the view, mm
-    height : mm
-    scale : pixels per mm
-    top : pixels from the drawing's upper edge
+    corner : Point
+        Lowest coordinates of the view, mm.
+    height : float
+        Mm.
+    scale : float
+        Pixels per mm.
+    top : float
+        Pixels from the drawing's upper edge.
     """
 
     def __init__(self, corner: Point, height: float, scale: float, top: float) -> None:

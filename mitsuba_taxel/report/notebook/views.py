@@ -50,7 +50,8 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
 
     Parameters
     ----------
-    study : as ``sweep``, ``run_study`` or ``open_study`` return it
+    study : xr.Dataset or xr.DataTree
+        As ``sweep``, ``run_study`` or ``open_study`` return it.
 
     Raises
     ------

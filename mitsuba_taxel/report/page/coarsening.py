@@ -33,9 +33,12 @@ def coarsened(
 
     Parameters
     ----------
-    vertices : (N, 3) mm
-    triangles : (M, 3) int
-    regions : (M,) int, from 0 to 30
+    vertices : (N, 3) ndarray
+        Mm.
+    triangles : (M, 3) ndarray
+        Int.
+    regions : (M,) ndarray
+        Int, from 0 to 30.
     """
     touching = np.zeros(len(vertices), dtype=np.int64)
     for corner in triangles.T:

@@ -32,10 +32,14 @@ def viewer_panels(
 
     Parameters
     ----------
-    batch : what the study is of, for light paths and packages; None leaves them out
-    most : how many panels at most, the first ones that have a mesh
-    left_out : what is not shown, and why, is added to it
-    progress : called with the number of load steps done and the number of all
+    batch : Batch or None
+        What the study is of, for light paths and packages; None leaves them out.
+    most : int
+        How many panels at most, the first ones that have a mesh.
+    left_out : list of str
+        What is not shown, and why, is added to it.
+    progress : Callable[[int, int], None]
+        Called with the number of load steps done and the number of all.
     """
     curve = study.attrs["curve"]
     others = [str(dim) for dim in study.mesh.dims if dim != curve]

@@ -34,9 +34,12 @@ def write_report(
 
     Parameters
     ----------
-    folder : of one scene's study, or of a study of several scenes
-    file : ends in ``.html``; replaced when the page is whole
-    progress : called with the number of load steps drawn and the number of all
+    folder : Path
+        Of one scene's study, or of a study of several scenes.
+    file : Path
+        Ends in ``.html``; replaced when the page is whole.
+    progress : Callable[[int, int], None]
+        Called with the number of load steps drawn and the number of all.
 
     Returns
     -------

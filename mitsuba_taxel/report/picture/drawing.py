@@ -95,10 +95,14 @@ def render_parts(
 
     Parameters
     ----------
-    parts : as :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts` returns them
-    width : in pixels; the height is 10/16 of it
-    samples : of each pixel, rounded up to a multiple of 16, or to 1, 4 or 9
-    progress : called with the number of passes done and the number of all
+    parts : sequence of ShownPart
+        As :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts` returns them.
+    width : int
+        In pixels; the height is 10/16 of it.
+    samples : int
+        Of each pixel, rounded up to a multiple of 16, or to 1, 4 or 9.
+    progress : Callable[[int, int], None], optional
+        Called with the number of passes done and the number of all.
 
     Returns
     -------

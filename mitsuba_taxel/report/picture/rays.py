@@ -23,8 +23,10 @@ def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
 
     Parameters
     ----------
-    scene : the ``mi.Scene`` that the paths are from
-    name : what to call the scene in the title
+    scene : Any
+        The ``mi.Scene`` that the paths are from.
+    name : str
+        What to call the scene in the title.
     """
     import matplotlib
 

@@ -28,10 +28,14 @@ class ShownPart:
 
     Attributes
     ----------
-    vertices : (V, 3) mm
-    triangles : (T, 3) vertex numbers, counter-clockwise seen from outside
-    material : (T,) name of a region of a pad or a package, ``cut``, ``board`` or ``plate``
-    cell : (T,) number of the cell that a roof or side belongs to, 0 elsewhere
+    vertices : (V, 3) ndarray
+        Mm.
+    triangles : (T, 3) ndarray
+        Vertex numbers, counter-clockwise seen from outside.
+    material : (T,) ndarray
+        Name of a region of a pad or a package, ``cut``, ``board`` or ``plate``.
+    cell : (T,) ndarray
+        Number of the cell that a roof or side belongs to, 0 elsewhere.
     """
 
     vertices: np.ndarray
@@ -64,8 +68,9 @@ def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[ShownPart
 
     Parameters
     ----------
-    cut : y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors where there is no pad),
-        ``none`` to cut nothing
+    cut : float or str
+        Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors where there is no pad),
+        ``none`` to cut nothing.
 
     Raises
     ------

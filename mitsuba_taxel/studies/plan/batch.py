@@ -36,12 +36,18 @@ class Batch:
 
     Attributes
     ----------
-    name : label, and folder of the results within those of a study of several scenes; may be blank
-    file : the scene
-    defines : values of parameters that are not varied, by name
-    axes : dimensions, at least one
-    target_error, points, time_budget, mesh_size, seed : as for ``sweep``; all scenes share them
-    maps : whether irradiance maps are stored as well
+    name : str
+        Label, and folder of the results within those of a study of several scenes; may be blank.
+    file : Path
+        The scene.
+    defines : dict[str, str]
+        Values of parameters that are not varied, by name.
+    axes : tuple[Axis, ...]
+        Dimensions, at least one.
+    target_error, points, time_budget, mesh_size, seed : float or None and int or None and int
+        As for ``sweep``; all scenes share them.
+    maps : bool
+        Whether irradiance maps are stored as well.
     """
 
     name: str

@@ -162,8 +162,10 @@ def write_template(kind: str, file: str | Path) -> None:
 
     Parameters
     ----------
-    kind : ``scene`` (Mitsuba XML), ``study`` (TOML) or ``steps`` (CSV)
-    file : a new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``
+    kind : str
+        ``scene`` (Mitsuba XML), ``study`` (TOML) or ``steps`` (CSV).
+    file : str or Path
+        A new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``.
 
     Raises
     ------

@@ -28,8 +28,10 @@ class Axis(NamedTuple):
 
     Attributes
     ----------
-    dim : its name: that of its one parameter, or ``step``
-    values : by parameter, one word for each place along the dimension
+    dim : str
+        Its name: that of its one parameter, or ``step``.
+    values : dict[str, list[str]]
+        By parameter, one word for each place along the dimension.
     """
 
     dim: str
@@ -50,9 +52,12 @@ def make_axes(
 
     Parameters
     ----------
-    vary : values by parameter, a dimension each
-    together : values by parameter, all of one length, that make one more dimension
-    folder : what files of values are named relative to
+    vary : Mapping[str, str or Iterable[object]]
+        Values by parameter, a dimension each.
+    together : Mapping[str, str or Iterable[object]], optional
+        Values by parameter, all of one length, that make one more dimension.
+    folder : Path
+        What files of values are named relative to.
 
     Raises
     ------
@@ -86,9 +91,12 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
 
     Parameters
     ----------
-    name : the parameter, for error messages
-    values : ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values
-    folder : what a file is named relative to
+    name : str
+        The parameter, for error messages.
+    values : str or Iterable[object]
+        ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values.
+    folder : Path
+        What a file is named relative to.
 
     Raises
     ------

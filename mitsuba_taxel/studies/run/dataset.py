@@ -33,9 +33,11 @@ def assemble(
 
     Parameters
     ----------
-    results, failures : by place along the axes; where there is no result, readings are not a number
-    about : ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``units``, ``versions``,
-        ``pilot_seconds``
+    results, failures : Mapping[Place, Kept] and Mapping[Place, Failure]
+        By place along the axes; where there is no result, readings are not a number.
+    about : Mapping[str, Any]
+        ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``units``, ``versions``,
+        ``pilot_seconds``.
 
     Raises
     ------

@@ -30,12 +30,18 @@ def deform(
 
     Parameters
     ----------
-    source : path of a scene, or the name of a shipped one
-    defines : values for the scene's parameters
-    folder : made where it is missing; meshes of the same name are replaced
-    steps : of a load path: values for the scene's parameters that each step has of its own
-    vtu : whether to write displacement, stress and strain inside the silicone too, for ParaView
-    progress : called with (steps done, steps in all)
+    source : str or Path
+        Path of a scene, or the name of a shipped one.
+    defines : Mapping[str, object]
+        Values for the scene's parameters.
+    folder : Path
+        Made where it is missing; meshes of the same name are replaced.
+    steps : Sequence[Mapping[str, object]]
+        Of a load path: values for the scene's parameters that each step has of its own.
+    vtu : bool
+        Whether to write displacement, stress and strain inside the silicone too, for ParaView.
+    progress : Callable[[int, int], None], optional
+        Called with (steps done, steps in all).
 
     Returns
     -------

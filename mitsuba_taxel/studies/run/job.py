@@ -30,14 +30,22 @@ class Job:
 
     Attributes
     ----------
-    number : place in its batch's row of scenes, from 0; the last dimension runs fastest
-    file : the scene
-    parameters : values that it gets
-    varied : those of them that the batch varies
-    points, seed : as for ``measure``
-    mesh_size : as for ``Scene``
-    mechanics_error : as for ``measure``
-    meshes, maps : whether the surfaces of its pads, and its irradiance map, are wanted
+    number : int
+        Place in its batch's row of scenes, from 0; the last dimension runs fastest.
+    file : Path
+        The scene.
+    parameters : dict[str, str]
+        Values that it gets.
+    varied : dict[str, str]
+        Those of them that the batch varies.
+    points, seed : int
+        As for ``measure``.
+    mesh_size : float or None
+        As for ``Scene``.
+    mechanics_error : bool
+        As for ``measure``.
+    meshes, maps : bool
+        Whether the surfaces of its pads, and its irradiance map, are wanted.
     """
 
     number: int
@@ -71,8 +79,10 @@ class Failure:
 
     Attributes
     ----------
-    message : one line
-    bad_input : whether the scene was refused, as against a computation that failed
+    message : str
+        One line.
+    bad_input : bool
+        Whether the scene was refused, as against a computation that failed.
     """
 
     message: str

@@ -33,8 +33,10 @@ class Pool(Protocol):
 
     Attributes
     ----------
-    name : what it is, in words
-    machines : about how many times as fast as this machine it is: local processes share its cores
+    name : str
+        What it is, in words.
+    machines : int
+        About how many times as fast as this machine it is: local processes share its cores.
     """
 
     name: str

@@ -28,8 +28,10 @@ class Progress(NamedTuple):
 
     Attributes
     ----------
-    done, failed, total : jobs that are finished, failed ones among them, and all
-    error : largest relative total error of a reading so far
+    done, failed, total : int
+        Jobs that are finished, failed ones among them, and all.
+    error : float
+        Largest relative total error of a reading so far.
     """
 
     done: int
@@ -65,24 +67,40 @@ def sweep(
 
     Parameters
     ----------
-    source : path of a scene, or the name of a shipped one
-    vary : by parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
-        values themselves; each makes a dimension
-    defines : values for other parameters of the scene
-    together : values by parameter, all of one length, that are taken row by row along a dimension ``step``
-    target_error : relative total error, of mechanics and light, wanted for the worst taxel of the first, middle and
-        last scene of each curve; without target and points, 0.005 for the light alone
-    points : light paths for each taxel and randomisation, instead of a target
-    time_budget : seconds in which the study should end: limits the points, and how fine a mesh is tried
-    mesh_size : mm, of the finite elements of pads that the scene leaves open; a target error may make them smaller
-    seed : whole number from 0 to 2**32 - 1
-    output : folder for the results; new, empty, or that of the same study
-    workers : number of processes to use, in place of this one
-    scheduler : address of a Dask scheduler whose workers to use; they must see the same files
-    retry_failed : whether scenes that failed in an earlier call are computed again
-    maps : whether to write irradiance maps to ``output`` as well, as OpenEXR
-    parquet : whether to write the readings to ``output`` as ``readings.parquet`` as well
-    progress : called when a scene is done
+    source : str or Path
+        Path of a scene, or the name of a shipped one.
+    vary : Mapping[str, str or Iterable[object]]
+        By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
+        values themselves; each makes a dimension.
+    defines : Mapping[str, object], optional
+        Values for other parameters of the scene.
+    together : Mapping[str, str or Iterable[object]], optional
+        Values by parameter, all of one length, that are taken row by row along a dimension ``step``.
+    target_error : float, optional
+        Relative total error, of mechanics and light, wanted for the worst taxel of the first, middle and last scene of
+        each curve; without target and points, 0.005 for the light alone.
+    points : int, optional
+        Light paths for each taxel and randomisation, instead of a target.
+    time_budget : float, optional
+        Seconds in which the study should end: limits the points, and how fine a mesh is tried.
+    mesh_size : float, optional
+        In mm, of the finite elements of pads that the scene leaves open; a target error may make them smaller.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    output : str or Path, optional
+        Folder for the results; new, empty, or that of the same study.
+    workers : int, optional
+        Number of processes to use, in place of this one.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers to use; they must see the same files.
+    retry_failed : bool
+        Whether scenes that failed in an earlier call are computed again.
+    maps : bool
+        Whether to write irradiance maps to ``output`` as well, as OpenEXR.
+    parquet : bool
+        Whether to write the readings to ``output`` as ``readings.parquet`` as well.
+    progress : Callable[[Progress], None], optional
+        Called when a scene is done.
 
     Returns
     -------
@@ -240,8 +258,10 @@ def run_study(
 
     Parameters
     ----------
-    file : TOML, as ``taxel new study`` writes it
-    output : folder for the results; new, empty, or that of the same study
+    file : str or Path
+        TOML, as ``taxel new study`` writes it.
+    output : str or Path
+        Folder for the results; new, empty, or that of the same study.
 
     The others are those of :func:`sweep`.
 

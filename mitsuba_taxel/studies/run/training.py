@@ -55,15 +55,22 @@ def training_set(
 
     Parameters
     ----------
-    study : readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such
-    output : folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be empty
-        or not exist
-    noise : standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W,
-        or a share of the reading, as ``"0.5%"``
-    copies : noisy copies of each job
-    split : shares of train, validation and test, above 0, together 1
-    seed : of split and noise, from 0 to 2**32 - 1
-    parquet : whether to write each table as Parquet too
+    study : xr.Dataset or xr.DataTree
+        Readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such.
+    output : str or Path, optional
+        Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be empty or not
+        exist.
+    noise : float or str
+        Standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W, or a
+        share of the reading, as ``"0.5%"``.
+    copies : int
+        Noisy copies of each job.
+    split : sequence of float
+        Shares of train, validation and test, above 0, together 1.
+    seed : int
+        Of split and noise, from 0 to 2**32 - 1.
+    parquet : bool
+        Whether to write each table as Parquet too.
 
     Returns
     -------

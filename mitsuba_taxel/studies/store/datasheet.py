@@ -31,10 +31,14 @@ def datasheet(
 
     Parameters
     ----------
-    studies : what the readings are of, by the scene's name
-    tables : the training set by part
-    making : how it was made
-    left_out : parameters of the jobs without readings, one row for each
+    studies : Mapping[str, xr.Dataset]
+        What the readings are of, by the scene's name.
+    tables : Mapping[str, DataFrame]
+        The training set by part.
+    making : Making
+        How it was made.
+    left_out : DataFrame
+        Parameters of the jobs without readings, one row for each.
     """
     sections = {
         "Where the readings come from": _source(studies),

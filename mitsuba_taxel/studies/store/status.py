@@ -18,11 +18,16 @@ class Status(NamedTuple):
 
     Attributes
     ----------
-    name : of the scene in a study of several, else blank
-    done, failed, total : jobs with a result, jobs that failed, and all
-    error : largest relative standard error of a reading so far
-    running : whether a run is at work on it
-    seconds_left : estimated from this run's pace so far; None where nothing runs or nothing is done yet
+    name : str
+        Of the scene in a study of several, else blank.
+    done, failed, total : int
+        Jobs with a result, jobs that failed, and all.
+    error : float
+        Largest relative standard error of a reading so far.
+    running : bool
+        Whether a run is at work on it.
+    seconds_left : float or None
+        Estimated from this run's pace so far; None where nothing runs or nothing is done yet.
     """
 
     name: str

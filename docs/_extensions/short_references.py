@@ -1,7 +1,6 @@
 """Docstrings of this project as Sphinx wants them.
 
-They say ``name : meaning`` on one line, where numpydoc has the meaning on a line of its own; they put a letter behind
-a literal; and they refer to things by their last name alone.
+They put a letter behind a literal, and refer to things by their last name alone.
 """
 
 from __future__ import annotations
@@ -13,28 +12,19 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.nodes import make_refnode
 
-SECTIONS = ("Parameters", "Attributes", "Returns")
-ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.+)$")
 LITERAL = re.compile(r"(``[^`]+``)(\w?)")
 
 _whole: dict[str, list[str]] = {}
 """Docstrings of properties, of which napoleon takes what stands before a colon for a type."""
 
 
-def numpydoc(lines: list[str]) -> list[str]:
-    """The lines of a docstring with the meaning of each parameter below its name."""
-    made, section = [], ""
-    for line, below in zip(lines, [*lines[1:], ""], strict=True):
-        if below and set(below) == {"-"}:
-            section = line.strip()
-        line = LITERAL.sub(lambda match: f"{match[1]}\\ {match[2]}" if match[2] else match[0], line)
-        entry = ENTRY.match(line) if section in SECTIONS else None
-        made += [entry[1], f"    {entry[2]}"] if entry else [line]
-    return made
+def with_closed_literals(line: str) -> str:
+    """A line of a docstring in which no letter follows a literal directly."""
+    return LITERAL.sub(lambda match: f"{match[1]}\\ {match[2]}" if match[2] else match[0], line)
 
 
 def _before_napoleon(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
-    lines[:] = numpydoc(lines)
+    lines[:] = map(with_closed_literals, lines)
     if what in ("attribute", "property"):
         _whole[name] = list(lines)
 
