@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
 from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
-from mitsuba_taxel.bench.isolated_process import measure_apart
+from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.bench.stability import chosen
 from mitsuba_taxel.bench.tables import LEFT
 from mitsuba_taxel.studies.plan.files import check_new_file
@@ -75,7 +75,7 @@ def coverage(
     for number, case in enumerate(cases, start=1):
         if starting:
             starting(number, len(cases), case.name)
-        rows.append(known.get(case.name) or measure_apart(case, MOST_SECONDS))
+        rows.append(known.get(case.name) or measure_isolated(case, MOST_SECONDS))
         if csv_file:
             write_rows({**known, **{row.case: row for row in rows}}.values(), csv_file)
         if markdown:

@@ -27,7 +27,7 @@ MOST_MEMORY = 8 * 2**30
 """Bytes of address space."""
 
 
-def measure_apart(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
+def measure_isolated(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
     """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
     command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(address_space(memory))]
     with tempfile.TemporaryDirectory() as cache:

@@ -17,7 +17,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import State, _Path, _path, load_path
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, Leg
+from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import REGIONS
 
@@ -80,10 +80,10 @@ def _along_path(case: Case) -> _Outcome:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
         return _Outcome(CONVERGED, _figures(case, path), state)
     except ComputationError as error:
-        legs = list(path._legs.values())
-        if not legs or math.isinf(legs[-1].limit):
+        segments = list(path._segments.values())
+        if not segments or math.isinf(segments[-1].limit):
             return _Outcome(f"refused: {error}", {}, None)
-        last = legs[-1]
+        last = segments[-1]
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
         verdict = f"ends at {_listed(value)} {case.load.unit}: {last.reason}{where}"
@@ -130,43 +130,43 @@ def _in_one_step(case: Case) -> _Outcome:
 
 def _figures(case: Case, path: _Path) -> dict[str, float | str]:
     """What the steps of a path say of themselves, and the first load at which an element is inverted at a node."""
-    legs = list(path._legs.values())
-    nodes = [node for leg in legs for node in leg.nodes]
+    segments = list(path._segments.values())
+    nodes = [node for segment in segments for node in segment.nodes]
     if not nodes:
         return {}
     return {
         "iterations": sum(node.iterations for node in nodes),
-        "steps": sum(len(leg.nodes) - 1 for leg in legs),
-        "cutbacks": sum(cutbacks(leg) for leg in legs),
+        "steps": sum(len(segment.nodes) - 1 for segment in segments),
+        "cutbacks": sum(cutbacks(segment) for segment in segments),
         "min_jacobian": min(node.min_jacobian for node in nodes),
         "residual": max(node.residual for node in nodes),
         "stability": _stability(all(node.stability_checked for node in nodes)),
-        "inverted": next((text for leg in legs if (text := _first_inverted(case, path, leg))), ""),
+        "inverted": next((text for segment in segments if (text := _first_inverted(case, path, segment))), ""),
     }
 
 
-def _first_inverted(case: Case, path: _Path, leg: Leg) -> str:
-    """The load of the first accepted step of a leg, as far as the case goes, that inverts an element at a node."""
-    pad = path._pad_for(leg.origin, leg.direction)
-    reached = min(leg.limit, float((np.array(case.value) - leg.origin) @ leg.direction))
-    for node in leg.nodes:
+def _first_inverted(case: Case, path: _Path, segment: LoadSegment) -> str:
+    """The load of the first accepted step of a segment, as far as the case goes, that inverts an element at a node."""
+    pad = path._pad_for(segment.origin, segment.direction)
+    reached = min(segment.limit, float((np.array(case.value) - segment.origin) @ segment.direction))
+    for node in segment.nodes:
         if node.s <= reached and node_jacobian(path.mesh, pad.split(node.unknowns)[0]) <= 0:
-            return f"{_listed(leg.value(node.s))} {case.load.unit}"
+            return f"{_listed(segment.value(node.s))} {case.load.unit}"
     return ""
 
 
-def cutbacks(leg: Leg) -> int:
-    """How often a step of a leg was halved or given up: its nodes tell, as each tries the longest interval first."""
-    positions = [round(node.s * TICKS / leg.step) for node in leg.nodes]
+def cutbacks(segment: LoadSegment) -> int:
+    """How often a step of a segment was halved or given up: its nodes tell, as each tries the longest interval."""
+    positions = [round(node.s * TICKS / segment.step) for node in segment.nodes]
     halved = 0
     for position, following in zip(positions, positions[1:], strict=False):
         halved += round(math.log2(_first_try(position) / (following - position)))
-    given_up = bool(positions) and leg.limit == leg.nodes[-1].s
+    given_up = bool(positions) and segment.limit == segment.nodes[-1].s
     return halved + (1 + round(math.log2(_first_try(positions[-1]))) if given_up else 0)
 
 
 def _first_try(position: int) -> int:
-    """Ticks of the first interval that a leg tries from a node."""
+    """Ticks of the first interval that a segment tries from a node."""
     return min(position & -position, TICKS) or TICKS
 
 

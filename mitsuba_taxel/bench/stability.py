@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import stability_cases
-from mitsuba_taxel.bench.isolated_process import Case, measure_apart
+from mitsuba_taxel.bench.isolated_process import Case, measure_isolated
 from mitsuba_taxel.bench.reading_cases import reading_cases
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import Row
@@ -58,7 +58,7 @@ def stability(
     for number, case in enumerate(cases, start=1):
         if starting:
             starting(number, len(cases), case.name)
-        rows.append(measure_apart(case))
+        rows.append(measure_isolated(case))
         if csv:
             write_csv(rows, csv)
         if markdown:

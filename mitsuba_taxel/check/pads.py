@@ -18,7 +18,7 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     InputError
         as `mesh_pad_file`.
     """
-    from mitsuba_taxel.geometry.geometry_error import Flaw
+    from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.geometry.triangles import volume
     from mitsuba_taxel.pads.imported.mending import faces_of, mended
     from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
@@ -31,7 +31,7 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     try:
         vertices, triangles = mended(*read_surface(pad.content(), pad.suffix))
         _, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), pad.regions)
-    except Flaw as flaw:
+    except GeometryError as flaw:
         raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw
     check_mesh_size(size, volume(vertices, triangles))
     return int(cell.max())

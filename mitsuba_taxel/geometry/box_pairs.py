@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 MORTON_BITS = 10
 MOST_PAIRS = 15_000_000
@@ -12,7 +12,7 @@ MOST_PAIRS = 15_000_000
 others each."""
 
 
-class TooManyPairs(Flaw):
+class TooManyPairs(GeometryError):
     """More than :data:`MOST_PAIRS` of boxes overlap."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-class Flaw(Exception):
+class GeometryError(Exception):
     """A reason why a pad's file cannot be used; whoever knows the file's name makes an `InputError` of it."""
 
 

@@ -77,7 +77,7 @@ def _of_pad(pad: Any) -> Iterator[str]:
         yield "pad without load: no error of the mechanics to find out"
         if pad.mesh_tolerance is None:
             yield "pad without load: meshed, nothing solved"
-    for end, mirrors in _symmetric_legs(pad.state):
+    for end, mirrors in _symmetric_segments(pad.state):
         planes = ", ".join(_PLANES[mirror.name] for mirror in mirrors)
         where = f"({', '.join(f'{component:g}' for component in end)})" if len(end) > 1 else f"{end[0]:g}"
         yield (
@@ -88,8 +88,8 @@ def _of_pad(pad: Any) -> Iterator[str]:
         yield "smooth cells: no relief laid on them"
 
 
-def _symmetric_legs(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
-    """Where each leg of the path to a state ends, and the mirrors that leave pad and leg as they are, if any do."""
+def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
+    """Where each segment of the path to a state ends, and the mirrors that leave pad and segment as they are."""
     from mitsuba_taxel.mechanics.elements.loads import keeps
     from mitsuba_taxel.mechanics.elements.symmetry import node_images
 
@@ -97,13 +97,13 @@ def _symmetric_legs(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
         return
     images = node_images(state.mesh)
     mirrors = [mirror for mirror, image in images.items() if keeps(state.load, state.mesh, image)]
-    legs = [(state.value, mirrors)]
+    segments = [(state.value, mirrors)]
     if len(state.value) == 3:
         normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0
         direction = np.round(tangential / (np.hypot(*tangential[:2]) or 1.0), 12)  # as `load_path` has it
         keeping = [mirror for mirror in mirrors if np.array_equal(mirror.image(direction), direction)]
-        legs = [(normal, mirrors)] * bool(normal.any()) + [(state.value, keeping)] * bool(tangential.any())
-    yield from ((end, kept) for end, kept in legs if kept)
+        segments = [(normal, mirrors)] * bool(normal.any()) + [(state.value, keeping)] * bool(tangential.any())
+    yield from ((end, kept) for end, kept in segments if kept)
 
 
 def _all_kept_before(began: float) -> bool:

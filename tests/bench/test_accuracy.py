@@ -25,9 +25,8 @@ from mitsuba_taxel.bench.accuracy_methods import METHODS, Method, estimator, is_
 from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import COLUMNS, HEADINGS, cells, write_csv
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, relative_rms, slope
-from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path import cache, load_segment
 from mitsuba_taxel.mechanics.path import load_path as path
-from mitsuba_taxel.mechanics.path import load_segment as leg
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.runs import prepare
 
@@ -267,14 +266,14 @@ def test_from_nothing_leaves_everything_as_it_was(monkeypatch, tmp_path, kept):
     monkeypatch.delenv("MITSUBA_TAXEL_CACHE", raising=False)
     if kept:
         monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / kept))
-    before, folder = leg.INTERPOLATION_TOLERANCE, cache.folder()
+    before, folder = load_segment.INTERPOLATION_TOLERANCE, cache.folder()
     with pytest.raises(KeyError), from_nothing(1e-2):
         inside = cache.folder()
         assert inside != folder and not any(inside.iterdir())
-        assert leg.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == 1e-2
+        assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == 1e-2
         assert path._path.cache_info().currsize == path._loaded_pad.cache_info().currsize == 0
         raise KeyError
-    assert leg.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == before
+    assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == before
     assert (
         cache.folder() == folder
         and not inside.exists()
@@ -321,8 +320,8 @@ def test_a_pads_mechanics_and_chain_are_judged_by_small_elements(clockwork, writ
 def test_solutions_kept_do_not_help(write, monkeypatch, tmp_path):
     scene = write(CELL)
     solved = []
-    real = leg.Leg.extend
-    monkeypatch.setattr(leg.Leg, "extend", lambda *arguments: solved.append(1) or real(*arguments))
+    real = load_segment.LoadSegment.extend
+    monkeypatch.setattr(load_segment.LoadSegment, "extend", lambda *arguments: solved.append(1) or real(*arguments))
     monkeypatch.setattr(accuracy_mechanics, "POINTS", 256)
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "cache"))
     pads = open_pads(prepare(scene.with_mesh_size(3.6)).scene, 3.6)

@@ -55,7 +55,7 @@ def made_up(monkeypatch):
             CoverageRow(case.name, "no", seconds=1.0) if bad else CoverageRow(case.name, "", 9, 2e-3, 1e-3, 0, 0, 4, 3)
         )
 
-    monkeypatch.setattr(table, "measure_apart", measure)
+    monkeypatch.setattr(table, "measure_isolated", measure)
     return asked
 
 

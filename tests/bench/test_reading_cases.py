@@ -61,7 +61,7 @@ def test_what_becomes_of_a_case(case, verdict, wrong):
 )
 def test_rows_of_the_table_are_right(part):
     cases = [case for case in reading_cases() if part in case.name]
-    for row in (apart.measure_apart(case) for case in cases):
+    for row in (apart.measure_isolated(case) for case in cases):
         assert row.wrong == "", row
     assert cases
 

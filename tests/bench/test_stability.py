@@ -27,7 +27,7 @@ from mitsuba_taxel.bench.stability import check, chosen
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.mechanics import NeoHookean
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, Leg, Node
+from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment, Node
 from mitsuba_taxel.pads import REGIONS, Pad
 
 ONE_CELL = Pad(rows=1, columns=1)
@@ -67,7 +67,7 @@ def worker(tmp_path, monkeypatch):
 
 
 def test_a_case_that_converges_has_every_number():
-    row = apart.measure_apart(SMALL)
+    row = apart.measure_isolated(SMALL)
     assert (row.verdict, row.wrong, row.stability) == ("converged", "", "stable")
     assert row.steps == 1 and row.cutbacks == 0 and 1 <= row.iterations <= 6
     assert 0.5 < row.node_jacobian <= 1 and 0.5 < row.min_jacobian <= 1
@@ -124,14 +124,14 @@ def test_a_pad_without_a_mesh_is_refused(monkeypatch):
 )  # fmt: skip
 def test_a_process_that_ends_badly_is_a_row_that_says_so(worker, program, verdict):
     worker(program)
-    row = apart.measure_apart(SMALL, seconds=0.8 if "sleep" in program else 60)
+    row = apart.measure_isolated(SMALL, seconds=0.8 if "sleep" in program else 60)
     assert re.fullmatch(verdict, row.verdict) and row.wrong == "no answer" and row.case == "small"
     with pytest.raises(ComputationError, match="^1 of 2 rows are wrong: small.$"):
         check([RIGHT, row])
 
 
 def test_memory_beyond_the_limit_is_refused_to_the_process():
-    row = apart.measure_apart(SMALL, memory=2**28)
+    row = apart.measure_isolated(SMALL, memory=2**28)
     assert row.wrong == "no answer" and re.match("out of memory|died: ", row.verdict)
 
 
@@ -158,11 +158,11 @@ def test_what_is_wrong_with_a_row_is_seen(change, what):
     assert cells(replace(row, wrong=what))[1] == row.verdict + (f"; WRONG: {what}" if what else "")
 
 
-def _leg(positions, limit=math.inf):
-    leg = Leg(np.zeros(1), np.ones(1), 2.0, judged=True)
-    leg.nodes = [Node(2.0 * p / TICKS, np.zeros(1), np.zeros(1), 1.0, 0.0, 1, True, 0.0) for p in positions]
-    leg.limit = limit
-    return leg
+def _segment(positions, limit=math.inf):
+    segment = LoadSegment(np.zeros(1), np.ones(1), 2.0, judged=True)
+    segment.nodes = [Node(2.0 * p / TICKS, np.zeros(1), np.zeros(1), 1.0, 0.0, 1, True, 0.0) for p in positions]
+    segment.limit = limit
+    return segment
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def _leg(positions, limit=math.inf):
     ],
 )
 def test_cutbacks_are_read_from_the_nodes(positions, limit, count):
-    assert cutbacks(_leg(positions, limit)) == count
+    assert cutbacks(_segment(positions, limit)) == count
 
 
 def test_jacobian_and_roof_of_a_homogeneous_state():
@@ -263,7 +263,7 @@ def test_an_interrupt_leaves_what_was_done(tmp_path):
 import sys, time, taxel_cli
 from mitsuba_taxel.bench import stability
 from mitsuba_taxel.bench.row import Row
-stability.measure_apart = lambda case: Row(case.name, "converged") if "x 1" in case.name else time.sleep(60)
+stability.measure_isolated = lambda case: Row(case.name, "converged") if "x 1" in case.name else time.sleep(60)
 sys.argv = ["taxel", "bench", "stability", "--only", "? x ? cells, -", "--csv", "t.csv", "--markdown", "t.md"]
 taxel_cli.main()
 """

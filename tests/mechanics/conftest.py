@@ -133,7 +133,7 @@ class Body:
         residual, entries = state.residual - self._summed(load), state.entries
         if pressing:
             places = (self.mesh.points + displacement)[self.pressed]
-            self.assembly.couplings.add_blocks(entries, self.pressed, -pressing * pressure_stiffness(places))
+            self.assembly.sparsity.add_blocks(entries, self.pressed, -pressing * pressure_stiffness(places))
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self.pressed, pressure_forces(places))
             residual = residual - pressing * self.numbering.summed(nodal)

@@ -105,11 +105,13 @@ LEGS = [
 LAWS = [NeoHookean(), MooneyRivlin(0.5, 0.2, 0.4999), Yeoh(0.7, 0.1, 0.02, 0.3)]
 
 
-@pytest.mark.parametrize(("load", "start", "end", "law"), [(*leg, LAWS[k % 3]) for k, leg in enumerate(LEGS)], ids=str)
+@pytest.mark.parametrize(
+    ("load", "start", "end", "law"), [(*segment, LAWS[k % 3]) for k, segment in enumerate(LEGS)], ids=str
+)
 def test_the_work_of_a_load_is_stored(load, start, end, law):
-    """On a normal leg, and on a tangential one, whose dead force works against nothing but the pad.
+    """On a normal segment, and on a tangential one, whose dead force works against nothing but the pad.
 
-    States between the nodes of a leg are interpolated, and with their displacements the work is known as well as they.
+    States between the nodes of a segment are interpolated; the work is known as well as their displacements.
     """
     states = [Deformed(state) for state in load_path(PAD, law, np.linspace(start, end, 5), load=load, mesh_size=SIZE)]
     stored = states[-1].energy - states[0].energy

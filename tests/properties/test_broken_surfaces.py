@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.geometry import box_pairs as boxes
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.pads.imported.mending import mended
 from mitsuba_taxel.pads.imported.surfaces import read_surface
 
@@ -37,7 +37,7 @@ def test_damaged_surfaces_are_read_or_refused(data, kind):
     cut = data.draw(st.one_of(st.just(len(content)), st.integers(0, len(content))))
     try:
         vertices, triangles = mended(*read_surface(bytes(content[:cut]), "." + kind[:3]))
-    except Flaw as flaw:
+    except GeometryError as flaw:
         assert str(flaw) and "\n" not in str(flaw)
     else:
         assert np.all(np.isfinite(vertices)) and triangles.max() < len(vertices)
@@ -48,7 +48,7 @@ def test_many_vertices_in_one_place_are_refused():
     ball = trimesh.creation.icosphere(5)
     vertices = 2e-4 * np.array(ball.vertices)
     vertices[0] = (500, 0, 0)
-    with pytest.raises(Flaw, match=r"too many of its vertices lie within 0.0005 mm of each other"):
+    with pytest.raises(GeometryError, match=r"too many of its vertices lie within 0.0005 mm of each other"):
         mended(vertices, np.array(ball.faces))
 
 
@@ -59,7 +59,7 @@ def test_triangles_that_all_cross_each_other_are_refused(monkeypatch, compared, 
     monkeypatch.setattr(boxes, "MOST_PAIRS", 20_000)
     monkeypatch.setattr("mitsuba_taxel.pads.imported.mending.MOST_COMPARED", compared)
     ball = trimesh.creation.icosphere(3)
-    with pytest.raises(Flaw, match=message):
+    with pytest.raises(GeometryError, match=message):
         mended(np.random.default_rng(SEED).uniform(-2, 2, ball.vertices.shape), np.array(ball.faces))
 
 

@@ -130,9 +130,10 @@ def test_mirrors_are_those_that_the_path_is_solved_with(load, value, columns):
         for end, mirrors in _symmetric_legs(SimpleNamespace(mesh=path.mesh, load=load, value=value))
     ]
     solved = [
-        (tuple(leg.value(s)), path._pad_for(leg.origin, leg.direction).part.mirrors) for leg, s in path._legs_to(value)
+        (tuple(segment.value(s)), path._pad_for(segment.origin, segment.direction).part.mirrors)
+        for segment, s in path._segments_to(value)
     ]
-    solved = [leg for leg in solved if leg[1]]
+    solved = [segment for segment in solved if segment[1]]
     assert [count for _, count in told] == [count for _, count in solved]
     for (end, _), (reached, _) in zip(told, solved, strict=True):
         assert end == pytest.approx(reached, abs=1e-11)

@@ -12,12 +12,12 @@ import scipy.sparse as sparse
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.sparsity import Couplings
+from mitsuba_taxel.mechanics.elements.sparsity import Sparsity
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 
 @dataclass(frozen=True)
-class Inside:
+class InternalForces:
     """Internal forces and tangent of a solid at a state.
 
     Attributes
@@ -25,7 +25,7 @@ class Inside:
     residual : ndarray
         Forces and volumes over the unknowns.
     entries : ndarray or None
-        Of the tangent, as :class:`Couplings` lists them; None if not asked for, or an element is inverted.
+        Of the tangent, as :class:`Sparsity` lists them; None if not asked for, or an element is inverted.
     min_jacobian : float
         Least volume ratio J at any quadrature point.
     """
@@ -60,13 +60,13 @@ class Assembly:
         return other
 
     @cached_property
-    def couplings(self) -> Couplings:
+    def sparsity(self) -> Sparsity:
         """Where elements' matrices are summed, before constraints."""
         return (
-            self._like.couplings if self._like else Couplings(self.elements.nodes, self.elements.corners, self._nodes)
+            self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
         )
 
-    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> Inside:
+    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> InternalForces:
         """The solid at a state; the residual is that of no load.
 
         Parameters
@@ -78,11 +78,11 @@ class Assembly:
         """
         state = self.elements.evaluate(displacement, pressure, with_tangent)
         if not state.min_jacobian > 0:
-            return Inside(np.full(self.unknowns, np.nan), None, state.min_jacobian)
+            return InternalForces(np.full(self.unknowns, np.nan), None, state.min_jacobian)
         entries = None
         if state.matrices is not None:
-            entries = self.couplings.summed(state.matrices.blocks, state.matrices.mixed, state.matrices.pressures)
-        return Inside(self._residual(state.forces, state.volumes), entries, state.min_jacobian)
+            entries = self.sparsity.summed(state.matrices.blocks, state.matrices.mixed, state.matrices.pressures)
+        return InternalForces(self._residual(state.forces, state.volumes), entries, state.min_jacobian)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
         """The lower triangle over the unknowns, from the entries of a state of the mesh."""
@@ -97,18 +97,18 @@ class Assembly:
 
     @cached_property
     def _pattern(self) -> _Pattern:
-        return _Pattern(self.couplings, self.numbering)
+        return _Pattern(self.sparsity, self.numbering)
 
 
 class _Pattern:
     """Where the entries of a mesh's matrix go in the lower triangle of the sparse one over the unknowns."""
 
-    def __init__(self, couplings: Couplings, numbering: Numbering) -> None:
-        first, second = numbering.unknown[couplings.rows], numbering.unknown[couplings.columns]
+    def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
+        first, second = numbering.unknown[sparsity.rows], numbering.unknown[sparsity.columns]
         self._size = numbering.displacements + numbering.pressures
-        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & couplings.lower)
+        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & sparsity.lower)
         first, second = first[self._kept], second[self._kept]
-        rows, columns = couplings.rows[self._kept], couplings.columns[self._kept]
+        rows, columns = sparsity.rows[self._kept], sparsity.columns[self._kept]
         keys = np.minimum(first, second).astype(np.int64) * self._size + np.maximum(first, second)
         keys, target = np.unique(keys, return_inverse=True)
         self._target = target.astype(np.int32)

@@ -37,7 +37,7 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True)
 class Matrices:
-    """Elements' tangents, as :meth:`Couplings.summed` takes them."""
+    """Elements' tangents, as :meth:`Sparsity.summed` takes them."""
 
     blocks: np.ndarray
     mixed: np.ndarray

@@ -83,7 +83,7 @@ class Model:
         if inside.entries is not None and isinstance(self.load, Pressure):
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)
-            self.assembly.couplings.add_blocks(inside.entries, self._wet_faces, stiffness)
+            self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 

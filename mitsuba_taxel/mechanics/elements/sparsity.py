@@ -16,7 +16,7 @@ _UPPER = np.array([1, 2, 5])
 """Entries of a block of a node with itself that its symmetry gives."""
 
 
-class Couplings:
+class Sparsity:
     """The lower triangle of a symmetric matrix over the degrees of freedom of a mesh, as a list of entries.
 
     Blocks of two nodes' displacements come first, then those of a pressure and a displacement, then pressures.

@@ -167,7 +167,7 @@ class LoadedPad:
             except RuntimeError as failure:
                 raise _singular(failure) from failure
 
-    def solve_amid(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+    def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
 
         Displacements that lack the symmetry of the load are not looked at once more, and the linearised pad is that of

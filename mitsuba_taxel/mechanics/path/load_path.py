@@ -1,6 +1,6 @@
 """The deformed pad at any load, by way of one path that everybody shares.
 
-The path to a force F is 0 -> (0, 0, Fz) -> F: the normal leg first, then the tangential one, as in the paper's
+The path to a force F is 0 -> (0, 0, Fz) -> F: the normal segment first, then the tangential one, as in the paper's
 procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is the same to the
 bit whoever asks for it, with whatever others, in any order. A load that differs from another by a mirror of the pad has
 the mirrored state, to the bit.
@@ -33,7 +33,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
-from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, Leg
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, RoofError, size_ratio
 from mitsuba_taxel.pads.pad import Pad
@@ -62,7 +62,7 @@ _SECOND_MESH = "a second mesh"
 _LOCK = threading.RLock()
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
-Touch = Callable[[Leg, LoadedPad], tuple[float, Contact] | None]
+Touch = Callable[[LoadSegment, LoadedPad], tuple[float, Contact] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +264,7 @@ def _checked_triangles(obstacles: object) -> np.ndarray:
 
 
 class _Path:
-    """Mesh and legs of one pad of one material under one kind of load, kept on disk and in memory.
+    """Mesh and segments of one pad of one material under one kind of load, kept on disk and in memory.
 
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that.
     """
@@ -272,7 +272,7 @@ class _Path:
     def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
         self._identity = [pad.identity, mesh_size]
-        self._legs: dict[tuple[float, ...], Leg] = {}
+        self._segments: dict[tuple[float, ...], LoadSegment] = {}
         self._compared: dict[float, tuple[_Path, RoofComparison] | None] = {}
 
     @cached_property
@@ -297,7 +297,7 @@ class _Path:
         return ContactTest(self.mesh)
 
     def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
-        """What is known of obstacles, which ``mirrors`` take where the legs are; of the last few."""
+        """What is known of obstacles, which ``mirrors`` take where the segments are; of the last few."""
         return _in_the_way(self, np.asarray(triangles, dtype=float).tobytes(), tuple(mirrors))
 
     @cached_property
@@ -334,22 +334,24 @@ class _Path:
         if not value.any():
             return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
         start, seconds = partial(_at_rest, found), 0.0
-        for leg, s in self._legs_to(value):
-            pad = self._pad_for(leg.origin, leg.direction)
+        for segment, s in self._segments_to(value):
+            pad = self._pad_for(segment.origin, segment.direction)
             touch = obstacles.first if obstacles else _nothing
-            if not leg.reaches(s):
-                self._extend(leg, pad, s, start, touch)
-            touched = touch(leg, pad)
-            if touched and touched[0] < min(s, leg.limit):
+            if not segment.reaches(s):
+                self._extend(segment, pad, s, start, touch)
+            touched = touch(segment, pad)
+            if touched and touched[0] < min(s, segment.limit):
                 free, contact = touched
-                end = leg.value(free), f"touches {contact.what}", np.array(contact.place)
+                end = segment.value(free), f"touches {contact.what}", np.array(contact.place)
                 raise ComputationError(_end(*end, self.load, mirrors))
-            if not leg.reaches(s):
-                raise ComputationError(_end(leg.value(leg.limit), leg.reason, leg.place, self.load, mirrors))
-            at = leg.at(s)
+            if not segment.reaches(s):
+                raise ComputationError(
+                    _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
+                )
+            at = segment.at(s)
             seconds += at.seconds
             found = pad.split(at.unknowns)
-            start = partial(_in_balance, pad, at.unknowns, leg.value(s))
+            start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
 
     def _error(
@@ -422,56 +424,60 @@ class _Path:
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
         return pad.split(pad.rate(linearised, at_rest.unknowns, direction))[0]
 
-    def _legs_to(self, value: np.ndarray) -> list[tuple[Leg, float]]:
-        """The legs of the path to ``value``, and how far along each it goes."""
+    def _segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
+        """The segments of the path to ``value``, and how far along each it goes."""
         if len(value) == 1:
-            return [(self._leg(np.zeros(1), np.sign(value)), abs(value[0]))]
+            return [(self._segment(np.zeros(1), np.sign(value)), abs(value[0]))]
         normal, tangential = value[2], float(np.hypot(value[0], value[1]))
-        legs = []
+        segments = []
         if normal:
-            legs.append((self._leg(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
+            segments.append((self._segment(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
         if tangential:
             direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
-            legs.append((self._leg(np.array([0.0, 0.0, normal]), direction), tangential))
-        return legs
+            segments.append((self._segment(np.array([0.0, 0.0, normal]), direction), tangential))
+        return segments
 
-    def _leg(self, origin: np.ndarray, direction: np.ndarray) -> Leg:
+    def _segment(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
         index = (*origin, *direction)
-        if index not in self._legs:
-            leg = self._legs[index] = Leg(origin, direction, self._step, self.judged)
-            self._take_stored(leg)
-        return self._legs[index]
+        if index not in self._segments:
+            segment = self._segments[index] = LoadSegment(origin, direction, self._step, self.judged)
+            self._take_stored(segment)
+        return self._segments[index]
 
     def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
-        """The part of the pad that a leg needs: that between the mirrors which leave its loads as they are."""
+        """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
         path = np.stack([origin, direction])
         mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
         return _loaded_pad(self, mirrors)
 
-    def _extend(self, leg: Leg, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
-        """Solve a leg as far as ``s``, or the pad touches something, unless another process has meanwhile.
+    def _extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
+        """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
 
         ``start`` is the state at its origin.
         """
-        with cache.alone(self._leg_name(leg)):
-            self._take_stored(leg)
-            before = len(leg.nodes), leg.limit
+        with cache.alone(self._segment_name(segment)):
+            self._take_stored(segment)
+            before = len(segment.nodes), segment.limit
             try:
-                leg.extend(pad, s, lambda: pad.gather(*start()), self._contact, lambda: touch(leg, pad) is not None)
+                segment.extend(
+                    pad, s, lambda: pad.gather(*start()), self._contact, lambda: touch(segment, pad) is not None
+                )
             finally:
-                if (len(leg.nodes), leg.limit) != before:
-                    cache.store(self._leg_name(leg), leg.arrays())
+                if (len(segment.nodes), segment.limit) != before:
+                    cache.store(self._segment_name(segment), segment.arrays())
 
-    def _take_stored(self, leg: Leg) -> None:
-        arrays = cache.load(self._leg_name(leg))
-        if arrays is not None and len(arrays["s"]) >= len(leg.nodes):
-            leg.restore(arrays)
+    def _take_stored(self, segment: LoadSegment) -> None:
+        arrays = cache.load(self._segment_name(segment))
+        if arrays is not None and len(arrays["s"]) >= len(segment.nodes):
+            segment.restore(arrays)
 
-    def _leg_name(self, leg: Leg) -> str:
+    def _segment_name(self, segment: LoadSegment) -> str:
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
         load = [_name_of(self.load), asdict(self.load)]
-        numerics = [leg.step, leg.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
-        return cache.key("leg", self._identity, material, load, numerics, leg.origin.tolist(), leg.direction.tolist())
+        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
+        return cache.key(
+            "segment", self._identity, material, load, numerics, segment.origin.tolist(), segment.direction.tolist()
+        )
 
 
 def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -483,12 +489,12 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
     return pad.split(pad.balance(near, value))
 
 
-def _nothing(leg: Leg, pad: LoadedPad) -> None:
+def _nothing(segment: LoadSegment, pad: LoadedPad) -> None:
     """What a path touches that nothing stands in the way of."""
 
 
 def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> str:
-    """What to say of a leg that ends too early, for the load that ``mirrors`` turned into the leg's."""
+    """What to say of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
     for mirror in reversed(mirrors):
         value, place = mirror.image(value), mirror.image(place)
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
@@ -514,6 +520,6 @@ def _in_the_way(path: _Path, triangles: bytes, mirrors: tuple[Mirror, ...]) -> O
     return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)
 
 
-@lru_cache(maxsize=4)  # a normal and a tangential leg, and those of the coarser mesh: their matrices take much memory
+@lru_cache(maxsize=4)  # a normal and a tangential segment, and those of the coarser mesh: matrices take memory
 def _loaded_pad(path: _Path, mirrors: tuple[Mirror, ...]) -> LoadedPad:
     return LoadedPad(path.mesh, path.material, path.load, mirrors, path.images)

@@ -1,6 +1,6 @@
-"""A straight leg of a load path: equilibria under a load that grows from one value onwards in a fixed direction.
+"""A straight segment of a load path: equilibria under a load that grows from one value onwards in a fixed direction.
 
-The nodes of a leg are solved where the leg alone says, never where somebody asked for a state; between them the
+The nodes of a segment are solved where the segment alone says, never where somebody asked for a state; between them the
 state follows from cubic Hermite interpolation with the tangents du/dF, which one back-solve each gives.
 """
 
@@ -28,7 +28,7 @@ Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
 
 @dataclass(frozen=True)
 class Node:
-    """A solved state on a leg at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+    """A solved state on a segment at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
 
     ``seconds`` are those that it took to solve.
     """
@@ -55,8 +55,8 @@ class Interpolated:
     seconds: float
 
 
-class Leg:
-    """The nodes of a leg solved so far.
+class LoadSegment:
+    """The nodes of a segment solved so far.
 
     Parameters
     ----------
@@ -94,15 +94,15 @@ class Leg:
         contact: ContactTest,
         far_enough: Callable[[], bool],
     ) -> None:
-        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the leg's origin.
+        """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the origin.
 
         Between intervals ``far_enough`` is asked whether no more nodes are of use.
 
         The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
         aligned to its own length; an interval is halved where Newton's method finds no acceptable state. More nodes are
-        put between the two, each amid others, where the interpolation would not be accurate. Where a leg goes on thus
-        depends on its nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches
-        itself or the board.
+        put between the two, each amid others, where the interpolation would not be accurate. Where a segment goes on
+        thus depends on its nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad
+        touches itself or the board.
         """
         if not self.nodes and math.isinf(self.limit):
             self._begin(pad, start)
@@ -114,13 +114,13 @@ class Leg:
                     break
 
     def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
-        try:  # at rest, or amid another leg's states
-            self.nodes.append(self._node(pad, pad.solve_amid, 0.0, start())[0])
+        try:  # at rest, or amid another segment's states
+            self.nodes.append(self._node(pad, pad.solve_linearised, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 
     def _next(self, pad: LoadedPad) -> list[Node]:
-        """The nodes of the next interval; none, and a `limit`, where the leg ends."""
+        """The nodes of the next interval; none, and a `limit`, where the segment ends."""
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
         length = min(position & -position, TICKS) or TICKS
@@ -135,7 +135,7 @@ class Leg:
 
     def _interval(self, pad: LoadedPad, start: Node, s: float, shortest: bool) -> list[Node]:
         """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
-        solve = pad.solve_symmetric if self.judged else pad.solve_amid
+        solve = pad.solve_symmetric if self.judged else pad.solve_linearised
         end, linearised = self._node(pad, solve, s, self._guess(s))
         fits = shortest or self._interpolates(pad, start, end, linearised)
         entries = linearised.entries
@@ -151,7 +151,7 @@ class Leg:
         if fits:
             return [end]
         s = 0.5 * (start.s + end.s)
-        middle, linearised = self._node(pad, pad.solve_amid, s, hermite(start, end, s))
+        middle, linearised = self._node(pad, pad.solve_linearised, s, hermite(start, end, s))
         halves = (start, middle), (middle, end)
         finest = end.s - start.s < 2.5 * self.step / TICKS
         fit = [finest or self._interpolates(pad, *half, linearised) for half in halves]
@@ -184,7 +184,7 @@ class Leg:
         return bool(np.abs(correction[displacements]).max() <= INTERPOLATION_TOLERANCE * largest)
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
-        """End the leg at the first contact since the last node but one, if there is one at the last."""
+        """End the segment at the first contact since the last node but one, if there is one at the last."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         found = self.first_contact(pad, len(self.nodes) - 1, test.find)
@@ -195,7 +195,7 @@ class Leg:
     def first_contact(
         self, pad: LoadedPad, index: int, find: Callable[[np.ndarray], Contact | None]
     ) -> tuple[float, Contact] | None:
-        """How far the leg goes without a contact, and that contact, if there is one at a node but not at that before.
+        """How far the segment goes without contact, and that contact, if there is one at a node but not at that before.
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class Leg:
         return free, found
 
     def at(self, s: float) -> Interpolated:
-        """The state at distance ``s``, which the leg must reach."""
+        """The state at distance ``s``, which the segment must reach."""
         after = next(index for index, node in enumerate(self.nodes) if node.s >= s)
         end = self.nodes[after]
         start = self.nodes[max(after - 1, 0)]

@@ -14,11 +14,11 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.load_segment import Leg
+from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
 
 
 class Obstacles:
-    """Rigid bodies at rest in the way of a pad; what is known of the legs of its paths.
+    """Rigid bodies at rest in the way of a pad; what is known of the segments of its paths.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class Obstacles:
     triangles : (K, 3, 3) ndarray
         In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
     mirrors : sequence of Mirror
-        Applied to them one after the other, as to the load that the legs belong to.
+        Applied to them one after the other, as to the load that the segments belong to.
 
     Raises
     ------
@@ -39,8 +39,8 @@ class Obstacles:
         for mirror in mirrors:
             triangles = mirror.image(triangles)
         self._test = ContactTest(mesh, triangles)
-        self._clear: dict[Leg, int] = {}
-        self._first: dict[Leg, tuple[float, Contact]] = {}
+        self._clear: dict[LoadSegment, int] = {}
+        self._first: dict[LoadSegment, tuple[float, Contact]] = {}
         if self._test.at_rest:
             place = np.array(self._test.at_rest.place)
             for mirror in reversed(mirrors):
@@ -50,12 +50,12 @@ class Obstacles:
                 f"the undeformed pad touches {self._test.at_rest.what} near ({shown}) mm of the pad: move one of them."
             )
 
-    def first(self, leg: Leg, pad: LoadedPad) -> tuple[float, Contact] | None:
-        """How far a leg goes, as far as it is solved, before the pad touches them, and where; None if it does not."""
-        for index in range(self._clear.get(leg, 1), len(leg.nodes)):
-            if leg not in self._first:
-                found = leg.first_contact(pad, index, self._test.find_package)
+    def first(self, segment: LoadSegment, pad: LoadedPad) -> tuple[float, Contact] | None:
+        """How far a segment goes, as far as it is solved, before the pad touches them, and where; else None."""
+        for index in range(self._clear.get(segment, 1), len(segment.nodes)):
+            if segment not in self._first:
+                found = segment.first_contact(pad, index, self._test.find_package)
                 if found:
-                    self._first[leg] = found
-            self._clear[leg] = index + 1
-        return self._first.get(leg)
+                    self._first[segment] = found
+            self._clear[segment] = index + 1
+        return self._first.get(segment)

@@ -136,7 +136,7 @@ class _Pieces:
         in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
         stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])
         entries = entries.copy()
-        self._model.assembly.couplings.add_blocks(entries, self._cuts, stiffness)
+        self._model.assembly.sparsity.add_blocks(entries, self._cuts, stiffness)
         return entries
 
 

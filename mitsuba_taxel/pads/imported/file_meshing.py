@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
-from mitsuba_taxel.geometry.geometry_error import Flaw, place
+from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.local_sizes import default_mesh_size
 from mitsuba_taxel.pads.imported.step import mesh_step, surveyed
@@ -62,5 +62,5 @@ def _named(pad: PadFile) -> Iterator[None]:
     """Name the file of what is wrong with it."""
     try:
         yield
-    except Flaw as flaw:
+    except GeometryError as flaw:
         raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw

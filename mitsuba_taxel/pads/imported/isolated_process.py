@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.limits import address_space
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")
 """Run as a file, so that the process imports neither this package nor Mitsuba."""
@@ -23,12 +23,12 @@ MOST_MEMORY = 8 * 2**30
 """Bytes of address space, where this process itself is under no lower limit."""
 
 
-def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
+def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
     """What the worker's ``task`` makes of ``arrays``; they go to and fro through pipes, so that no file is left.
 
     Raises
     ------
-    Flaw
+    GeometryError
         if the geometry cannot be read.
     ComputationError
         in one line, if the process crashes, fails, or goes beyond :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; what it
@@ -45,7 +45,7 @@ def run_apart(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
     if done.returncode == 0:
         answer = _unpacked(done.stdout)
         if "flaw" in answer:
-            raise Flaw(str(answer["flaw"]))
+            raise GeometryError(str(answer["flaw"]))
         return answer
     raise ComputationError(_reason(done, memory)) from RuntimeError(done.stderr.decode(errors="replace"))
 

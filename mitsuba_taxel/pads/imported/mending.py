@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.box_pairs import MOST_PAIRS, TooManyPairs, overlapping
-from mitsuba_taxel.geometry.geometry_error import Flaw, place
+from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import area_normals, components, half_edges, neighbours, unit, volume
 
@@ -28,7 +28,7 @@ def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
     Raises
     ------
-    Flaw
+    GeometryError
         with its place, for a surface that is open, crosses itself, has edges of three or more triangles, cannot be
         turned the same way round, or is that of several bodies or of one with an enclosed hollow; without it where
         too much of the surface lies in one place.
@@ -37,7 +37,7 @@ def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
     triangles = _distinct(triangles)
     if not len(triangles):
-        raise Flaw("none of its triangles has an area")
+        raise GeometryError("none of its triangles has an area")
     _check_manifold(vertices, triangles)
     triangles = _filled(vertices, _consistent(vertices, triangles), TINY_HOLE * diagonal)
     _check_one_body(vertices, triangles)
@@ -52,7 +52,7 @@ def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tu
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
     tree = PointTree(unique)
     if tree.count_pairs(tolerance) > MOST_PAIRS:
-        raise Flaw(f"too many of its vertices lie within {tolerance:.2g} mm of each other")
+        raise GeometryError(f"too many of its vertices lie within {tolerance:.2g} mm of each other")
     part = components(len(unique), tree.query_pairs(tolerance))
     _, first = np.unique(part, return_index=True)
     return unique[first], part[number.reshape(-1)][triangles]
@@ -72,7 +72,9 @@ def _check_manifold(vertices: np.ndarray, triangles: np.ndarray) -> None:
     if count.max() > 2:
         worst = int(count.argmax())
         middle = place(vertices[edges[worst]].mean(axis=0))
-        raise Flaw(f"{count[worst]} triangles meet in one edge at {middle}; a surface with two at each is needed")
+        raise GeometryError(
+            f"{count[worst]} triangles meet in one edge at {middle}; a surface with two at each is needed"
+        )
 
 
 def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -90,7 +92,7 @@ def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     standing, turned = part[:count], part[count:]
     if np.any(standing == turned):
         where = place(vertices[triangles[np.argmax(standing == turned)]].mean(axis=0))
-        raise Flaw(f"its surface has no inside: its triangles cannot be turned the same way round at {where}")
+        raise GeometryError(f"its surface has no inside: its triangles cannot be turned the same way round at {where}")
     # Of the two ways to turn a connected part, the one that leaves more triangles as they stand.
     votes = np.bincount(standing, minlength=part.max() + 1)
     turn = (votes[standing] < votes[turned]) | ((votes[standing] == votes[turned]) & (standing > turned))
@@ -111,7 +113,7 @@ def _filled(vertices: np.ndarray, triangles: np.ndarray, tiny: float) -> np.ndar
     following = dict(rim[:, ::-1].tolist())
     if len(following) < len(rim):
         twice = np.flatnonzero(np.bincount(rim[:, 1]) > 1)[0]
-        raise Flaw(f"its surface is open: holes meet at {place(vertices[twice])}; a closed surface is needed")
+        raise GeometryError(f"its surface is open: holes meet at {place(vertices[twice])}; a closed surface is needed")
     patches: list[list[int]] = []
     while following:
         first, corner = following.popitem()
@@ -121,7 +123,9 @@ def _filled(vertices: np.ndarray, triangles: np.ndarray, tiny: float) -> np.ndar
             corner = following.pop(corner)
         corners = vertices[hole]
         if len(hole) > 3 and np.ptp(corners, axis=0).max() > tiny:
-            raise Flaw(f"its surface is open: a hole at {place(corners.mean(axis=0))}; a closed surface is needed")
+            raise GeometryError(
+                f"its surface is open: a hole at {place(corners.mean(axis=0))}; a closed surface is needed"
+            )
         patches.extend([hole[0], hole[k], hole[k + 1]] for k in range(1, len(hole) - 1))
     return np.concatenate([triangles, np.array(patches, dtype=triangles.dtype).reshape(-1, 3)])
 
@@ -133,7 +137,7 @@ def _check_one_body(vertices: np.ndarray, triangles: np.ndarray) -> None:
         area = np.bincount(part, np.linalg.norm(area_normals(vertices, triangles), axis=1))
         other = vertices[triangles[part == np.argmin(area)]].reshape(-1, 3)
         middle = place(0.5 * (other.min(axis=0) + other.max(axis=0)))
-        raise Flaw(
+        raise GeometryError(
             f"it has {part.max() + 1} separate surfaces, one of them round {middle}; one body without enclosed hollows "
             "is needed"
         )
@@ -152,7 +156,7 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
             continue
         compared += len(first)
         if compared > MOST_COMPARED:
-            raise Flaw("too many of its triangles lie across each other")
+            raise GeometryError("too many of its triangles lie across each other")
         _check_pairs(vertices, triangles, first, second, tolerance)
 
 
@@ -175,7 +179,7 @@ def _check_pairs(
             apart = ~np.any(ends[:, :, None] == triangles[other][:, None], axis=(1, 2))
             through, where = _pierced(vertices[ends[apart]], corners[other[apart]], tolerance)
             if through.any():
-                raise Flaw(f"its surface crosses itself at {place(where[np.argmax(through)])}")
+                raise GeometryError(f"its surface crosses itself at {place(where[np.argmax(through)])}")
 
 
 def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:

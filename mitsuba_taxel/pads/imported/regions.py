@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.geometry.geometry_error import Flaw, place
+from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.rules import Rule
@@ -59,7 +59,7 @@ def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np
 
     Raises
     ------
-    Flaw
+    GeometryError
         if there is no bottom, no top or no cell, or a cell has no roof.
     """
     faces = _Faces(surface)
@@ -67,7 +67,7 @@ def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np
     for rule in rules:
         if rule.face is not None and rule.face not in surface.names:
             known = ", ".join(sorted(set(surface.names))) or "none"
-            raise Flaw(f"it has no face named {rule.face!r}, as a rule says; its names are: {known}")
+            raise GeometryError(f"it has no face named {rule.face!r}, as a rule says; its names are: {known}")
         region[(region == 0) & faces.meet(rule)] = REGIONS[rule.region]
     for name, level in (("bottom", faces.on_board), ("top", faces.at_top)):
         if not any(rule.region == name for rule in rules):
@@ -127,11 +127,13 @@ class _Faces:
 def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
     z = surface.vertices[:, 2]
     if not np.any(region == REGIONS["bottom"]):
-        raise Flaw(
+        raise GeometryError(
             f"it has no bottom: no face lies on the board, z = 0, as its z runs from {z.min():g} to {z.max():g} mm"
         )
     if not np.any(region == REGIONS["top"]):
-        raise Flaw(f"it has no top: no flat face lies at its highest z = {z.max():g} mm, and no rule names another")
+        raise GeometryError(
+            f"it has no top: no flat face lies at its highest z = {z.max():g} mm, and no rule names another"
+        )
 
 
 def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
@@ -147,7 +149,7 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
     """(T,) number of the cell that each triangle belongs to, 0 for none."""
     in_cell = np.isin(region, (REGIONS["roof"], REGIONS["side"]))
     if not in_cell.any():
-        raise Flaw("it has no cell: no hollow is open towards the board, and no rule names a roof")
+        raise GeometryError("it has no cell: no hollow is open towards the board, and no rule names a roof")
     part = components(len(region), pairs[np.all(in_cell[pairs], axis=1)])
     parts, number = np.unique(part[in_cell], return_inverse=True)
     corners = surface.vertices[surface.triangles[in_cell]]
@@ -156,7 +158,7 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
     np.maximum.at(high, number, corners.max(axis=1))
     without = np.setdiff1d(np.arange(len(parts)), number[region[in_cell] == REGIONS["roof"]])
     if len(without):
-        raise Flaw(f"the cell at {place(0.5 * (low + high)[without[0]])} has no roof; a rule can name one")
+        raise GeometryError(f"the cell at {place(0.5 * (low + high)[without[0]])} has no roof; a rule can name one")
     cell = np.zeros(len(region), dtype=int)
     cell[in_cell] = _numbers_by_row(0.5 * (low + high)[:, :2], (high - low)[:, 1].mean())[number]
     return cell

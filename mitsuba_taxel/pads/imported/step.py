@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.second_order import positive, second_order
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.imported.isolated_process import run_apart
+from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes, radii
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.round_faces import on_round_faces
@@ -46,7 +46,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
 
     Raises
     ------
-    Flaw
+    GeometryError
         if the file cannot be read, or its solid is no pad.
     ComputationError
         if meshing fails.
@@ -114,7 +114,7 @@ class Survey:
 
 @lru_cache(maxsize=4)  # for the second mesh, which tells the error
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...]) -> Survey:
-    raw = run_apart("survey_step", {"path": str(path), "curvature_safety": SURVEY_SAFETY})
+    raw = run_isolated("survey_step", {"path": str(path), "curvature_safety": SURVEY_SAFETY})
     points, triangles, face = raw["points"], raw["triangles"], raw["face"]
     check_extent(points)
     by_triangle, by_cell = tagged(FacedSurface(points, triangles, face, raw["names"].tolist()), rules)
@@ -138,7 +138,7 @@ def _mirrors(
     # A point on several faces counts for one of them: all of them, were they asked, have their images there.
     matrices = np.array([mirror.image(np.eye(3)) for mirror in MIRRORS])
     asked = {"path": str(path), "region": region, "points": points[node], "at": at, "matrices": matrices}
-    kept = run_apart("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
+    kept = run_isolated("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
     return group_of(mirror for mirror, keeps in zip(MIRRORS, kept, strict=True) if keeps)
 
 
@@ -150,7 +150,7 @@ def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: 
     np.minimum.at(face_size, survey.face, sizes[survey.patches.patch])
     curved = radii(survey.patches) / sizes
     safety = float(np.clip(curved[np.isfinite(curved)].max(initial=1.0), 1.0, CURVATURE_SAFETY * refinement))
-    raw = run_apart(
+    raw = run_isolated(
         "mesh_step",
         {
             "path": str(path),

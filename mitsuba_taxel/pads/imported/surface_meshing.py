@@ -18,7 +18,7 @@ from mitsuba_taxel.geometry.polygons import NotSimple
 from mitsuba_taxel.geometry.second_order import positive, second_order
 from mitsuba_taxel.geometry.triangles import volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.imported.isolated_process import run_apart
+from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import LocalSizes, SingularEdges
 from mitsuba_taxel.pads.imported.mending import faces_of, mended
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
@@ -48,7 +48,7 @@ def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size
 
     Raises
     ------
-    Flaw
+    GeometryError
         if the surface cannot be used.
     ComputationError
         if meshing fails.
@@ -111,7 +111,7 @@ def _meshed(part: Part, edges: SingularEdges, mesh_size: float, refinement: floa
     singular = SingularEdges(patches, part.region, patches.patch)
     points, triangles, patch = remeshed(patches, LocalSizes(patches, part.region, singular, mesh_size, refinement))
     size = BULK_COARSENING * mesh_size / refinement
-    filled = run_apart("fill", {"vertices": points, "triangles": triangles, "mesh_size": size})
+    filled = run_isolated("fill", {"vertices": points, "triangles": triangles, "mesh_size": size})
     points, tets, faces = second_order(*positive(filled["points"], filled["tets"]))
     if not np.array_equal(_sorted(faces[:, :3])[0], _sorted(triangles)[0]):
         raise ComputationError("the mesh does not end at the surface of the pad.")

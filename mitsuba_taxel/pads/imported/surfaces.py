@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.pads.parametric.meshing import MOST_ELEMENTS
 
 MOST_TRIANGLES = 300_000
@@ -23,7 +23,7 @@ def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
 
     Raises
     ------
-    Flaw
+    GeometryError
         if the content is not of that format, is cut short, holds numbers that are not finite, more than
         :data:`MOST_TRIANGLES` triangles, or none, or cannot be in mm.
     """
@@ -31,15 +31,17 @@ def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
         _check_header(content)
     vertices, triangles = _parse(content, suffix)
     if not len(triangles):
-        raise Flaw(f"it holds no triangles of the format {suffix[1:].upper()}")
+        raise GeometryError(f"it holds no triangles of the format {suffix[1:].upper()}")
     if len(triangles) > MOST_TRIANGLES:
-        raise Flaw(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed")
+        raise GeometryError(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise Flaw("a triangle names a vertex that is not there")
+        raise GeometryError("a triangle names a vertex that is not there")
     used, triangles = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], triangles.reshape(-1, 3)
     if not np.all(np.isfinite(vertices)):
-        raise Flaw(f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite")
+        raise GeometryError(
+            f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite"
+        )
     check_extent(vertices)
     return vertices, triangles
 
@@ -49,10 +51,10 @@ def _check_header(content: bytes) -> None:
     if content[:512].lstrip().lower().startswith(b"solid") and b"facet" in content[:1024].lower():
         return
     if len(content) < 84:
-        raise Flaw(f"it is no STL: {len(content)} bytes are less than a header")
+        raise GeometryError(f"it is no STL: {len(content)} bytes are less than a header")
     count = int.from_bytes(content[80:84], "little")
     if len(content) != 84 + 50 * count:
-        raise Flaw(
+        raise GeometryError(
             f"it is no STL, or cut short: its header announces {count} triangles, for which it has the wrong length"
         )
 
@@ -69,16 +71,22 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
                 -1, 3
             )
     except Exception as error:  # whatever a reader may stumble over in a broken file
-        raise Flaw(f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})") from error
+        raise GeometryError(
+            f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})"
+        ) from error
 
 
 def check_extent(vertices: np.ndarray) -> None:
-    """Refuse a pad of points (V, 3) that cannot be in mm; raises `Flaw`."""
+    """Refuse a pad of points (V, 3) that cannot be in mm; raises `GeometryError`."""
     longest = float(np.ptp(vertices, axis=0).max())
     if longest < SMALLEST_EXTENT:
-        raise Flaw(f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in m")
+        raise GeometryError(
+            f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in m"
+        )
     if longest > LARGEST_EXTENT:
-        raise Flaw(f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in um")
+        raise GeometryError(
+            f"its longest side is {longest:.3g} mm; coordinates in mm are needed, perhaps these are in um"
+        )
 
 
 def check_mesh_size(mesh_size: float, volume: float) -> None:

@@ -10,7 +10,7 @@ from mitsuba_taxel.geometry.second_order import boundary_triangles, positive, se
 from mitsuba_taxel.geometry.triangles import area_normals, half_edges, unit, volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.borders import conforming
-from mitsuba_taxel.pads.imported.isolated_process import run_apart
+from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.mending import is_sliver
 from mitsuba_taxel.pads.imported.snapping import Patches, snapped
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE
@@ -38,7 +38,7 @@ def mesh_by_tetwild(
     mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)
     envelope = min(ENVELOPE * mesh_size, LARGEST_ENVELOPE * diagonal)
     solid = {"vertices": vertices, "triangles": triangles[~is_sliver(vertices, triangles)]}
-    straight = run_apart("tetrahedralise", {**solid, "mesh_size": mesh_size, "epsilon": envelope})
+    straight = run_isolated("tetrahedralise", {**solid, "mesh_size": mesh_size, "epsilon": envelope})
     patches = Patches(vertices, triangles, region, cell)
     corners, tets = positive(straight["points"], straight["tets"])
     _check_boundary(corners, boundary_triangles(tets))

@@ -79,7 +79,7 @@ def _pad_html(pad: Pad) -> str:
 
 def _pad_file_html(pad: PadFile) -> str:
     """A pad in a file, its sections if it is a surface of triangles."""
-    from mitsuba_taxel.geometry.geometry_error import Flaw
+    from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.pads.imported.surfaces import read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
@@ -92,7 +92,7 @@ def _pad_file_html(pad: PadFile) -> str:
             drawing += _line("Section through the middle, and section just above the board; lengths in mm.")
         except InputError as error:
             drawing = _line(str(error))
-        except Flaw as flaw:
+        except GeometryError as flaw:
             drawing = _line(f"It cannot be drawn: {flaw}.")
     return _framed(f"Pad: {pad.path.name}", drawing, _line(rules))
 

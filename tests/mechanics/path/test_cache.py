@@ -20,7 +20,7 @@ from mitsuba_taxel.pads import Pad
 load_path_module = import_module("mitsuba_taxel.mechanics.path.load_path")
 PAD = Pad("cylindrical", rows=1, columns=1)
 FILES = 6
-"""Its mesh and one of twice the size, and for each a normal leg and a tangential one."""
+"""Its mesh and one of twice the size, and for each a normal segment and a tangential one."""
 
 
 def displacement(material=None, size=1.25, pad=PAD):

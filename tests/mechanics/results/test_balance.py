@@ -155,16 +155,16 @@ def test_a_body_turned_inside_out_has_no_balance(mesh):
 
 
 @pytest.mark.parametrize(
-    ("load", "leg"),
+    ("load", "segment"),
     [
         (SpreadForce(), ((0, 0, 0), (0, 0, -1))),
         (SpreadForce(), ((0, 0, -1), (1, 0, 0))),
         (PlateDisplacement(), ((0, 0, 0), (0, 0, -1))),
     ],
 )
-def test_between_the_nodes_of_a_path_the_interpolation_is_what_lacks(load, leg):
+def test_between_the_nodes_of_a_path_the_interpolation_is_what_lacks(load, segment):
     pad, law, size = Pad("hemispheric", rows=1, columns=1), NeoHookean(), 2.0
-    origin, direction = natural_step(pad.mesh(size), law, load) * np.array(leg)
+    origin, direction = natural_step(pad.mesh(size), law, load) * np.array(segment)
     node, between = load_path(pad, law, [origin + direction, origin + 0.63 * direction], load=load, mesh_size=size)
     assert reactions(node).imbalance < 1e-9
     assert 1e-8 < reactions(between).imbalance < INTERPOLATION_TOLERANCE

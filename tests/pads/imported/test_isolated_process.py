@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.pads.imported import isolated_process as sandbox
 
 BEGINNING = "import ctypes, io, os, sys, time\nimport numpy as np\nsys.stdin.buffer.read()\n"
@@ -46,7 +46,7 @@ def test_whatever_befalls_the_process_is_one_line(worker, monkeypatch, capfd, pr
     if "sleep" in program:
         monkeypatch.setattr(sandbox, "MOST_SECONDS", 0.5)
     with pytest.raises(ComputationError, match=f"^meshing the pad .*{what}") as caught:
-        sandbox.run_apart("any", {"a": np.zeros(3)})
+        sandbox.run_isolated("any", {"a": np.zeros(3)})
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
     assert caught.value.__cause__ is not None
@@ -55,7 +55,7 @@ def test_whatever_befalls_the_process_is_one_line(worker, monkeypatch, capfd, pr
 def test_memory_beyond_the_limit_is_refused_to_the_process(monkeypatch, box):
     monkeypatch.setattr(sandbox, "MOST_MEMORY", 2**26)  # less than its libraries alone
     with pytest.raises(ComputationError, match="^meshing the pad "):
-        sandbox.run_apart("tetrahedralise", _arguments(box()))
+        sandbox.run_isolated("tetrahedralise", _arguments(box()))
 
 
 def test_the_process_keeps_a_lower_limit_of_its_caller(box):
@@ -66,7 +66,7 @@ def test_the_process_keeps_a_lower_limit_of_its_caller(box):
         "import resource, sys\n"
         "from mitsuba_taxel.pads.imported import isolated_process as sandbox\n"
         "resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)\n"
-        "print(len(sandbox.run_apart('fill', sandbox._unpacked(sys.stdin.buffer.read()))['tets']))"
+        "print(len(sandbox.run_isolated('fill', sandbox._unpacked(sys.stdin.buffer.read()))['tets']))"
     )
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, input=sandbox._packed(arguments), capture_output=True, check=True)
@@ -75,8 +75,8 @@ def test_the_process_keeps_a_lower_limit_of_its_caller(box):
 
 def test_flaws_that_the_process_finds_are_told_apart(worker):
     worker("np.savez(sys.stdout.buffer, flaw='it is round')")
-    with pytest.raises(Flaw, match="it is round"):
-        sandbox.run_apart("any", {})
+    with pytest.raises(GeometryError, match="it is round"):
+        sandbox.run_isolated("any", {})
 
 
 def _arguments(corners):
@@ -105,7 +105,7 @@ def test_an_interrupt_ends_the_process_too(tmp_path):
     )
     code = (
         "import pathlib; from mitsuba_taxel.pads.imported import isolated_process as sandbox; "
-        f"sandbox.WORKER = pathlib.Path({str(tmp_path)!r}, 'worker.py'); sandbox.run_apart('any', {{}})"
+        f"sandbox.WORKER = pathlib.Path({str(tmp_path)!r}, 'worker.py'); sandbox.run_isolated('any', {{}})"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.pads.imported.mending import mended
@@ -170,5 +170,5 @@ def without_hollow(corners):
     ],
 )
 def test_what_is_no_pad_is_refused(box, change, rules, what):
-    with pytest.raises(Flaw, match=what):
+    with pytest.raises(GeometryError, match=what):
         tagged(surface_of(change(box())), rules)

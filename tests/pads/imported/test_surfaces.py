@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.box_pairs import overlapping
-from mitsuba_taxel.geometry.geometry_error import Flaw
+from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, volume
 from mitsuba_taxel.pads.imported import file_meshing, surface_meshing, tetwild
 from mitsuba_taxel.pads.imported.mending import faces_of, mended
@@ -133,7 +133,7 @@ def mobius(box):
     ],
 )
 def test_other_flaws_are_refused_with_their_place(box, damage, what, where):
-    with pytest.raises(Flaw, match=rf"{what}.*\(.*, .*, .*\) mm") as caught:
+    with pytest.raises(GeometryError, match=rf"{what}.*\(.*, .*, .*\) mm") as caught:
         mended(*soup(damage(box())))
     if where:
         place = [float(x) for x in str(caught.value).split("(")[1].split(")")[0].split(",")]
@@ -141,7 +141,7 @@ def test_other_flaws_are_refused_with_their_place(box, damage, what, where):
 
 
 def test_a_crossing_is_found_where_it_is(box):
-    with pytest.raises(Flaw) as caught:
+    with pytest.raises(GeometryError) as caught:
         mended(*soup(crossing(box())))
     x, y, z = (float(x) for x in str(caught.value).split("(")[1].split(")")[0].split(","))
     assert z == pytest.approx(3, abs=1e-3) and max(abs(x), abs(y)) < 2
@@ -217,13 +217,13 @@ PLY += b"property float z\nelement face 4000000000\nproperty list uchar int vert
     ],
 )
 def test_what_is_no_surface_in_mm_is_refused(box, suffix, content, what):
-    with pytest.raises(Flaw, match=what):
+    with pytest.raises(GeometryError, match=what):
         read_surface(content(box()), suffix)
 
 
 def test_too_many_triangles_are_refused(box, monkeypatch):
     monkeypatch.setattr("mitsuba_taxel.pads.imported.surfaces.MOST_TRIANGLES", 20)
-    with pytest.raises(Flaw, match="28 triangles; at most 20"):
+    with pytest.raises(GeometryError, match="28 triangles; at most 20"):
         read_surface(stl(box()), ".stl")
 
 
@@ -235,7 +235,7 @@ def _no_mesher(*_):
 @given(data=st.data())
 def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypatch):
     monkeypatch.setattr(surface_meshing, "_meshed", _no_mesher)
-    monkeypatch.setattr(tetwild, "run_apart", _no_mesher)
+    monkeypatch.setattr(tetwild, "run_isolated", _no_mesher)
     content = bytearray(stl(box()))
     for _ in range(data.draw(st.integers(1, 6))):
         at = data.draw(st.integers(80, len(content) - 1))
