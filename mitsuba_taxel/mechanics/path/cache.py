@@ -20,7 +20,7 @@ from mitsuba_taxel.base import archive
 from mitsuba_taxel.base.atomic import WriteError, reason_of, remove_stale, replacing
 from mitsuba_taxel.base.sources import code_digest
 
-ROOMS = ("base", "geometry", "pads", "mechanics")
+ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
 """Where the code is that decides what a solution is."""
 
 
