@@ -7,7 +7,6 @@ import mitsuba as mi
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
-from mitsuba_taxel.pads.parametric.round_walls import is_round
 
 MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
@@ -40,6 +39,8 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
     A surface file has flat walls; those of a solid may all be round.
     """
     if isinstance(pad, Pad):
+        from mitsuba_taxel.pads.parametric.round_walls import is_round  # a scene without a pad imports no scipy
+
         round_walls = [name for name in ("roof", "side") if is_round(pad, name)]
     else:
         round_walls = [] if pad.suffix in SURFACE_FORMATS else list(REGIONS)

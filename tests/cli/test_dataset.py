@@ -13,7 +13,7 @@ from taxel_cli.dataset import command
 from mitsuba_taxel import InputError, sweep
 from mitsuba_taxel.studies.run.training import training_set
 
-# A plate stands in for the pad: the names of its parameters are those of forces, and nothing is solved.
+# A plate stands in for the pad, and nothing is solved: what are called forces here are translations, in mm.
 SCENE = """<scene version="3.9.0">
     <default name="fx" value="0"/> <default name="fy" value="0.1"/> <default name="fz" value="0.7"/>
     <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
@@ -46,9 +46,9 @@ def test_writes_what_the_function_returns(llvm_mono, study, tmp_path):
     expected = training_set(result, noise="1%", copies=2, split=(0.5, 0.25, 0.25), seed=3)
     for name, table in expected.items():
         read = pd.read_csv(tmp_path / "set" / f"{name}.csv")
-        assert list(read) == ["fx_N", "fy_N", "fz_N", "power_1_W", "standard_error_1_W"] == list(table)
+        assert list(read) == ["fx_mm", "fy_mm", "fz_mm", "power_1_W", "standard_error_1_W"] == list(table)
         np.testing.assert_allclose(read, table, rtol=1e-12)
-        assert set(read.fy_N) == {0.1}
+        assert set(read.fy_mm) == {0.1}
     assert "plate.xml" in (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
 
 

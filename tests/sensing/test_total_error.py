@@ -55,8 +55,8 @@ def test_a_deviation_is_the_change_of_a_pad_of_that_surface(llvm_mono, agree, tm
     ready.scene.parameters_changed([])
     moved = measure(ready, points=4096, seed=2, mechanics_error=False)
     description = dict(sensor("hemispheric", roof=Wall("lambertian")).source)
-    walls = description["pad"]["walls"]
-    description["pad"] = {"type": "ply", "filename": str(tmp_path / "moved.ply"), "face_normals": True, "walls": walls}
+    walls = description["pad"]["bsdf"]
+    description["pad"] = {"type": "ply", "filename": str(tmp_path / "moved.ply"), "face_normals": True, "bsdf": walls}
     other = measure(Scene(description), points=4096, seed=3)
     agree(moved.power, moved.standard_error, other.power, other.standard_error)
     assert abs(moved.power[0] - rest.power[0]) > 20 * rest.standard_error[0]
