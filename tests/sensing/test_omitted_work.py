@@ -121,13 +121,13 @@ LOADS = [
 @pytest.mark.parametrize("load, value", LOADS)
 def test_mirrors_are_those_that_the_path_is_solved_with(load, value, columns):
     from mitsuba_taxel.mechanics.path.load_path import _path
-    from mitsuba_taxel.sensing.omitted_work import _symmetric_legs
+    from mitsuba_taxel.sensing.omitted_work import _symmetric_segments
 
     path = _path(Pad(rows=1, columns=columns), NeoHookean(), load, 2.0)
     value = np.array(value, dtype=float)
     told = [
         (tuple(end), len(mirrors))
-        for end, mirrors in _symmetric_legs(SimpleNamespace(mesh=path.mesh, load=load, value=value))
+        for end, mirrors in _symmetric_segments(SimpleNamespace(mesh=path.mesh, load=load, value=value))
     ]
     solved = [
         (tuple(segment.value(s)), path._pad_for(segment.origin, segment.direction).part.mirrors)
