@@ -1,7 +1,7 @@
 """What leaving out is worth: shipped scenes as they are, and with what they do not need done all the same.
 
 Each row is taken in processes of its own: first with empty caches of kernels and solutions, then twice with what the
-first has left there. This file is run as one for that, with the scene and what is added as JSON.
+first has left there. This module is run for that, with the scene and what is added as JSON.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def with_seconds(scene: str, added: list[str]) -> dict:
 
 def _run(scene: str, added: list[str], kept: dict[str, str]) -> tuple[dict, float]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command = [sys.executable, __file__, json.dumps([scene, added])]
+    command = [sys.executable, "-m", "mitsuba_taxel.bench.omitted_work", json.dumps([scene, added])]
     done = subprocess.run(command, env=os.environ | kept, stdout=subprocess.PIPE, text=True, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return json.loads(done.stdout), after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
