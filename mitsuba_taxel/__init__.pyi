@@ -59,6 +59,9 @@ from .pads import (
 from .pads import (
     PadFile as PadFile,
 )
+from .pads import (
+    mesh_velocity as mesh_velocity,
+)
 from .report.notebook.views import show as show
 from .sensing import (
     PadSensor as PadSensor,

@@ -26,7 +26,7 @@ def llvm_mono():
 def mechanics_error_unknown():
     """Deformed pads state no error: where a mesh is coarse, the second one that tells it takes most of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        paths = import_module("mitsuba_taxel.mechanics.path.load_path")._Path
+        paths = import_module("mitsuba_taxel.mechanics.path.pad_path").PadPath
         patch.setattr(paths, "_comparisons", lambda path: iter(()))
         yield
 

@@ -60,6 +60,18 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
     return table
 
 
+def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """An array of so many finite numbers; raises `InputError`."""
+    try:
+        array = np.asarray(numbers, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(0)
+    if array.shape != shape or not np.all(np.isfinite(array)):
+        shown = f"{array.shape}" if len(shape) > 1 else f"{np.asarray(numbers, dtype=object).tolist()}"
+        raise InputError(f"{name} = {shown} is not allowed: an array {shape} of finite numbers is needed.")
+    return array
+
+
 def is_number(value: object) -> bool:
     """Whether a value is a real number that is finite in double precision; True and False are none."""
     try:

@@ -22,9 +22,9 @@ from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import write_csv
 from mitsuba_taxel.bench.work_precision import Curve
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.studies.plan.files import make_folder
 

@@ -17,14 +17,15 @@ from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relativ
 from mitsuba_taxel.mechanics import load_path
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path import load_path as path
 from mitsuba_taxel.mechanics.path import load_segment
+from mitsuba_taxel.mechanics.path import pad_path as path
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads
 from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings, standard_error
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
 
 COARSEST = 2 * DEFAULT_MESH_SIZE
@@ -243,5 +244,5 @@ def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Ite
 
 
 def _forget() -> None:
-    path._path.cache_clear()
-    path._loaded_pad.cache_clear()
+    for kept in (path.pad_path, loaded_pad, mirror_images):
+        kept.cache_clear()

@@ -19,8 +19,8 @@ from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDispla
 from mitsuba_taxel.mechanics.results.roof_error import size_ratio
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads
 from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 FINE = 0.4
 """mm, size of the elements of the truth, at most; it is extrapolated from them and from COARSER times as large ones."""

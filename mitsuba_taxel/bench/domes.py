@@ -21,8 +21,8 @@ WALLS: dict[str, dict[str, Any]] = {
     "mirror": {"scattering": "mirror"},
     "rough mirror": {"scattering": "rough_mirror", "rms_slope": 2.0},
 }
-LOAD, FINE, FINE_CUT = -2.0, 0.4, 12
-"""N on one cell; mesh size in mm and subdivision of the truth of loaded domes."""
+LOAD, FINE = -2.0, 0.25
+"""N on one cell; mesh size in mm of the truth of loaded domes."""
 POINTS, RAYS = 1 << 13, 1 << 19
 """For each replicate, of all taxels together; and for each of the 16 runs of the rays on a sphere."""
 
@@ -35,8 +35,8 @@ Written by `{command}`; do not edit by hand.
 
 Readings of domed cells at the default settings, whose truth is known otherwise. Unloaded ones are spheres: of diffuse
 walls the truth is a quadrature, of mirrors it is traced on the sphere itself; neither knows elements, triangles or a
-renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of {fine:g} mm, each cut into
-twice as many triangles along its edges.
+renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of {fine:g} mm, a fifth of the
+default.
 
 {table}
 
@@ -100,7 +100,7 @@ def _on_sphere(cell: str, name: str) -> tuple[float, float]:
 
 
 def _on_small_elements(cell: str, wall: dict[str, Any]) -> tuple[float, float]:
-    scene = dome_scene(cell, wall, force=[0, 0, LOAD], mesh_size=FINE, subdivision=FINE_CUT)
+    scene = dome_scene(cell, wall, force=[0, 0, LOAD], mesh_size=FINE)
     return _mean(measure(scene, points=POINTS, seed=2, mechanics_error=False))
 
 

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from mitsuba_taxel.base.limits import address_space
 
 
-class Case(Protocol):
+class Measurable(Protocol):
     """What is measured: it can be pickled, and its row is a dataclass of what JSON can hold."""
 
     def measured(self) -> Any: ...
@@ -27,7 +27,7 @@ MOST_MEMORY = 8 * 2**30
 """Bytes of address space."""
 
 
-def measure_isolated(case: Case, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
+def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
     """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
     command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(address_space(memory))]
     with tempfile.TemporaryDirectory() as cache:

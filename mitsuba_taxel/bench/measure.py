@@ -16,8 +16,10 @@ from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
-from mitsuba_taxel.mechanics.path.load_path import State, _Path, _path, load_path
+from mitsuba_taxel.mechanics.path.load_path import load_path
 from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
+from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import REGIONS
 
@@ -75,7 +77,7 @@ def flaw(row: Row) -> str:
 
 
 def _along_path(case: Case) -> _Outcome:
-    path = _path(case.pad, case.material, case.load, case.mesh_size)
+    path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
         return _Outcome(CONVERGED, _figures(case, path), state)
@@ -94,7 +96,7 @@ def _along_path(case: Case) -> _Outcome:
 
 def _in_one_step(case: Case) -> _Outcome:
     value = np.array(case.value)
-    path = _path(case.pad, case.material, case.load, case.mesh_size)
+    path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     pad = path._pad_for(np.zeros_like(value), value)
     try:
         solution, _ = pad.solve(np.zeros(pad.unknowns), value)
@@ -112,7 +114,6 @@ def _in_one_step(case: Case) -> _Outcome:
         residual=solution.residual,
         newton_iterations=solution.iterations,
         stability_checked=solution.stability_checked,
-        error=None,
     )
     return _Outcome(
         CONVERGED,
@@ -128,7 +129,7 @@ def _in_one_step(case: Case) -> _Outcome:
     )
 
 
-def _figures(case: Case, path: _Path) -> dict[str, float | str]:
+def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """What the steps of a path say of themselves, and the first load at which an element is inverted at a node."""
     segments = list(path._segments.values())
     nodes = [node for segment in segments for node in segment.nodes]
@@ -145,7 +146,7 @@ def _figures(case: Case, path: _Path) -> dict[str, float | str]:
     }
 
 
-def _first_inverted(case: Case, path: _Path, segment: LoadSegment) -> str:
+def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment, as far as the case goes, that inverts an element at a node."""
     pad = path._pad_for(segment.origin, segment.direction)
     reached = min(segment.limit, float((np.array(case.value) - segment.origin) @ segment.direction))

@@ -49,9 +49,9 @@ def _import_everything() -> None:
 
 
 def _solve_the_whole_pad() -> None:
-    from mitsuba_taxel.mechanics.path.load_path import _Path
+    from mitsuba_taxel.mechanics.path.pad_path import PadPath
 
-    changed: Any = _Path
+    changed: Any = PadPath
     changed.images = property(lambda path: {})
 
 
@@ -59,23 +59,20 @@ def _solve_without_load() -> None:
     """Solve for the state of rest, and trace what its error, which is 0, does to the readings."""
     import numpy as np
 
-    from mitsuba_taxel.mechanics.path.load_path import _Path
-    from mitsuba_taxel.sensing import mechanics_error, targets
+    from mitsuba_taxel.mechanics.path.pad_path import PadPath
+    from mitsuba_taxel.sensing import mechanics_error, scene_pads, targets
 
-    state = _Path.state
+    state = PadPath.state
 
-    def solved(path: _Path, value: np.ndarray, obstacles: np.ndarray | None = None):
+    def solved(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None):
         direction = np.eye(len(value))[-1]
         pad = path._pad_for(0 * direction, direction)
         pad.solve(np.zeros(pad.unknowns), value)
         return state(path, value, obstacles)
 
-    def pads(scene):
-        return [shape for shape in scene.shapes() if hasattr(shape, "state")]
-
-    changed: Any = _Path
+    changed: Any = PadPath
     changed.state = solved
-    targets.loaded_pads = mechanics_error.loaded_pads = pads
+    targets.loaded_pads = mechanics_error.loaded_pads = scene_pads.deformed_pads
 
 
 def _cut_everything_finely() -> None:
@@ -84,8 +81,9 @@ def _cut_everything_finely() -> None:
     import numpy as np
 
     from mitsuba_taxel.mechanics.surface import tessellation as surface
+    from mitsuba_taxel.pads import REGIONS
 
-    cut = surface._cut
+    cut = surface.cut_faces
 
     def longest(mesh, faces) -> float:
         corners = mesh.points[faces[:, :3]]
@@ -94,10 +92,10 @@ def _cut_everything_finely() -> None:
     def finely(mesh, subdivision, cells=None):
         """As fine in the cells as before."""
         ratio = longest(mesh, mesh.faces) / longest(mesh, mesh.faces[mesh.face_cell > 0])
-        side = np.full_like(mesh.face_region, surface.REGIONS["side"])
+        side = np.full_like(mesh.face_region, REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
 
-    surface._cut = finely  # type: ignore[assignment]
+    surface.cut_faces = finely  # type: ignore[assignment]
 
 
 def _only_asked_for() -> None:

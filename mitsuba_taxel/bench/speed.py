@@ -124,4 +124,3 @@ def _seconds(run: Callable[[], object]) -> float:
         run()
         times.append(time.perf_counter() - start)
     return statistics.median(times)
-

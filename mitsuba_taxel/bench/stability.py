@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import stability_cases
-from mitsuba_taxel.bench.isolated_process import Case, measure_isolated
+from mitsuba_taxel.bench.isolated_process import Measurable, measure_isolated
 from mitsuba_taxel.bench.reading_cases import reading_cases
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import Row
@@ -17,7 +17,7 @@ from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 
-class NamedCase(Case, Protocol):
+class NamedCase(Measurable, Protocol):
     """A row of a table before it is measured."""
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import Part, Parts
+from mitsuba_taxel.check.parts import Parts, ScenePart
 
 CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 """(8, 3) corners of a cube."""
@@ -23,7 +23,7 @@ class Faces:
 
     Attributes
     ----------
-    part, carrier : Part
+    part, carrier : ScenePart
         The plugin, and the shape that it is nested in.
     centres : (N, 3) ndarray
         In mm, in the world.
@@ -33,8 +33,8 @@ class Faces:
         Shorter side, mm.
     """
 
-    part: Part
-    carrier: Part
+    part: ScenePart
+    carrier: ScenePart
     centres: np.ndarray
     normal: np.ndarray
     side: float
@@ -64,7 +64,7 @@ class Boxes:
 
     Attributes
     ----------
-    part : Part
+    part : ScenePart
         The shape.
     to_world : ndarray
         (4, 4).
@@ -74,7 +74,7 @@ class Boxes:
         The grid.
     """
 
-    part: Part
+    part: ScenePart
     to_world: np.ndarray
     centre: np.ndarray
     half: np.ndarray
@@ -120,7 +120,7 @@ def boxes_of(parts: Parts) -> list[Boxes]:
     return boxes
 
 
-def to_world(part: Part) -> np.ndarray:
+def to_world(part: ScenePart) -> np.ndarray:
     """(4, 4) transformation of a shape."""
     transform: Any = part.props.get("to_world", mi.ScalarTransform4f())
     return np.array(transform.matrix, dtype=float)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, faces_of, to_world
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import PAD, Part, Parts
+from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.pads import Pad
 
 GAP = 1e-3
@@ -66,7 +66,7 @@ def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
             yield face.part.finding("warning", f"{what}: turn it round, or add what is to reflect light.")
 
 
-def _corners(part: Part) -> np.ndarray | None:
+def _corners(part: ScenePart) -> np.ndarray | None:
     """(8, 3) corners of a box in the world that holds a shape; None where they are not known."""
     if part.plugin == PAD:
         if not isinstance(part.made.pad, Pad):
@@ -80,7 +80,7 @@ def _corners(part: Part) -> np.ndarray | None:
     return 0.5 * (low + high) + 0.5 * (high - low) * CORNERS
 
 
-def _board(pad: Part, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
+def _board(pad: ScenePart, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
     """A board that is not in the plane of the pad's bottom, or covers what should shine."""
     from_world = np.linalg.inv(pad.made.to_world)
     highest = 0.5 * pad.made.pad.top_of_cell if isinstance(pad.made.pad, Pad) else 0.2
@@ -128,7 +128,7 @@ def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.
     return centre[2] + (reach[2] if solid else 0.0), centre[:2] - reach[:2], centre[:2] + reach[:2]
 
 
-def _in_cells(body: Boxes, pads: list[Part]) -> Iterator[Finding]:
+def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
     """Packages in the silicone or beside the pad, or in other cells than those that are read."""
     stand = np.zeros(body.rows * body.columns, dtype=bool)
     for pad in pads:
@@ -174,7 +174,7 @@ def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
     return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)
 
 
-def _stands_in_silicone(body: Boxes, pad: Part, index: int) -> Finding:
+def _stands_in_silicone(body: Boxes, pad: ScenePart, index: int) -> Finding:
     shape, reflector = pad.made.pad, body.part.made
     size = " x ".join(f"{side:g}" for side in reflector.body)
     cells = f"whose cells are {shape.cell_size:g} mm wide and {shape.top_of_cell:g} mm high"
@@ -189,7 +189,7 @@ def _stands_in_silicone(body: Boxes, pad: Part, index: int) -> Finding:
     )
 
 
-def _other_pitch(body: Boxes, pad: Part) -> Iterator[Finding]:
+def _other_pitch(body: Boxes, pad: ScenePart) -> Iterator[Finding]:
     shape, reflector = pad.made.pad, body.part.made
     both = (reflector.rows > 1 and shape.rows > 1) or (reflector.columns > 1 and shape.columns > 1)
     scale = np.cbrt(np.linalg.det(body.to_world[:3, :3]) / np.linalg.det(pad.made.to_world[:3, :3]))
@@ -199,7 +199,7 @@ def _other_pitch(body: Boxes, pad: Part) -> Iterator[Finding]:
         yield body.part.finding("warning", f"{other}: packages stand off the middle of their cells.", "pitch")
 
 
-def _cells_not_read(body: Boxes, pad: Part, numbers: np.ndarray) -> Iterator[Finding]:
+def _cells_not_read(body: Boxes, pad: ScenePart, numbers: np.ndarray) -> Iterator[Finding]:
     """Packages in cells whose surface is cut coarsely."""
     left_out = sorted(set(numbers.tolist()) - set(pad.made.read_cells or numbers.tolist()))
     if left_out:

@@ -9,7 +9,7 @@ from typing import Any
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import PAD, Part, Parts
+from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.kernels.emission import UniformPolarAngle
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector
@@ -69,7 +69,7 @@ class _Contents:
         return [part.made for group in free for part in group]
 
 
-def _walls(shape: Part) -> Iterator[Finding]:
+def _walls(shape: ScenePart) -> Iterator[Finding]:
     """What covers a shape by default, and regions that it does not have."""
     covers = shape.nested("bsdf")
     ours = shape.plugin in (PAD, "photo_reflector")
@@ -114,7 +114,7 @@ def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
         yield others[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
 
 
-def _cover(shape: Part, region: str) -> Any:
+def _cover(shape: ScenePart, region: str) -> Any:
     """The BSDF of a region; ``wall`` by default is None, and Mitsuba's own default is the shape's."""
     covers = shape.nested("bsdf")
     if not covers:
@@ -128,7 +128,7 @@ def _absorbs(wall: Any) -> bool:
     return wall is None or (reflectance is not None and float(reflectance[0]) == 0)
 
 
-def _integrator(integrator: Part, parts: Parts) -> Iterator[Finding]:
+def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:
     """Mitsuba's integrators that start at the phototransistor, where that scatters without bound."""
     made, plugin = integrator.made, integrator.plugin
     if plugin in _FROM_THE_LIGHT or hasattr(made, "sample_paths"):

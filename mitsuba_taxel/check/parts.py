@@ -68,7 +68,7 @@ class UndeformedPad:
 
 
 @dataclass
-class Part:
+class ScenePart:
     """One object of a scene.
 
     Attributes
@@ -79,7 +79,7 @@ class Part:
         Where it stands in the file.
     props : Any
         What the scene says to the plugin, objects aside.
-    children : dict[str, Part]
+    children : dict[str, ScenePart]
         Objects nested in it, by name.
     made : Any
         The object, an `UndeformedPad` for a pad; None where it cannot be made.
@@ -91,7 +91,7 @@ class Part:
     kind: str
     element: Element
     props: Any
-    children: dict[str, Part]
+    children: dict[str, ScenePart]
     made: Any = None
     sound: bool = False
 
@@ -102,7 +102,7 @@ class Part:
                 return child.finding(severity, message)
         return self.element.finding(severity, message)
 
-    def nested(self, kind: str) -> list[Part]:
+    def nested(self, kind: str) -> list[ScenePart]:
         """The objects of one kind nested in it."""
         return [child for child in self.children.values() if child.kind == kind]
 
@@ -112,8 +112,8 @@ class Parts:
     """All objects of a scene, in a file of this name: those that stand in it directly, and all of them."""
 
     file: str
-    roots: list[Part]
-    all: list[Part]
+    roots: list[ScenePart]
+    all: list[ScenePart]
     findings: list[Finding]
 
     @property
@@ -121,11 +121,11 @@ class Parts:
         """Whether all objects were made as the scene describes them."""
         return all(part.sound for part in self.all)
 
-    def of(self, *plugins: str) -> list[Part]:
+    def of(self, *plugins: str) -> list[ScenePart]:
         """Sound objects of some plugins."""
         return [part for part in self.all if part.sound and part.plugin in plugins]
 
-    def shapes(self) -> list[Part]:
+    def shapes(self) -> list[ScenePart]:
         """Sound shapes that stand in the scene directly."""
         return [part for part in self.roots if part.sound and part.kind == "shape"]
 
@@ -145,9 +145,9 @@ class _Maker:
         self.state, self.root, self.parameters = state, root, parameters
         self.places = {(element.file.resolve(), element.offset): element for element in root.walk()}
         self.findings: list[Finding] = []
-        self.parts: dict[int, Part] = {}
+        self.parts: dict[int, ScenePart] = {}
 
-    def part(self, index: int) -> Part:
+    def part(self, index: int) -> ScenePart:
         """The part that stands for a node of what Mitsuba has parsed."""
         if index in self.parts:
             return self.parts[index]
@@ -159,7 +159,7 @@ class _Maker:
         if node.file_index < len(self.state.files):
             file = Path(str(self.state.files[node.file_index])).resolve()
             element = self.places.get((file, node.offset - 1), self.root)
-        part = self.parts[index] = Part(props.plugin_name(), element.tag, element, mi.Properties(props), children)
+        part = self.parts[index] = ScenePart(props.plugin_name(), element.tag, element, mi.Properties(props), children)
         if node.type == mi.ObjectType.Scene and index > 0:
             self.findings.append(part.finding("error", NESTED_SCENE))
         elif node.type != mi.ObjectType.Scene:
@@ -169,7 +169,7 @@ class _Maker:
             part.sound = whole and all(child.sound for child in children.values())
         return part
 
-    def _make(self, part: Part) -> bool:
+    def _make(self, part: ScenePart) -> bool:
         """Make the object of a part, if it can be; whether that left out something that is refused already."""
         for child in part.children.values():
             if child.plugin == PAD:
@@ -193,7 +193,7 @@ class _Maker:
             self._refuse_unread(part, props)
         return dropped
 
-    def _drop_what_is_refused_already(self, part: Part, props: Any) -> bool:
+    def _drop_what_is_refused_already(self, part: ScenePart, props: Any) -> bool:
         """Remove parameters that `check_names` refuses, and transformations to nowhere."""
         words = specifications().get(part.plugin)
         refused = []
@@ -208,7 +208,7 @@ class _Maker:
             del props[name]
         return bool(refused)
 
-    def _retry(self, part: Part, props: Any, make: Callable[[Any], Any]) -> Any:
+    def _retry(self, part: ScenePart, props: Any, make: Callable[[Any], Any]) -> Any:
         """What ``make`` makes of the properties, less those that it refuses; None where it makes nothing."""
         dropped: set[str] = set()
         while True:
@@ -225,14 +225,14 @@ class _Maker:
             del props[culprit]
             dropped.add(culprit)
 
-    def _read_pad(self, part: Part, props: Any) -> UndeformedPad | None:
+    def _read_pad(self, part: ScenePart, props: Any) -> UndeformedPad | None:
         """Read a pad as its plugin does before it solves for the deformation."""
         pad = self._retry(part, props, UndeformedPad)
         if pad is not None:
             self._check_cells(part, pad)
         return pad
 
-    def _check_cells(self, part: Part, pad: UndeformedPad) -> None:
+    def _check_cells(self, part: ScenePart, pad: UndeformedPad) -> None:
         """What is said only once the pad is solved for: no room for its mesh, or cells that it does not have."""
         numbers, stated = pad.read_cells or (), pad.specification
         finish = stated.build_finish()
@@ -253,7 +253,7 @@ class _Maker:
                 message = f"read_cells = {number} is not allowed: the cells of the pad have numbers from 1 to {cells}."
                 self.findings.append(part.finding("error", message, "read_cells"))
 
-    def _refuse_unread(self, part: Part, props: Any) -> None:
+    def _refuse_unread(self, part: ScenePart, props: Any) -> None:
         for name in props.unqueried():
             if name in part.children:
                 child = part.children[name]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mitsuba_taxel.check.finding import Finding
-from mitsuba_taxel.check.parts import PAD, Part, Parts, UndeformedPad
+from mitsuba_taxel.check.parts import PAD, Parts, ScenePart, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, Vector
@@ -50,7 +50,7 @@ def check_units(parts: Parts) -> Iterator[Finding]:
             yield from _of_load(part)
 
 
-def _doubts(part: Part, parameter: Parameter) -> Iterator[Finding]:
+def _doubts(part: ScenePart, parameter: Parameter) -> Iterator[Finding]:
     value = part.props[parameter.name]
     if not isinstance(parameter, Number | Vector) or isinstance(value, str | bool):
         return
@@ -62,7 +62,7 @@ def _doubts(part: Part, parameter: Parameter) -> Iterator[Finding]:
             return
 
 
-def _radians(part: Part) -> Iterator[Finding]:
+def _radians(part: ScenePart) -> Iterator[Finding]:
     angle = part.props["cone_angle"]
     if isinstance(angle, int | float) and 0 < angle <= RIGHT_ANGLE:
         beam = f"cone_angle = {angle:g} degrees of annular_led is a narrow beam"
@@ -70,7 +70,7 @@ def _radians(part: Part) -> Iterator[Finding]:
         yield part.finding("warning", f"{beam}; {meant}.", "cone_angle")
 
 
-def _of_load(part: Part) -> Iterator[Finding]:
+def _of_load(part: ScenePart) -> Iterator[Finding]:
     """Loads that pull, and loads far beyond or below what a pad shows."""
     pad = part.made
     if not np.any(pad.load[1]):

@@ -104,6 +104,29 @@ def domes_command(markdown: Path | None) -> None:
         print_text_table(HEADINGS, map(dome_cells, rows))
 
 
+@command.command("slopes", short_help="Derivatives of readings beside those on small elements.")
+@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@debug_option
+def slopes_command(markdown: Path | None) -> None:
+    """Differentiate readings of all cell shapes by force, material and dimensions, on default and on small elements."""
+    from mitsuba_taxel.bench.slopes import HEADINGS, slope_cells, slopes, summary, write_page
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    from .tables import print_text_table
+
+    if markdown:
+        check_new_file(markdown, ".md")
+    rows = []
+    try:
+        for row in slopes(lambda name: click.echo(name, err=True)):
+            rows.append(row)
+            if markdown:
+                write_page(rows, markdown, f"taxel bench slopes --markdown {markdown}")
+    finally:
+        print_text_table(HEADINGS, map(slope_cells, rows))
+        click.echo(summary(rows))
+
+
 @command.command("accuracy", short_help="Error against time of every way to read a scene.")
 @click.argument("scene")
 @defines_option

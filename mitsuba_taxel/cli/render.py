@@ -29,6 +29,9 @@ from .options import (
 @click.option("--audit", is_flag=True, help="Also account for the light: absorbed where, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @click.option("--explain", is_flag=True, help="Also say what this scene did not need, and was left out.")
+@click.option(
+    "--derivatives", metavar="NAME,...", help="Also differentiate by parameters: fz,youngs_modulus,cell_size,spacing."
+)
 @json_option
 @debug_option
 def command(
@@ -42,6 +45,7 @@ def command(
     audit: bool,
     crosstalk: bool,
     explain: bool,
+    derivatives: str | None,
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
@@ -63,6 +67,7 @@ def command(
             time_budget=time_budget,
             seed=seed,
             irradiance=output is not None,
+            derivatives=[name.strip() for name in (derivatives or "").split(",") if name.strip()],
         )
     matrix = book = lines = None
     if crosstalk:
@@ -87,6 +92,8 @@ def command(
         click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
     else:
         tables.print_readings(readings)
+        if readings.derivatives is not None:
+            tables.print_derivatives(readings.derivatives)
         if matrix is not None:
             tables.print_crosstalk(matrix)
         if book is not None:
@@ -119,7 +126,17 @@ def readings_as_json(readings) -> dict[str, object]:
         "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
         "parameters": dict(readings.parameters),
         "notes": readings.notes,
-    }
+    } | derivatives_as_json(readings.derivatives)
+
+
+def derivatives_as_json(derivatives) -> dict[str, object]:
+    """What ``--derivatives`` adds to it."""
+    if derivatives is None:
+        return {}
+    from .tables import known
+
+    errors = ({**row, "standard_error": known(row["standard_error"])} for row in derivatives.rows())
+    return {"derivatives": list(errors)}
 
 
 def crosstalk_as_json(matrix) -> dict[str, object]:

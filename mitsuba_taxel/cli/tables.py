@@ -60,6 +60,15 @@ def print_readings(readings) -> None:
     print(stage_line(readings.seconds))
 
 
+def print_derivatives(derivatives) -> None:
+    """Derivatives of each taxel's reading, each with its standard error."""
+    from mitsuba_taxel.sensing.wording import derivative_columns
+
+    print("\nDerivatives of the readings, +- standard error")
+    columns = derivative_columns(derivatives)
+    print_table(list(columns), list(zip(*columns.values(), strict=True)))
+
+
 def print_crosstalk(crosstalk) -> None:
     """The power that each LED brings to each phototransistor, each with its standard error."""
     taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]

@@ -6,6 +6,34 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.geometry.geometry_error import GeometryError
+
+MORTON_BITS = 10
+MOST_PAIRS = 15_000_000
+"""Of boxes of two sets that overlap, found at once: the memory of one call goes with them. Triangles of even size meet
+some ten others each."""
+
+
+class TooManyPairs(GeometryError):
+    """More than :data:`MOST_PAIRS` of boxes overlap."""
+
+
+def overlapping(
+    lower_a: np.ndarray, upper_a: np.ndarray, lower_b: np.ndarray, upper_b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (P,), (P,) of all pairs of a box of the first set, (A, 3) and (A, 3), and one of the second that overlap.
+
+    Raises
+    ------
+    TooManyPairs
+        as of triangles that all cross each other.
+    """
+    if not len(lower_a) or not len(lower_b):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    size = max(len(lower_a), len(lower_b))
+    one, other = BoxTree(lower_a + upper_a, size), BoxTree(lower_b + upper_b, size)
+    return one.overlapping_with(one.levels(lower_a, upper_a), other, other.levels(lower_b, upper_b))
+
 
 class Level(NamedTuple):
     """Boxes round what the nodes of one level of a tree hold, (2 ** depth, 3) corners each; low > high if nothing."""
@@ -15,21 +43,16 @@ class Level(NamedTuple):
 
 
 class BoxTree:
-    """Halves of halves of a set of things, as near to each other as their ``centres`` (n, 3) allow."""
+    """A binary tree of a set of things, in the order of their ``centres`` (n, 3) along a Morton curve.
 
-    def __init__(self, centres: np.ndarray) -> None:
-        depth = max(len(centres) - 1, 0).bit_length()
-        leaves = np.minimum(np.arange(2**depth), len(centres) - 1)
-        self._order = leaves.reshape(1, -1)
-        for _ in range(depth):
-            place = centres[self._order]
-            longest = np.ptp(place, axis=1).argmax(axis=1)
-            key = np.take_along_axis(place, longest[:, None, None], axis=2)[:, :, 0]
-            self._order = np.take_along_axis(self._order, np.argsort(key, axis=1, kind="stable"), axis=1)
-            self._order = self._order.reshape(2 * len(self._order), -1)
-        self._order = self._order[:, 0]
-        self._empty = np.ones(len(leaves), dtype=bool)
-        self._empty[np.unique(self._order, return_index=True)[1]] = False
+    It is as deep as it must be, or as one of ``size`` things.
+    """
+
+    def __init__(self, centres: np.ndarray, size: int = 0) -> None:
+        order = np.argsort(_morton(centres), kind="stable")
+        leaves = np.arange(2 ** max(len(centres) - 1, size - 1, 0).bit_length())
+        self._order = order[np.minimum(leaves, len(order) - 1)]
+        self._empty = leaves >= len(order)
 
     def levels(self, low: np.ndarray, high: np.ndarray) -> list[Level]:
         """Boxes of all nodes, from the root to the leaves, for things in boxes with corners ``low`` and ``high``."""
@@ -52,8 +75,15 @@ class BoxTree:
         different = one != other
         return self._order[one[different]], self._order[other[different]]
 
-    def overlapping_with(self, levels: list[Level], tree: BoxTree, others: list[Level]) -> tuple[np.ndarray, ...]:
-        """Numbers of a thing in this tree and one in another whose boxes overlap or touch."""
+    def overlapping_with(
+        self, levels: list[Level], tree: BoxTree, others: list[Level]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of a thing in this tree and one in another whose boxes overlap or touch.
+
+        Raises
+        ------
+        TooManyPairs
+        """
         one: np.ndarray = np.zeros(1, dtype=np.int64)
         other = one
         for depth in range(1, max(len(levels), len(others))):
@@ -62,6 +92,8 @@ class BoxTree:
             if depth < len(others):
                 one, other = np.repeat(one, 2), (2 * other[:, None] + [0, 1]).ravel()
             one, other = _kept(levels[min(depth, len(levels) - 1)], one, others[min(depth, len(others) - 1)], other)
+            if len(one) > MOST_PAIRS:
+                raise TooManyPairs("too many of its triangles lie across each other")
         one, other = _kept(levels[-1], one, others[-1], other)
         return self._order[one], tree._order[other]
 
@@ -77,3 +109,14 @@ def _kept(level: Level, one: np.ndarray, other_level: Level, other: np.ndarray) 
         kept = below & (other_level.low[other, axis] <= level.high[one, axis])
         one, other = one[kept], other[kept]
     return one, other
+
+
+def _morton(points: np.ndarray) -> np.ndarray:
+    """Place (N,) of points (N, 3) along a curve that fills their box."""
+    extent = np.ptp(points, axis=0)
+    cells = (2**MORTON_BITS - 1) * (points - points.min(axis=0)) / np.where(extent > 0, extent, 1.0)
+    code = np.zeros(len(points), dtype=np.int64)
+    for bit in range(MORTON_BITS):
+        for axis in range(3):
+            code |= ((cells[:, axis].astype(np.int64) >> bit) & 1) << (3 * bit + axis)
+    return code

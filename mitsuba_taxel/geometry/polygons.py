@@ -9,50 +9,52 @@ class NotSimple(Exception):
     """Edges that are no polygons, or polygons that touch themselves or each other."""
 
 
-def triangulated(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:
     """Triangles (T, 3), counter-clockwise, of what lies to the left of directed ``edges`` (E, 2).
 
-    The edges make closed loops: counter-clockwise round areas, clockwise round their holes. No vertex is added.
+    The edges make closed loops: counter-clockwise round areas, clockwise round their holes. Every edge is that of one
+    triangle; no vertex is added. n corners take about n² steps.
 
     Parameters
     ----------
     points : ndarray
         (N, 2).
+    strict : bool
+        Whether loops that touch or cross are refused; else there may be triangles without area, or turned over.
 
     Raises
     ------
     NotSimple
         if loops touch or cross.
     """
-    loops = [np.array(loop) for loop in _loops(edges)]
+    loops = _loops(edges, strict)
     areas = [_area(points[loop]) for loop in loops]
-    outer = [loop for loop, area in zip(loops, areas, strict=True) if area > 0]
+    outer = [loop for loop, area in zip(loops, areas, strict=True) if area >= 0]
     holes: list[list[np.ndarray]] = [[] for _ in outer]
-    for hole, area in zip(loops, areas, strict=True):
-        if area > 0:
-            continue
+    for hole in (loop for loop, area in zip(loops, areas, strict=True) if area < 0):
         around = [k for k, loop in enumerate(outer) if _inside(points[hole[0]], points[loop])]
-        if not around:
+        if around:
+            holes[min(around, key=lambda k: _area(points[outer[k]]))].append(hole)
+        elif strict:
             raise NotSimple
-        holes[min(around, key=lambda k: _area(points[outer[k]]))].append(hole)
-    triangles = [_ears(points, _bridged(points, *parts)) for parts in zip(outer, holes, strict=True)]
+    triangles = [_ears(points, _bridged(points, *parts, strict), strict) for parts in zip(outer, holes, strict=True)]
     return np.concatenate(triangles) if triangles else np.empty((0, 3), dtype=np.int64)
 
 
-def _loops(edges: np.ndarray) -> list[list[int]]:
-    following = dict(edges.tolist())
-    if len(following) < len(edges):
+def _loops(edges: np.ndarray, strict: bool) -> list[np.ndarray]:
+    """The polygons that edges make; unless ``strict``, as many may begin at a vertex as end there."""
+    following: dict[int, list[int]] = {}
+    for start, end in edges.tolist():
+        following.setdefault(start, []).append(end)
+    if strict and (len(following) < len(edges) or set(following) != set(edges[:, 1].tolist())):
         raise NotSimple
     loops = []
-    while following:
-        first, vertex = following.popitem()
-        loop = [first]
-        while vertex != first:
-            loop.append(vertex)
-            if vertex not in following:
-                raise NotSimple
-            vertex = following.pop(vertex)
-        loops.append(loop)
+    for start in reversed(list(following)):
+        while following[start]:
+            loop = [start]
+            while (end := following[loop[-1]].pop()) != start:
+                loop.append(end)
+            loops.append(np.array(loop))
     return loops
 
 
@@ -69,17 +71,18 @@ def _inside(point: np.ndarray, corners: np.ndarray) -> bool:
     return bool(np.count_nonzero(x > point[0]) % 2)
 
 
-def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray]) -> np.ndarray:
+def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], strict: bool) -> np.ndarray:
     """One loop that runs round an area and, to and fro along bridges, round its holes."""
     loop = outer
     for hole in sorted(holes, key=lambda h: -points[h, 0].max()):
         start = int(points[hole, 0].argmax())
         hole = np.roll(hole, -start)
-        for at in np.argsort(np.linalg.norm(points[loop] - points[hole[0]], axis=1), kind="stable"):
+        near = np.argsort(np.linalg.norm(points[loop] - points[hole[0]], axis=1), kind="stable")
+        for at in near:
             if _free(points, loop, holes, hole[0], int(loop[at])) and _in_corner(points, loop, int(at), hole[0]):
                 break
         else:
-            raise NotSimple
+            at = _unless(strict, near[0])
         loop = np.concatenate([loop[: at + 1], hole, hole[:1], loop[at:]])
     return loop
 
@@ -107,7 +110,14 @@ def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
 
 
-def _ears(points: np.ndarray, loop: np.ndarray) -> np.ndarray:
+def _unless(strict: bool, makeshift: int) -> int:
+    """What to take where nothing is right."""
+    if strict:
+        raise NotSimple
+    return makeshift
+
+
+def _ears(points: np.ndarray, loop: np.ndarray, strict: bool) -> np.ndarray:
     triangles = []
     left = loop.tolist()
     while len(left) > 3:
@@ -118,7 +128,8 @@ def _ears(points: np.ndarray, loop: np.ndarray) -> np.ndarray:
         shape = area / np.where(sides > 0, sides, 1.0)
         for ear in np.argsort(-shape, kind="stable"):
             if shape[ear] <= 1e-9:
-                raise NotSimple
+                ear = _unless(strict, np.abs(area).argmin())
+                break
             others = points[nodes[~np.isin(nodes, (nodes[ear - 1], nodes[ear], nodes[(ear + 1) % len(nodes)]))]]
             within = (
                 (_turn(a[ear], b[ear], others) >= 0)
@@ -128,9 +139,9 @@ def _ears(points: np.ndarray, loop: np.ndarray) -> np.ndarray:
             if not within.any():
                 break
         else:
-            raise NotSimple
+            ear = _unless(strict, np.abs(area).argmin())
         triangles.append([left[ear - 1], left[ear], left[(ear + 1) % len(left)]])
         del left[ear]
-    if _turn(*points[left]) <= 0:
+    if strict and _turn(*points[left]) <= 0:
         raise NotSimple
     return np.array([*triangles, left], dtype=np.int64)

@@ -47,21 +47,16 @@ from .materials.silicones import (
 from .materials.silicones import (
     silicone as silicone,
 )
-from .path.load_path import (
-    State as State,
-)
-from .path.load_path import (
-    load_path as load_path,
-)
-from .path.load_path import (
-    mesh_size_for as mesh_size_for,
-)
+from .path.load_path import load_path as load_path
+from .path.mesh_sizes import mesh_size_for as mesh_size_for
+from .path.rates_along import rates_along as rates_along
 from .path.sensitivities import (
     LinearisedState as LinearisedState,
 )
 from .path.sensitivities import (
     linearise as linearise,
 )
+from .path.state import State as State
 from .results.balance import (
     Reactions as Reactions,
 )
@@ -96,6 +91,12 @@ from .surface.finish import (
 )
 from .surface.finish import (
     check_finish as check_finish,
+)
+from .surface.surface_rates import (
+    surface_gradient as surface_gradient,
+)
+from .surface.surface_rates import (
+    surface_rates as surface_rates,
 )
 from .surface.tessellation import (
     Surface as Surface,

@@ -11,3 +11,4 @@ from .pad import (
 )
 from .pad_file import PadFile as PadFile
 from .parametric.meshing import mesh_pad as mesh_pad
+from .parametric.velocities import mesh_velocity as mesh_velocity

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
@@ -66,8 +66,12 @@ class Pad(Checked, Displayed):
         default_words="1.55; spherical 1.6; hemispheric 0.5 + cell_size / 2",
     )
 
+    _height_follows: ClassVar[bool] = False
+    """Of each pad, whether its `cell_height` is the default."""
+
     def _check(self) -> None:
         if self.cell_height is None:
+            object.__setattr__(self, "_height_follows", True)
             default = {"spherical": 1.6, "hemispheric": 0.5 + 0.5 * self.cell_size}.get(self.cell, 1.55)
             object.__setattr__(self, "cell_height", default)
         self._check_fit()
@@ -95,6 +99,11 @@ class Pad(Checked, Displayed):
                 f"{self.top_of_cell - self.side_height + thinnest:g} mm is needed, more than the {self.cell} roof "
                 "alone."
             )
+
+    def changed(self, **dimensions: Any) -> Pad:
+        """The pad with other dimensions; a `cell_height` that was not given is the default then, too."""
+        follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
+        return replace(self, **follows | dimensions)
 
     @property
     def top_of_cell(self) -> float:

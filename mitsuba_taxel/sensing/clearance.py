@@ -7,6 +7,8 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+
 
 def refuse_contact(scene: mi.Scene) -> None:
     """Raise where a `deformable_pad` of the scene touches the body of a `photo_reflector`.
@@ -18,13 +20,9 @@ def refuse_contact(scene: mi.Scene) -> None:
     ComputationError
         naming the load at which it first happens.
     """
-    pads = [shape for shape in scene.shapes() if hasattr(shape, "pad") and hasattr(shape, "state")]
     bodies = [shape for shape in scene.shapes() if hasattr(shape, "face_grid")]
-    names = tuple(body.ptr for body in bodies)
-    for pad in pads:
-        if bodies and getattr(pad, "clear_of", None) != names:
-            _refuse(pad, np.concatenate([_triangles(body) for body in bodies]))
-            pad.clear_of = names
+    for pad in deformed_pads(scene) if bodies else ():
+        _refuse(pad, np.concatenate([_triangles(body) for body in bodies]))
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:

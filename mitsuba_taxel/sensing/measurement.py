@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, require
+from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, refusal, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
-from mitsuba_taxel.sensing.mechanics_error import loaded_pads
+from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.readings import Crosstalk, Readings
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Prepared, Run, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -34,6 +35,10 @@ from mitsuba_taxel.sensing.targets import (
 )
 from mitsuba_taxel.sensing.taxels import taxels_of
 
+if TYPE_CHECKING:
+    from mitsuba_taxel.sensing.derivatives import Derivatives
+    from mitsuba_taxel.sensing.scene_rates import Rates
+
 LIGHT_ERROR = 0.005
 """Relative standard error of the light where nobody asks for anything."""
 
@@ -48,6 +53,7 @@ def measure(
     irradiance: bool = False,
     mechanics_error: bool = True,
     continued: Readings | None = None,
+    derivatives: Sequence[str] = (),
 ) -> Readings:
     """Readings of all taxels of a scene; threads that ask for some at the same time take turns.
 
@@ -74,15 +80,21 @@ def measure(
         Readings of the same scene and seed, of 256 points or more, that this run goes on from: with ``points`` it gives
         what a run of so many points from the start would give (under Mitsuba's own integrators an estimate that is as
         good).
+    derivatives : Sequence[str]
+        Parameters to differentiate the readings by: those of the scene, components of the load (fx, fy, fz, ux, uy,
+        uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``. For cells with diffuse
+        walls; the scene must be a `Scene`, a path or a name.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, or a scene that cannot be built or read.
+        for a value that is not allowed, a scene that cannot be built or read, or a derivative that there is none of.
     ComputationError
         if a pad cannot be deformed as asked.
     """
-    return measured(scene, target_error, points, time_budget, seed, irradiance, mechanics_error, continued)[0]
+    return measured(
+        scene, target_error, points, time_budget, seed, irradiance, mechanics_error, continued, derivatives
+    )[0]
 
 
 @in_turn
@@ -95,6 +107,7 @@ def measured(
     irradiance: bool = False,
     mechanics_error: bool = True,
     continued: Readings | None = None,
+    derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
     """What :func:`measure` returns, and the scene as it was read: more may be asked of it without loading it anew."""
     check_request(target_error, points, seed, time_budget)
@@ -104,6 +117,7 @@ def measured(
     if continued is not None and (continued.seed != seed or continued.points < FIRST_POINTS or irradiance):
         raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
     clock = Clock(time_budget)
+    changes = _changes(scene, derivatives)
     with stages.record() as seconds, stages.stage("optics"):
         aimed = _aimed(scene, target_error, points, seed, clock, mechanics_error, continued)
         run = Run(aimed.ready, seed, irradiance, continued)
@@ -122,13 +136,37 @@ def measured(
         deviation=aimed.mechanics.deviation,
         facets=_facets(aimed.geometry, run.powers.shape[1]) if mechanics_error else None,
         mesh_size=aimed.settings.mesh_size,
-        roof_errors=[pad.state.error for pad in loaded_pads(live)],
+        derivatives=_derivatives(changes, live, seconds) if changes else None,
+        roof_errors=roof_errors(live) if mechanics_error else [],
     )
     bare = target_error is None and points is None and time_budget is None
     result.remarks.extend([*aimed.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
         result.remarks.append(f"time budget used up after {result.points} points")
     return result, aimed.ready
+
+
+def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
+    """How the scene changes with some of its parameters."""
+    if not is_row(names, lambda name: isinstance(name, str)):
+        raise refusal("derivatives", names, "a row of names of parameters is needed")
+    if not len(names):
+        return []
+    from mitsuba_taxel.sensing.scene_rates import rates  # a reading without derivatives does without
+
+    scene = described(scene)
+    if not isinstance(scene, Scene):
+        raise InputError("derivatives need the description of a scene: a Scene, a path or a name.")
+    return [rates(scene, name) for name in names]
+
+
+def _derivatives(changes: list[Rates], live: Any, seconds: dict[str, float]) -> Derivatives:
+    from mitsuba_taxel.sensing.derivatives import derivatives_by
+
+    with stages.record() as taken:
+        result = derivatives_by(changes, live)
+    seconds.update({stage: seconds.get(stage, 0.0) + more for stage, more in taken.items()})
+    return result
 
 
 def _aimed(

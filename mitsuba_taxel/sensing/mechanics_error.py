@@ -9,18 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices, places_of
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import RoofError
 
 
-def loaded_pads(scene: mi.Scene) -> list[Any]:
-    """The `deformable_pad`s of a scene that bear a load."""
-    return [shape for shape in scene.shapes() if hasattr(shape, "state") and any(shape.value)]
+def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
+    """Of each loaded pad, what its mechanics is off by; None where that is unknown."""
+    with stages.stage("mechanics"):
+        return [pad.state.error for pad in loaded_pads(scene)]
 
 
 def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:

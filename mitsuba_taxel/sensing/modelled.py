@@ -42,7 +42,8 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     Raises
     ------
     InputError
-        if the scene holds what the integrator does not see, or LEDs and phototransistors do not pair up.
+        if the scene holds what the integrator does not see, LEDs and phototransistors do not pair up, or another
+        surface lies where one of them is.
     ComputationError
         if a deformed pad touches a package.
     """
@@ -64,8 +65,8 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
         getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
     else:
         refuse_foreign_sensors(scene)
-        refuse_shared_places(scene)
-        refuse_contact(scene)
+    refuse_shared_places(scene)
+    refuse_contact(scene)
     if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
         raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
     _refuse_moved_packages(scene)

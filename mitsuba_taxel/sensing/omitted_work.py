@@ -16,6 +16,7 @@ from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_of
 from mitsuba_taxel.sensing.runs import Prepared
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def left_out(
         where LEDs and phototransistors do not pair up.
     """
     scene = ready.scene
-    pads = [shape for shape in scene.shapes() if hasattr(shape, "state")]
+    pads = deformed_pads(scene)
     lines = [line for pad in pads for line in _of_pad(pad)]
     if not pads:
         lines.append("no pad: no mechanics imported, meshed or solved")
@@ -90,13 +91,11 @@ def _of_pad(pad: Any) -> Iterator[str]:
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
     """Where each segment of the path to a state ends, and the mirrors that leave pad and segment as they are."""
-    from mitsuba_taxel.mechanics.elements.loads import keeps
-    from mitsuba_taxel.mechanics.elements.symmetry import node_images
+    from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
     if not state.value.any():
         return
-    images = node_images(state.mesh)
-    mirrors = [mirror for mirror, image in images.items() if keeps(state.load, state.mesh, image)]
+    mirrors = list(mirror_images(state.mesh, state.load))
     segments = [(state.value, mirrors)]
     if len(state.value) == 3:
         normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0

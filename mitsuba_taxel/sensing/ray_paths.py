@@ -17,7 +17,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.sensing.taxels import refuse_shared_places, taxels_of
 
 MOST_VERTICES = 64
 """Vertices after which a sampled path is cut off, its start counted."""
@@ -185,6 +185,7 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
     InputError
         if there is no such taxel.
     """
+    refuse_shared_places(scene)
     pairs = taxels_of(scene)
     total = sum(pair.count for pair in pairs)
     if not (isinstance(taxel, Integral) and 1 <= taxel <= total):

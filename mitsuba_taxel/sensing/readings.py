@@ -14,6 +14,7 @@ from mitsuba_taxel.base.display import Displayed
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
+    from mitsuba_taxel.sensing.derivatives import Derivatives
 
 
 def standard_error(replicates: np.ndarray) -> np.ndarray:
@@ -79,8 +80,11 @@ class Readings(Displayed):
         flat; None where it was not asked for.
     mesh_size : float or None
         In mm, of the finite elements of pads that the scene leaves open; None for the default.
+    derivatives : Derivatives or None
+        By the parameters that were asked for.
     roof_errors : list[RoofError | None]
-        Of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown.
+        Of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown; empty where it was
+        not asked for.
     remarks : list of str
         What the reader of the numbers must know besides, in words.
     """
@@ -95,6 +99,7 @@ class Readings(Displayed):
     deviation: np.ndarray | None = None
     facets: np.ndarray | None = None
     mesh_size: float | None = None
+    derivatives: Derivatives | None = None
     roof_errors: list[RoofError | None] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 

@@ -51,6 +51,8 @@ class Scene(Displayed):
         parameters: Mapping[str, object] | None = None,
         mesh_size: float | None = None,
     ) -> None:
+        if isinstance(source, dict):
+            _refuse_none(source)
         self.source = source if isinstance(source, dict) else find_scene(source)
         if not (mesh_size is None or (is_number(mesh_size) and mesh_size > 0)):
             raise refusal("mesh_size", mesh_size, "a finite size in mm above 0 is needed")
@@ -102,7 +104,7 @@ class Scene(Displayed):
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
             try:
-                state = self._parse(config)
+                state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
                 live = mi.parser.instantiate(config, state)
@@ -120,7 +122,7 @@ class Scene(Displayed):
 
         from mitsuba_taxel.sensing.clearance import refuse_contact
 
-        state = self._parse(config)
+        state = self.parsed(config)
         mi.parser.transform_all(config, state)
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
         values = {pad.id(): _take_load(pad) for pad in pads}
@@ -138,7 +140,7 @@ class Scene(Displayed):
         path = path_of("path", path)
         config = parser_config(activate_variant())
         try:
-            text = mi.parser.write_string(self._parse(config))
+            text = mi.parser.write_string(self.parsed(config))
         except RuntimeError as error:
             raise _one_line(error, self) from error
         try:
@@ -167,7 +169,8 @@ class Scene(Displayed):
             for message in far_transforms(props).values():
                 raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
 
-    def _parse(self, config: Any) -> Any:
+    def parsed(self, config: Any) -> Any:
+        """Mitsuba's ``ParserState``, nothing of it built yet."""
         import mitsuba as mi
 
         if isinstance(self.source, dict):
@@ -182,6 +185,15 @@ class Scene(Displayed):
         for pad in open_ones if self.mesh_size is not None else []:
             pad["mesh_size"] = self.mesh_size
         return state
+
+
+def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
+    """Raise where a dictionary holds None, at which Mitsuba's parser ends the process."""
+    for name, value in part.items():
+        if value is None:
+            raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
+        if isinstance(value, dict):
+            _refuse_none(value, name)
 
 
 def _take_load(props: Any) -> tuple[float, ...]:

@@ -17,10 +17,11 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.sensing.facets import curved_pads, past_chords
-from mitsuba_taxel.sensing.mechanics_error import combined, loaded_pads, mechanics_deviations
+from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 MECHANICS_SHARE = 0.85
 """Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
@@ -208,7 +209,8 @@ def _timed(scene: Any) -> tuple[Prepared, float]:
     """A scene made ready, and the seconds for it where nothing had been solved before."""
     with stages.record() as seconds:
         ready = prepare(scene)
-    solved = sum(pad.state.seconds for pad in loaded_pads(ready.scene))
+        with stages.stage("mechanics"):
+            solved = sum(pad.state.seconds for pad in loaded_pads(ready.scene))
     return ready, max(sum(seconds.values()), solved)
 
 

@@ -11,7 +11,6 @@ from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import matrix_of
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.sensing.clearance import refuse_contact
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
@@ -23,10 +22,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     Raises
     ------
     InputError
-        if an emitter is no `annular_led`, a sensor is no `phototransistor`, or their numbers differ, or if another
-        surface lies where one of them is, so that nobody could say which of the two a ray hits.
-    ComputationError
-        if a deformed pad touches a package.
+        if an emitter is no `annular_led`, a sensor is no `phototransistor`, or their numbers differ.
     """
     leds = scene.emitters()
     sensors = scene.sensors()
@@ -39,10 +35,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
         raise InputError(
             f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: one of each for every taxel is needed."
         )
-    pairs = [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
-    refuse_shared_places(scene)
-    refuse_contact(scene)
-    return pairs
+    return [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
 
 
 def refuse_foreign_sensors(scene: mi.Scene) -> None:
@@ -60,7 +53,8 @@ def refuse_foreign_sensors(scene: mi.Scene) -> None:
 def refuse_shared_places(scene: mi.Scene) -> None:
     """Raise an InputError where another surface lies on an LED or a phototransistor, in its plane and facing alike.
 
-    One that faces the other way touches it, as a plate may, and light between the two goes nowhere.
+    Nobody could say which of the two a ray hits. One that faces the other way touches it, as a plate may, and light
+    between the two goes nowhere.
     """
     ends = [end for end in (*scene.emitters(), *scene.sensors()) if hasattr(end, "faces")]
     surfaces = [(shape, _triangles_of(shape)) for shape in scene.shapes() if not hasattr(shape, "pad")]

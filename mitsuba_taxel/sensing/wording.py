@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mitsuba_taxel.sensing import Readings
+    from mitsuba_taxel.sensing.derivatives import Derivatives
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
@@ -25,6 +26,20 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     columns["total"] = [f"{error / power:.2%}" if power > 0 else "-" for power, error in pairs]
     if readings.photocurrent is not None:
         columns["photocurrent [A]"] = [f"{current:.6e}" for current in readings.photocurrent]
+    return columns
+
+
+def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
+    """Columns of a table by heading, a row for each taxel: the derivative by each parameter, and its error."""
+    columns = {"taxel": [str(taxel) for taxel in derivatives.taxel]}
+    of_parameters = zip(
+        derivatives.parameters, derivatives.units, derivatives.values.T, derivatives.standard_errors.T, strict=True
+    )
+    for name, unit, values, errors in of_parameters:
+        pairs = zip(values, errors, strict=True)
+        columns[f"{name} [{unit}]"] = [
+            f"{value:.4e} +- {'unknown' if math.isnan(error) else f'{error:.0e}'}" for value, error in pairs
+        ]
     return columns
 
 

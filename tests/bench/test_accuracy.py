@@ -26,7 +26,8 @@ from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import COLUMNS, HEADINGS, cells, write_csv
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, relative_rms, slope
 from mitsuba_taxel.mechanics.path import cache, load_segment
-from mitsuba_taxel.mechanics.path import load_path as path
+from mitsuba_taxel.mechanics.path import pad_path as path
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.runs import prepare
 
@@ -271,7 +272,7 @@ def test_from_nothing_leaves_everything_as_it_was(monkeypatch, tmp_path, kept):
         inside = cache.folder()
         assert inside != folder and not any(inside.iterdir())
         assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == 1e-2
-        assert path._path.cache_info().currsize == path._loaded_pad.cache_info().currsize == 0
+        assert path.pad_path.cache_info().currsize == loaded_pad.cache_info().currsize == 0
         raise KeyError
     assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == before
     assert (

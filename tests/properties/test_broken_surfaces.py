@@ -8,7 +8,7 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitsuba_taxel.geometry import box_pairs as boxes
+from mitsuba_taxel.geometry import box_tree as boxes
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.pads.imported.mending import mended
 from mitsuba_taxel.pads.imported.surfaces import read_surface

@@ -44,6 +44,7 @@ NEEDED = {
 }
 """What a parameter is read with."""
 
+
 def numeric_parameters() -> list[tuple[str, str, str]]:
     """Plugin, parameter and type of all that is a number, or three."""
     return [

@@ -46,6 +46,7 @@ def test_one_value_may_be_varied_by_itself():
         (lambda: measure(PadSensor()), "scene = PadSensor"),
         (lambda: measure({}), "the scene holds 0 LEDs"),
         (lambda: measure({"a": 1}), "scene"),
+        (lambda: Scene({"type": "scene", "pad": {"type": "deformable_pad", "force": None}}), "pad: force = None"),
         (lambda: PadSensor(pad=3), "pad = 3 is not allowed: a Pad is needed"),
         (lambda: PadSensor(roof="mirror"), "roof = 'mirror' is not allowed: a Wall is needed"),
         (lambda: PadSensor(force=3), "force = 3 is not allowed: a row of finite numbers is needed"),

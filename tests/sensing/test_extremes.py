@@ -182,8 +182,8 @@ def test_a_closed_white_cell_agrees_with_counted_rays(llvm_mono, agree):
 def test_a_cell_that_only_led_and_phototransistor_absorb_in_agrees_with_counted_rays(llvm_mono, agree):
     """Some hundred reflections on a path."""
     cover = {"type": "region", "body": WHITE}
-    ours = measure(closed_cell(body=cover), points=1 << 10, seed=3)
-    theirs = measure(closed_cell(body=cover, integrator="analog_tracer"), points=1 << 12, seed=4)
+    ours = measure(closed_cell(body=cover), points=1 << 8, seed=3)
+    theirs = measure(closed_cell(body=cover, integrator="analog_tracer"), points=1 << 10, seed=4)
     assert max(ours.relative_error, theirs.relative_error) < 1e-2
     agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
 
@@ -273,7 +273,7 @@ def test_a_cell_that_nearly_closes_agrees_with_hits_and_counted_rays(llvm_mono, 
 
     ours = measure(scene, points=1 << 13, seed=1, mechanics_error=False)
     assert np.all(np.isfinite(ours.replicates)) and ours.relative_error < 5e-3
-    assert any(note.startswith("mechanics: roofs right to") for note in ours.notes)
+    assert pad.state.error is not None
     for integrator in ({"type": "taxel_tracer", "strategy": "unidirectional_hits"}, {"type": "analog_tracer"}):
         other = Scene({**scene.source, "integrator": integrator})
         theirs = measure(other, points=1 << 14, seed=2, mechanics_error=False)
@@ -300,7 +300,7 @@ def test_size_and_place_of_a_plate_do_not_matter(llvm_mono, agree, scattering, z
     mi = llvm_mono
     transform = mi.ScalarTransform4f()
     motions = [transform.scale(scale) for scale in (1, 100, 0.01, 0.001)] + [transform.translate([200, -150, 120])]
-    points = 1 << (16 if scattering == "mirror" else 14)
+    points = 1 << (14 if scattering == "mirror" else 12)
     readings = [measure(plate(z=z, scattering=scattering, motion=motion), points=points, seed=9) for motion in motions]
     power, error = column(readings)
     law = "uniform_solid_angle"

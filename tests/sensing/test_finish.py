@@ -19,19 +19,19 @@ def sensor(cell, finish, fz=0.0):
         pad=Pad(cell, rows=1, columns=1),
         photo_reflector=PhotoReflector(led=AnnularLed(law="lambertian")),
         force=(0, 0, fz),
-        roof=Wall("lambertian", 0.9),
-        side=Wall("lambertian", 0.5),
+        roof=Wall("lambertian", 0.5),  # more light would go to and fro: more noise, and nothing else to see
+        side=Wall("lambertian", 0.1),
         finish=finish,
     )
 
 
-def read(cell, finish, fz=0.0, subdivision=12, points=1 << 13):
+def read(cell, finish, fz=0.0, subdivision=12, points=1 << 11):
     scene = sensor(cell, finish, fz).scene()
     scene.source["pad"]["subdivision"] = subdivision
     return measure(scene, points=points, seed=3, mechanics_error=False)
 
 
-def read_on_chords(cell, finish, fz, subdivision, points=1 << 14):
+def read_on_chords(cell, finish, fz, subdivision, points):
     """With the vertices of the triangles on the smooth walls, so that these are chords of them."""
     scene = sensor(cell, finish, fz).scene()
     scene.source["pad"]["subdivision"] = subdivision
@@ -52,11 +52,12 @@ def read_on_chords(cell, finish, fz, subdivision, points=1 << 14):
 def test_the_reading_converges_as_the_surface_is_refined(llvm_mono, finish):
     """The error falls with the square of the triangles' size, by four each time the size is halved: that of triangles
     which are chords of the smooth walls starts above 0.6 %."""
-    finest = read("hemispheric", finish, fz=-2, subdivision=48, points=1 << 14)
-    change = (read_on_chords("hemispheric", finish, fz=-2, subdivision=2).replicates - finest.replicates).ravel()
+    finest = read("hemispheric", finish, fz=-2, subdivision=32, points=1 << 12)
+    chords = read_on_chords("hemispheric", finish, fz=-2, subdivision=2, points=1 << 12)
+    change = (chords.replicates - finest.replicates).ravel()
     assert change.mean() > 0.006 * finest.power[0] + 4 * change.std(ddof=1) / np.sqrt(len(change))
     for subdivision, bound in ((2, 0.02), (4, 0.006), (12, 0.002)):
-        coarse = read("hemispheric", finish, fz=-2, subdivision=subdivision, points=1 << 14)
+        coarse = read("hemispheric", finish, fz=-2, subdivision=subdivision, points=1 << 12)
         change = (coarse.replicates - finest.replicates).ravel() / finest.power[0]
         error = change.std(ddof=1) / np.sqrt(len(change))
         assert error < 1.2e-3
@@ -89,10 +90,10 @@ def test_steps_that_a_flat_cell_has_no_use_for_change_nothing(llvm_mono, agree):
 def test_a_roof_moved_by_half_a_layer_reads_as_a_cell_of_that_height(llvm_mono, agree):
     rough = read("parallelepiped", LayerSteps(0.2))
     higher = replace(sensor("parallelepiped", None), pad=Pad("parallelepiped", rows=1, columns=1, cell_height=1.6))
-    expected = measure(higher.scene(), points=1 << 13, seed=4)
+    expected = measure(higher.scene(), points=1 << 11, seed=4)
     agree(rough.power, rough.standard_error, expected.power, expected.standard_error)
     smooth = read("parallelepiped", None)
-    assert rough.power[0] < 0.97 * smooth.power[0]
+    assert smooth.power[0] - rough.power[0] > 10 * np.hypot(rough.standard_error[0], smooth.standard_error[0])
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,8 @@ ON_PLATES = ("connections", "sensor_subpath_connections", *WITH_MIRRORS)
 IN_CELLS = ("connections", *WITH_MIRRORS)
 """Meetings alone have no finite variance where two Lambertian walls share an edge."""
 
+FEW_POINTS = {"all": 1 << 11, "unidirectional_hits": 1 << 14, "analog_tracer": 1 << 14}
+"""That suffice above a plate, in no narrow gap."""
 POINTS = {"all": 1 << 13, "unidirectional_hits": 1 << 16, "analog_tracer": 1 << 16, "path": 1024}
 USUAL_POINTS = 1 << 12
 LARGEST_ERROR = 0.02
@@ -117,15 +119,13 @@ def test_lambertian_plate(llvm_mono, agree, z):
     climb(agree, plate(llvm_mono, z, {"type": "wall", "reflectance": 0.9}), ON_PLATES)
 
 
-@pytest.mark.parametrize("z", [0.3, 1.0])
-@pytest.mark.parametrize("wall, others", [(MIXED, WITH_MIRRORS), (MIXED_ISOTROPIC, FROM_LED)])
+@pytest.mark.parametrize("wall, others, z", [(MIXED, WITH_MIRRORS, 0.3), (MIXED_ISOTROPIC, FROM_LED, 1.0)])
 def test_mixed_plate(llvm_mono, agree, wall, others, z):
     """Light by way of the mirror is seen by hits alone; paths from the detector have no bound at an isotropic wall."""
     climb(agree, plate(llvm_mono, z, wall), others, points={"taxel_path": 1 << 14, "path": 1 << 13})
 
 
-@pytest.mark.parametrize("z", [0.3, 0.8])
-@pytest.mark.parametrize("rms_slope", [3.0, 15.0])
+@pytest.mark.parametrize("rms_slope, z", [(3.0, 0.3), (15.0, 0.8)])
 def test_rough_mirror_plate(llvm_mono, agree, rms_slope, z):
     """A narrow and a wide lobe, each against the same light seen from the other end."""
     wall = {"type": "wall", "scattering": "rough_mirror", "rms_slope": rms_slope}
@@ -133,10 +133,9 @@ def test_rough_mirror_plate(llvm_mono, agree, rms_slope, z):
     climb(agree, plate(llvm_mono, z, wall), ON_PLATES, points=points)
 
 
-@pytest.mark.parametrize("reflectance", [0.3, 0.7])
-def test_closed_lambertian_cell(llvm_mono, agree, reflectance):
+def test_closed_lambertian_cell(llvm_mono, agree):
     """Many bounces between walls that meet in edges and corners."""
-    wall = {"type": "wall", "reflectance": reflectance}
+    wall = {"type": "wall", "reflectance": 0.7}
     climb(agree, box(llvm_mono, wall), IN_CELLS)
 
 
@@ -154,7 +153,7 @@ def test_angular_response(llvm_mono, agree, tmp_path, response):
         detector["exponent"] = 4.0
     else:
         detector["file"] = write_table(tmp_path / "response.csv", (0, 15, 40, 75), (0.9, 1, 0.4, 0))
-    climb(agree, plate(llvm_mono, 0.7, {"type": "wall"}, detector=detector), ON_PLATES)
+    climb(agree, plate(llvm_mono, 0.7, {"type": "wall"}, detector=detector), ON_PLATES, points=FEW_POINTS)
 
 
 @pytest.mark.parametrize("led", ["cosine_power", "tabulated", "circular"])
@@ -167,7 +166,7 @@ def test_light_sources(llvm_mono, agree, tmp_path, led):
     }[led]
     if led == "tabulated":
         parameters["file"] = write_table(tmp_path / "led.csv", (0, 20, 50, 80), (0.5, 1, 0.6, 0))
-    climb(agree, plate(llvm_mono, 0.6, {"type": "wall"}, led=parameters), ON_PLATES)
+    climb(agree, plate(llvm_mono, 0.6, {"type": "wall"}, led=parameters), ON_PLATES, points=FEW_POINTS)
 
 
 @pytest.mark.parametrize("reflectance", [0.0, 0.8])
@@ -185,7 +184,6 @@ def test_face_to_face(llvm_mono, agree, reflectance):
 @pytest.mark.parametrize(
     "scattering, fz, others",
     [
-        ("lambertian", 0, ("connections", *WITH_MIRRORS)),
         ("lambertian", -10, ("connections", *WITH_MIRRORS)),
         ("isotropic", -10, ("connections", *FROM_LED)),
     ],

@@ -25,7 +25,7 @@ def edited(folder, name, *replacements):
 @pytest.mark.parametrize("spacing, hole", [(0.9, 0.1), (0.6, 0.0)])
 def test_flat_absorbing_cell_matches_quadrature(llvm_mono, agree, spacing, hole):
     """One bounce off an isotropic square roof: no light comes from anywhere else."""
-    reading = measure(Scene.from_file("pad.xml", spacing=spacing, hole=hole), points=1 << 13, seed=2)
+    reading = measure(Scene.from_file("pad.xml", spacing=spacing, hole=hole), points=1 << 11, seed=2)
     expected = one_bounce(spacing, hole, side=2.55, height=1.05)
     agree(reading.power, reading.standard_error, np.full(9, expected))
 
@@ -59,7 +59,7 @@ def one_bounce(spacing, hole, side, height, n=48):
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_cells_of_an_undeformed_pad_read_alike(llvm_mono, agree, cell):
-    reading = measure(Scene.from_file("pad.xml", cell=cell), points=1 << 11, seed=8)
+    reading = measure(Scene.from_file("pad.xml", cell=cell), points=1 << 9, seed=8)
     mean = reading.power.mean()
     agree(reading.power, reading.standard_error, np.full(9, mean), reading.standard_error / 3)
 
@@ -138,8 +138,8 @@ def test_finer_roofs_change_readings_by_less_than_a_thousandth(llvm_mono, agree,
     values = dict(cell=cell, fz=-10)
     scene = Scene.from_file(edited(tmp_path, "default.xml", two_bounces), **values)
     subdivided = Scene.from_file(edited(tmp_path, "finer.xml", two_bounces, finer), **values)
-    default = measure(scene, points=1 << 12, mechanics_error=False)
-    fine = measure(subdivided, points=1 << 12, mechanics_error=False)
+    default = measure(scene, points=1 << 11, mechanics_error=False)
+    fine = measure(subdivided, points=1 << 11, mechanics_error=False)
     change = (fine.replicates - default.replicates).mean(axis=1) / default.power.mean()
     error = change.std(ddof=1) / np.sqrt(len(change))
     assert error < 5e-4

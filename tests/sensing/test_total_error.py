@@ -10,11 +10,13 @@ import pytest
 from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
-from mitsuba_taxel.mechanics.path.load_path import _Path
+from mitsuba_taxel.mechanics.path.pad_path import PadPath
+from mitsuba_taxel.mechanics.path.state import Comparison
 from mitsuba_taxel.sensing import targets
-from mitsuba_taxel.sensing.mechanics_error import combined, loaded_pads, mechanics_deviations
+from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, prepare
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
@@ -35,7 +37,8 @@ def test_stated_errors_cover_those_against_fine_meshes_as_often_as_they_say(llvm
     for cell in CELLS:
         for force in (-1.0, -2.0, -3.0):
             scene = sensor(cell, (0.0, 0.0, force))
-            here, fine = (measure(scene.with_mesh_size(size), points=1024, seed=5) for size in (None, FINE))
+            here = measure(scene, points=1024, seed=5)
+            fine = measure(scene.with_mesh_size(FINE), points=1024, seed=5, mechanics_error=False)
             change = (here.replicates - fine.replicates)[:, 0]  # of the same random numbers
             noise = change.std(ddof=1) / len(change) ** 0.5
             true, stated = abs(change.mean()), here.mechanics_error[0]
@@ -67,7 +70,7 @@ def test_parts_of_an_error_that_take_each_other_back_do_not_cancel(llvm_mono):
     ready = prepare(sensor())
     (pad,) = loaded_pads(ready.scene)
     further = 0.01 * pad.state.displacement
-    pad.state = replace(pad.state, deviations=np.array([-further, further]))
+    pad.state = replace(pad.state, second_mesh=lambda: Comparison(deviate=lambda: np.array([-further, further])))
     _, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, 1, 1024))
     less, more = changes.mean(axis=1)
     assert less < 0 < more and abs(less + more) < 4 * standard_error(changes.sum(axis=0)) + 0.01 * more
@@ -98,7 +101,7 @@ def test_a_scene_is_as_before_when_its_error_is_known(llvm_mono):
 
 
 def test_a_target_chooses_mesh_and_points(llvm_mono):
-    scene, target = sensor("parallelepiped", (0.0, 0.0, -4.0)), 0.002
+    scene, target = sensor("parallelepiped", (0.0, 0.0, -4.0)), 0.004
     plain, aimed = measure(scene), measure(scene, target_error=target)
     assert plain.mesh_size is None and plain.relative_total_error > target
     assert aimed.mesh_size < 1.25 and aimed.relative_total_error <= target
@@ -135,11 +138,13 @@ def test_a_solution_that_was_kept_does_not_make_a_finer_mesh_look_cheap(llvm_mon
         assert seconds >= pad.state.seconds > 0
 
 
-def test_domes_have_no_floor_of_noise_in_the_error_of_the_mechanics(llvm_mono):
-    """Of 256 points they have 0.06 %, whatever the mesh: much of what a target of 0.1 % allows."""
+def test_domes_have_no_floor_of_noise_in_the_error_of_the_mechanics(llvm_mono, monkeypatch):
+    """Of few points they have much, whatever the mesh: here so few that not many more tell what is asked for."""
+    monkeypatch.setattr(targets, "DEVIATION_POINTS", 32)
     ready = prepare(sensor("hemispheric", (0.0, 0.0, -1.0)))
-    few, enough = ([mechanics_of(ready, seed, *how).share for seed in range(6)] for how in ((), (1 << 14, 2e-4)))
-    bound = 2e-4 * (1 + 4 / 12**0.5)  # 4 sigma of six; what the error itself, some 1.5e-4, adds is within it
+    few = [mechanics_of(ready, seed, 32).share for seed in range(6)]
+    enough = [mechanics_of(ready, seed, 1 << 12, 1e-3).share for seed in range(3)]
+    bound = 1e-3 * (1 + 4 / 6**0.5)  # 4 sigma of three; what the error itself, some 1.5e-4, adds is within it
     assert np.sqrt(np.mean(np.square(few))) > bound
     assert np.sqrt(np.mean(np.square(enough))) < bound
 
@@ -157,14 +162,14 @@ def test_elements_so_large_that_twice_as_large_ones_are_the_same_have_an_error(l
 @pytest.fixture
 def no_second_mesh(monkeypatch):
     """Only meshes as fine as asked for can be loaded."""
-    solve = _Path._canonical
+    solve = PadPath._canonical
 
     def refused(path, *args):
         if not path.judged:
             raise ComputationError("the load path ends")
         return solve(path, *args)
 
-    monkeypatch.setattr(_Path, "_canonical", refused)
+    monkeypatch.setattr(PadPath, "_canonical", refused)
 
 
 def test_a_target_asks_for_a_finer_mesh_where_the_error_is_unknown(llvm_mono, no_second_mesh, monkeypatch):

@@ -12,19 +12,12 @@ from scipy import stats
 from mitsuba_taxel.bench.peers import mitsuba_stock
 from mitsuba_taxel.bench.peers.cases import Case, Estimator
 from mitsuba_taxel.bench.peers.plate_quadrature import plate_power
+from mitsuba_taxel.bench.work_precision import Truth
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that a row is said to disagree with the truth although it does not."""
 _MOST_SAMPLES = 1 << 25
 _TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # apart from those of the runs
-
-
-@dataclass(frozen=True)
-class Truth:
-    """(T,) power on each taxel in W and its standard error, 0 where it comes from quadrature."""
-
-    power: np.ndarray
-    error: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -79,8 +72,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result
     exact = not truth.error.any()
     variance = np.mean(deviation**2) if exact else np.mean(deviation.var(axis=0, ddof=1))
     means = deviation.mean(axis=1)
-    truth_error = np.linalg.norm(truth.error / truth.power) / len(truth.power)
-    z = means.mean() / math.hypot(means.std(ddof=1) / math.sqrt(runs), truth_error)
+    z = means.mean() / math.hypot(means.std(ddof=1) / math.sqrt(runs), truth.floor / math.sqrt(len(truth.power)))
     agrees = abs(z) < stats.t.isf(FALSE_ALARM_RATE / 2, runs - 1)
     seconds = sum(elapsed for elapsed, _ in timed) / runs
     return Result(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
@@ -94,12 +86,13 @@ def truth_of(case: Case, seconds: float) -> Truth:
     if case.single_bounce:
         z, spacing = (float(case.parameters[name]) for name in ("z", "spacing"))
         power = plate_power(z, spacing, exponent=case.exponent)
-        return Truth(np.array([power]), np.zeros(1))
-    estimate = mitsuba_stock.prepare(case, "ptracer" if case.isotropic else "path", "multijitter")
+        return Truth(np.array([power]), np.zeros(1), "quadrature")
+    integrator = "ptracer" if case.isotropic else "path"
+    estimate = mitsuba_stock.prepare(case, integrator, "multijitter")
     runs = 32
     samples = samples_for(estimate, seconds / runs)
     powers = np.array([estimate(samples, _TRUTH_SEEDS + run) for run in range(runs)])
-    return Truth(powers.mean(axis=0), powers.std(axis=0, ddof=1) / math.sqrt(runs))
+    return Truth(powers.mean(axis=0), powers.std(axis=0, ddof=1) / math.sqrt(runs), integrator)
 
 
 def _timed(estimate: Estimator, samples: int, seed: int) -> tuple[float, np.ndarray]:

@@ -25,7 +25,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.results.locate import displacement_at
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 
-MATERIAL = NeoHookean(4.16, 0.49)
+MATERIAL = NeoHookean()
 FORCE = (0.0, 0.0, -20.0)
 NORMAL = [(0.0, 0.0, -0.5 * step) for step in range(41)]
 TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]

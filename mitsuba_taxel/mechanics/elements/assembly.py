@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,19 +51,10 @@ class Assembly:
         self.elements: Elements = like.elements if like else Elements(mesh, material)
         self._nodes, self._like = len(mesh.points), like
 
-    def of(self, material: Material) -> Assembly:
-        """The same mesh of another material."""
-        other = copy.copy(self)
-        other.elements = copy.copy(self.elements)
-        other.elements.material = material
-        return other
-
     @cached_property
     def sparsity(self) -> Sparsity:
         """Where elements' matrices are summed, before constraints."""
-        return (
-            self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
-        )
+        return self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
 
     def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> InternalForces:
         """The solid at a state; the residual is that of no load.
@@ -82,13 +72,14 @@ class Assembly:
         entries = None
         if state.matrices is not None:
             entries = self.sparsity.summed(state.matrices.blocks, state.matrices.mixed, state.matrices.pressures)
-        return InternalForces(self._residual(state.forces, state.volumes), entries, state.min_jacobian)
+        return InternalForces(self.over_unknowns(state.forces, state.volumes), entries, state.min_jacobian)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
         """The lower triangle over the unknowns, from the entries of a state of the mesh."""
         return self._pattern.matrix(entries)
 
-    def _residual(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+    def over_unknowns(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """(unknowns,) what elements' forces (m, 10, 3) and volumes (m, 4) do on each unknown."""
         degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
         displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
         corners = len(self.numbering.unknown) - 3 * self._nodes

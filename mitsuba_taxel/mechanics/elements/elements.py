@@ -10,8 +10,10 @@ stress and tangent only.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,23 +91,18 @@ class Elements:
 
         def fill(start: int) -> None:
             here = slice(start, start + ELEMENTS_AT_ONCE)
-            weight, gradients, p = (
-                self.weight[here],
-                self.gradients[here],
-                pressure[self.corners[here]] @ _PRESSURE_SHAPES.T,
-            )
+            weight, gradients, p = self.weight[here], self.gradients[here], self.pressures(here, pressure)
             by_node = self._by_node[here]
-            gradient = np.swapaxes(displacement[self.nodes[here]], 1, 2) @ by_node
-            gradient = np.swapaxes(gradient.reshape(len(p), 3, -1, 3), 1, 2) + np.eye(3)
-            cofactor = _cofactors(gradient)
+            gradient = self.gradient(here, displacement) + np.eye(3)
+            cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             least[here] = determinant.min(axis=1)
             if not determinant.min() > 0:
                 return
             state = gradient, determinant, cofactor / determinant[..., None, None]
             stress = self.material.stress(*state) + p[..., None, None] * cofactor
-            forces[here] = by_node @ _columns(weight, stress)
-            volumes[here] = (weight * (determinant - 1 - self.material.compressibility * p)) @ _PRESSURE_SHAPES
+            forces[here] = self.on_nodes(here, stress)
+            volumes[here] = self.on_corners(here, determinant - 1 - self.material.compressibility * p)
             if matrices is None:
                 return
             matrices.blocks[here] = self.material.moduli(*state, p).stiffness(weight, gradients)
@@ -115,10 +112,32 @@ class Elements:
             mass = (weight[:, None, :] * _PRESSURE_SHAPES.T) @ _PRESSURE_SHAPES
             matrices.pressures[here] = -self.material.compressibility * mass
 
-        with ThreadPoolExecutor(thread_count()) as pool:  # numpy works outside Python's lock
-            list(pool.map(fill, range(0, count, ELEMENTS_AT_ONCE)))
+        in_turns(fill, count)
         lowest = float(least.min())
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
+
+    def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
+        """(m, 10, 3) forces of stresses (m, q, 3, 3) at the quadrature points of some elements."""
+        return self._by_node[here] @ _columns(self.weight[here], stress)
+
+    def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
+        """(m, 4) volumes of relative ones (m, q)."""
+        return (self.weight[here] * excess) @ _PRESSURE_SHAPES
+
+    def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
+        """(m, q) of the corners (C,) at the quadrature points of some elements."""
+        return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
+
+    def gradient(self, here: slice, field: np.ndarray) -> np.ndarray:
+        """(m, q, 3, 3) of a field (N, 3) at the quadrature points of some elements."""
+        gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
+        return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
+
+
+def in_turns(work: Callable[[int], Any], count: int) -> list[Any]:
+    """What ``work`` gives for the first of each :data:`ELEMENTS_AT_ONCE` of so many elements."""
+    with ThreadPoolExecutor(thread_count()) as pool:  # numpy works outside Python's lock
+        return list(pool.map(work, range(0, count, ELEMENTS_AT_ONCE)))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
@@ -126,7 +145,7 @@ def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 
 
-def _cofactors(matrices: np.ndarray) -> np.ndarray:
+def cofactors(matrices: np.ndarray) -> np.ndarray:
     """Cofactors of matrices (..., 3, 3): J F^-T."""
     down, up = matrices[..., _NEXT, :], matrices[..., _LAST, :]
     return down[..., _NEXT] * up[..., _LAST] - down[..., _LAST] * up[..., _NEXT]

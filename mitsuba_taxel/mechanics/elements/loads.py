@@ -18,14 +18,18 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
 
-@dataclass(frozen=True)
-class SpreadForce:
-    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load)."""
+class _Loading:
+    """What a path varies, and whether a rigid plate is bonded to the top."""
 
     quantity: ClassVar[str] = "force"
     unit: ClassVar[str] = "N"
     components: ClassVar[int] = 3
     bonded_plate: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class SpreadForce(_Loading):
+    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load)."""
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
         """(N,) mm² of the loaded area that each node stands for.
@@ -38,7 +42,7 @@ class SpreadForce:
 
 
 @dataclass(frozen=True)
-class PatchForce:
+class PatchForce(_Loading):
     """A total force, spread evenly over a rectangle of the undeformed top; a dead load.
 
     Parameters
@@ -51,11 +55,6 @@ class PatchForce:
 
     centre: tuple[float, float]
     size: tuple[float, float]
-
-    quantity: ClassVar[str] = "force"
-    unit: ClassVar[str] = "N"
-    components: ClassVar[int] = 3
-    bonded_plate: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name, allowed in (("centre", "two finite numbers are"), ("size", "two finite lengths above 0 mm are")):
@@ -82,33 +81,28 @@ class PatchForce:
 
 
 @dataclass(frozen=True)
-class PlateForce:
+class PlateForce(_Loading):
     """A force on a rigid plate bonded to the top, which moves but does not turn, as the flange of a robot."""
 
-    quantity: ClassVar[str] = "force"
-    unit: ClassVar[str] = "N"
-    components: ClassVar[int] = 3
     bonded_plate: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class PlateDisplacement:
+class PlateDisplacement(_Loading):
     """A displacement of a rigid plate bonded to the top, which does not turn."""
 
     quantity: ClassVar[str] = "displacement"
     unit: ClassVar[str] = "mm"
-    components: ClassVar[int] = 3
     bonded_plate: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class Pressure:
+class Pressure(_Loading):
     """A hydrostatic pressure on top and outside; it stays normal to the deformed surface. The cells are vented."""
 
     quantity: ClassVar[str] = "pressure"
     unit: ClassVar[str] = "MPa"
     components: ClassVar[int] = 1
-    bonded_plate: ClassVar[bool] = False
 
 
 SPREAD_FORCE = SpreadForce()

@@ -13,8 +13,8 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, Pressure, SpreadForce
-from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness
-from mitsuba_taxel.mechanics.elements.symmetry import Part
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.pad import REGIONS
 
@@ -57,7 +57,7 @@ class Model:
 
     def __init__(
         self,
-        part: Part,
+        part: SymmetricPart,
         material: Material,
         load: Load,
         signs: Mapping[Mirror, int],
@@ -121,4 +121,4 @@ class Model:
 
     @cached_property
     def _wet_faces(self) -> np.ndarray:
-        return np.concatenate([self._faces("top"), self._faces("outer")])
+        return wet_faces(self.mesh)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
 
 # Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985): as high as the forces of a
 # quadratic face go.
@@ -20,6 +22,11 @@ _WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3) / 2
 
 _BARYCENTRIC = np.column_stack([1 - _POINTS.sum(axis=1), _POINTS])
 _VALUES, (_BY_XI, _BY_ETA) = shape_functions(_BARYCENTRIC), shape_slopes(_BARYCENTRIC)
+
+
+def wet_faces(mesh: VolumeMesh) -> np.ndarray:
+    """(B, 6) nodes of the faces that the pressure acts on: top and outside."""
+    return np.concatenate([mesh.faces[mesh.face_region == REGIONS[name]] for name in ("top", "outer")])
 
 
 def pressure_forces(places: np.ndarray) -> np.ndarray:

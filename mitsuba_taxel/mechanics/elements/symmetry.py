@@ -58,7 +58,7 @@ def _rows(nodes: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SymmetricPart:
     """The part of a mesh on the kept side of some mirrors.
 
     Attributes
@@ -109,7 +109,7 @@ class Part:
         return int(np.count_nonzero(self.source < self.mesh.corner_count))
 
 
-def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> Part:
+def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> SymmetricPart:
     """The part of a symmetric mesh that ``mirrors``, a whole group of them, complete; ``images`` from node_images."""
     corner = mesh.points[mesh.tets[:, :4]].mean(axis=1)
     inside = np.ones(len(corner), dtype=bool)
@@ -132,7 +132,7 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
         source[beyond] = images[mirror][source[beyond]]
         position[beyond] = mirror.image(position[beyond])
         turn[beyond] = turn[beyond] @ mirror.image(np.eye(3))
-    return Part(part, nodes, _bounding(mirrors), len(mirrors), number[source], turn)
+    return SymmetricPart(part, nodes, _bounding(mirrors), len(mirrors), number[source], turn)
 
 
 def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:

@@ -165,9 +165,7 @@ class NeoHookean(Material):
 
     """
 
-    youngs_modulus: float = number(
-        4.16, "MPa", "Young's modulus at small strain.", above=0, common=(0.005, 100)
-    )
+    youngs_modulus: float = number(4.16, "MPa", "Young's modulus at small strain.", above=0, common=(0.005, 100))
     poisson_ratio: float = _POISSON_RATIO
 
     def strain_energy(self, i1: Any, i2: Any) -> Any:

@@ -57,6 +57,18 @@ class Moduli:
             total = total + np.einsum("...,...il,...kj->...ijkl", weight, tensor, tensor)
         return total
 
+    def along(self, change: np.ndarray) -> np.ndarray:
+        """Change A_ijkl H_kl (..., 3, 3) of the stress with a change H (..., 3, 3) of the deformation gradient."""
+        total = change @ self._full_inner()
+        if self.outer is not None:
+            total += self.outer @ change
+        for left, right in self.pairs:
+            for one, other in ((left, right), (right, left)):
+                total += one * (other * change).sum(axis=(-2, -1), keepdims=True)
+        for weight, tensor in self.crossed:
+            total += weight[..., None, None] * (tensor @ np.swapaxes(change, -1, -2) @ tensor)
+        return total
+
     def stiffness(self, weight: np.ndarray, gradients: np.ndarray) -> np.ndarray:
         """Blocks (m, pairs, 9) of the stiffness of m elements, sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS`.
 

@@ -93,8 +93,8 @@ class LoadedPad:
         solver: str | None = None,
     ) -> None:
         self.whole, self.material, self.load = mesh, material, load
-        self._mirrors, self._images, self._solver_name = tuple(mirrors), images or {}, solver
-        self.part = part_between(mesh, self._images, mirrors)
+        self.mirrors, self.images, self._solver_name = tuple(mirrors), images or {}, solver
+        self.part = part_between(mesh, self.images, mirrors)
         self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1))
         self.numbering = self.model.numbering
         self._solver = make_solver(solver)
@@ -179,6 +179,16 @@ class LoadedPad:
         if linearised is None or found.distance > NEAR * largest:
             linearised = self._linearised(self._entries(found, value))
         return self._accepted(found, self._is_stable(linearised)), linearised
+
+    def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve_linearised`, with the tangent of the very state; its factor may be that of one near by."""
+        solution, near = self.solve_linearised(start, value)
+        state = self._evaluate(solution.unknowns, value)
+        assert state.entries is not None  # no element is turned inside out
+        linearised = self._linearised(state.entries, near)
+        # One more step costs a back-solve, and derivatives then do not feel what was left.
+        correction = linearised.step(state.residual, self._gap(solution.unknowns, value))
+        return replace(solution, unknowns=solution.unknowns - correction), linearised
 
     def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`; whether they are stable is not asked."""
@@ -310,7 +320,7 @@ class LoadedPad:
 
     @cached_property
     def _stability(self) -> Stability:
-        return Stability(self.whole, self._mirrors, self._images, self.model, self._solver_name)
+        return Stability(self.whole, self.mirrors, self.images, self.model, self._solver_name)
 
 
 @dataclass(frozen=True)

@@ -217,9 +217,8 @@ class LoadSegment:
 
     def at(self, s: float) -> Interpolated:
         """The state at distance ``s``, which the segment must reach."""
-        after = next(index for index, node in enumerate(self.nodes) if node.s >= s)
-        end = self.nodes[after]
-        start = self.nodes[max(after - 1, 0)]
+        after = self._first_from(s)
+        start, end = self._interval_to(after)
         return Interpolated(
             hermite(start, end, s),
             min(start.min_jacobian, end.min_jacobian),
@@ -228,6 +227,16 @@ class LoadSegment:
             start.stability_checked and end.stability_checked,
             sum(node.seconds for node in self.nodes[: after + 1]),
         )
+
+    def rate(self, s: float) -> np.ndarray:
+        """Derivative of the unknowns by the distance, where it is ``s``, which the segment must reach."""
+        return hermite_rate(*self._interval_to(self._first_from(s)), s)
+
+    def _first_from(self, s: float) -> int:
+        return next(index for index, node in enumerate(self.nodes) if node.s >= s)
+
+    def _interval_to(self, after: int) -> tuple[Node, Node]:
+        return self.nodes[max(after - 1, 0)], self.nodes[after]
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Nodes and limit as arrays by name, for the cache."""
@@ -253,4 +262,17 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
         + t * (1 - t) ** 2 * length * start.tangent
         + t**2 * (3 - 2 * t) * end.unknowns
         - t**2 * (1 - t) * length * end.tangent
+    )
+
+
+def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
+    """Derivative of :func:`hermite` by s; exactly the node's tangent at a node."""
+    if s == end.s:
+        return end.tangent
+    length = end.s - start.s
+    t = (s - start.s) / length
+    return (
+        6 * t * (1 - t) / length * (end.unknowns - start.unknowns)
+        + (1 - t) * (1 - 3 * t) * start.tangent
+        + t * (3 * t - 2) * end.tangent
     )

@@ -1,4 +1,4 @@
-"""How a deformed pad answers small changes of its load and its material.
+"""How a deformed pad answers small changes of its load, its material and its shape.
 
 In balance R(u; value, theta) = 0, so that the unknowns change by du = -K^-1 (dR/dvalue dvalue + dR/dtheta dtheta) with
 the tangent K = dR/du: one back-solve with a factor that is there. K is symmetric, so that one more gives the
@@ -8,24 +8,36 @@ adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineer
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.base.arguments import array_of, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
+from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.elements.load_rates import load_rate
+from mitsuba_taxel.mechanics.elements.loads import Load, PlateDisplacement
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
-from mitsuba_taxel.mechanics.path.load_path import State
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.material_rates import material_rate
+from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 
-RELATIVE_STEP = 1e-3
-"""Change of a parameter of the material that differences of fourth order are taken with: they are right to 1e-11."""
-SMALL_STEP = 1e-5
-"""Where the law does not allow that: differences of second order, right to about 1e-9."""
+SYMMETRIC = 1e-6
+"""Difference of a state from its mirror image, relative to the largest displacement, up to which it is taken for it."""
+NO_PART = 1e-12
+"""What a velocity has in a block, relative to its largest, that counts as nothing."""
+
+Push = Mapping[TangentBlock, np.ndarray]
+"""Forces over the unknowns of blocks, of a unit of what is changed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +50,21 @@ class Gradient:
         Per N or mm, or (1,) per MPa: dL by each component of the load's value.
     material : dict[str, float]
         DL by each parameter of the material, by name.
+    shape : dict[str, float]
+        DL by each change of shape that was asked for, by name: by way of the displacement alone.
     """
 
     value: np.ndarray
     material: dict[str, float]
+    shape: dict[str, float] = field(default_factory=dict)
 
 
 def linearise(state: State) -> LinearisedState:
-    """Bring a state to balance and factor its tangent, for the whole pad: changes need not keep its symmetry.
+    """Bring a state to balance and factor its tangent, of the part between the mirrors that leave the state as it is.
 
-    A state between two nodes of its path is interpolated, and takes an iteration or two of Newton's method; its
-    derivatives are those of the state in balance, not of the interpolation.
+    Changes that lack its symmetry have factors of their own, made when they are first asked for. A state between two
+    nodes of its path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those of
+    the state in balance, not of the interpolation.
 
     Raises
     ------
@@ -59,19 +75,18 @@ def linearise(state: State) -> LinearisedState:
         suffice.
     """
     require("state", state, State, "a State, as load_path returns it,")
-    try:
-        with memory_for("the whole pad"):
-            pad = LoadedPad(state.mesh, state.material, state.load)
-            solution, linearised = pad.solve(pad.gather(state.displacement, state.pressure), state.value)
-    except Rejected as rejection:
-        shown = ", ".join(f"{component:.4g}" for component in state.value)
-        where = f"{state.load.quantity} = ({shown}) {state.load.unit}"
-        raise ComputationError(f"no state of balance was found at {where}: {rejection}.") from rejection
-    return LinearisedState(pad, solution.unknowns, linearised)
+    with _told(state.load, state.value):
+        pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
+        blocks = _blocks(pad)
+        unknowns = pad.gather(state.displacement, state.pressure)
+        solution, linearised = pad.solve_closely(unknowns, state.value)
+    return LinearisedState(pad, blocks, solution.unknowns, state.value, linearised)
 
 
 class LinearisedState:
     """A deformed pad in balance, with the factor of its tangent; from :func:`linearise`.
+
+    Its methods raise `ComputationError` where the state turns out to be unstable against the changes asked for.
 
     Attributes
     ----------
@@ -81,10 +96,18 @@ class LinearisedState:
         MPa.
     """
 
-    def __init__(self, pad: LoadedPad, unknowns: np.ndarray, linearised: Linearised) -> None:
-        self._pad, self._unknowns, self._linearised = pad, unknowns, linearised
+    def __init__(
+        self,
+        pad: LoadedPad,
+        blocks: Sequence[TangentBlock],
+        unknowns: np.ndarray,
+        value: np.ndarray,
+        linearised: Linearised,
+    ) -> None:
+        self._pad, self._blocks, self._value = pad, blocks, value
+        self._tangents = {blocks[0].model: linearised}
+        self._at_state: dict[Elements, StrainedElements] = {}
         self.displacement, self.pressure = pad.split(unknowns)
-        self._residual_rates: dict[str, np.ndarray] = {}
 
     def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
         """(N, 3) derivative of the displacement by the load's value along ``direction``, by one back-solve.
@@ -99,8 +122,12 @@ class LinearisedState:
         InputError
             if it is not that many finite numbers.
         """
-        direction = _checked("direction", direction, (self._pad.load.components,))
-        return self._displacement(self._pad.rate(self._linearised, self._unknowns, direction))
+        direction = array_of("direction", direction, (self._pad.load.components,))
+        if not self._driven:
+            return self._answer(self._push_of_value(direction))
+        parts = ((block, block.of_value(direction)) for block in self._blocks)
+        gaps = {block: block.model.numbering.plate_values(part) for block, part in parts if part.any()}
+        return self._answer({block: np.zeros(block.model.assembly.unknowns) for block in gaps}, gaps)
 
     def by_material(self, name: str) -> np.ndarray:
         """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
@@ -115,106 +142,160 @@ class LinearisedState:
         if name not in self._pad.material.parameters:
             names = ", ".join(self._pad.material.parameters)
             raise InputError(f"parameter = {name!r} is not allowed: one of {names} is needed.")
-        return self._displacement(-self._linearised.correction(self._residual_rate(name), self._no_gap))
+        return self._answer(self._push_of_material(name))
 
-    def pull_back(self, gradient: np.ndarray) -> Gradient:
-        """The vector-Jacobian product: derivatives of a scalar L by load and material, all by one back-solve.
+    def by_shape(self, velocity: np.ndarray) -> np.ndarray:
+        """(N, 3) derivative of the displacement of each node while the undeformed nodes move, by one back-solve.
+
+        The load stays: a spread force keeps its total, a patch its place in space, a pressure follows the surface, a
+        plate is moved as before. A node's place changes by ``velocity`` and this.
 
         Parameters
         ----------
-        gradient : (N, 3) ndarray
-            DL/d(displacement) of each node, per mm; what it has on nodes of the board does not matter.
+        velocity : (N, 3) ndarray
+            Of the nodes, in mm per unit of what changes: from `mesh_velocity`, or any other.
 
         Raises
         ------
         InputError
             if it is not of that shape or not finite.
         """
-        forces = self._pad.numbering.summed(_checked("gradient", gradient, self.displacement.shape))
-        adjoint = self._linearised.correction(forces, self._no_gap)
-        material = {name: -float(adjoint @ self._residual_rate(name)) for name in self._pad.material.parameters}
-        value = self._plate_rates @ forces if self._driven else self._unit_loads @ adjoint
-        return Gradient(value, material)
+        return self._answer(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
-    def _displacement(self, unknowns: np.ndarray) -> np.ndarray:
-        return self._pad.split(unknowns)[0]
+    def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
+        """The vector-Jacobian product: derivatives of a scalar L by load, material and shape, all by one back-solve.
+
+        Parameters
+        ----------
+        gradient : (N, 3) ndarray
+            DL/d(displacement) of each node, per mm; what it has on nodes of the board does not matter.
+        shapes : Mapping[str, ndarray], optional
+            Velocities (N, 3) as :meth:`by_shape` takes them, by names of one's own. Where L depends on the places of
+            nodes, add the sum of ``gradient * velocity``: the undeformed nodes move as well.
+
+        Raises
+        ------
+        InputError
+            if one of them is not of that shape or not finite.
+        """
+        gradient = array_of("gradient", gradient, self.displacement.shape)
+        pushes = {
+            name: self._push_of_shape(array_of(f"shapes[{name!r}]", velocity, gradient.shape))
+            for name, velocity in (shapes or {}).items()
+        }
+        adjoints: dict[TangentBlock, np.ndarray] = {}
+
+        def along(push: Push) -> float:
+            total = 0.0
+            for block, forces in push.items():
+                if block not in adjoints:
+                    adjoints[block] = self._solved(block, block.forces(gradient))
+                total += block.model.part.copies * float(adjoints[block] @ forces)
+            return total
+
+        if self._driven:
+            value = np.array([np.vdot(gradient, rate) for rate in self._plate_rates])
+        else:
+            value = np.array([along(push) for push in self._pushes_of_units])
+        material = {name: along(push) for name, push in self._pushes_of_material.items()}
+        return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
     @property
     def _driven(self) -> bool:
         return isinstance(self._pad.load, PlateDisplacement)
 
-    @property
-    def _no_gap(self) -> np.ndarray:
-        """What says that a driven plate stays where it is."""
-        return np.zeros(len(self._pad.numbering.plate_unknowns) if self._driven else 0)
+    def _answer(self, push: Push, gaps: Push | None = None) -> np.ndarray:
+        """(N, 3) displacement by forces; a driven plate moves by ``gaps``, or stays where it is."""
+        total = np.zeros_like(self.displacement)
+        for block, forces in push.items():
+            total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
+        return total
+
+    def _solved(self, block: TangentBlock, forces: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+        with _told(self._pad.load, self._value):
+            return self._tangent(block).correction(forces, np.zeros(len(block.moved)) if gap is None else gap)
+
+    def _tangent(self, block: TangentBlock) -> Linearised:
+        model, own = block.model, self._blocks[0].model
+        if model not in self._tangents:
+            entries: Any = self._tangents[own].entries
+            if model.part is not own.part:
+                entries = model.evaluate(*self._on(block), self._value).entries
+            self._tangents[model] = block.factored(entries)
+        return self._tangents[model]
+
+    def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and pressure on the part that a block is of."""
+        return block.model.part.restrict(self.displacement, self.pressure)
+
+    def _strained(self, block: TangentBlock) -> StrainedElements:
+        elements = block.model.assembly.elements
+        if elements not in self._at_state:
+            self._at_state[elements] = StrainedElements(elements, *self._on(block))
+        return self._at_state[elements]
+
+    def _push_of_value(self, direction: np.ndarray) -> Push:
+        parts = ((block, block.of_value(direction)) for block in self._blocks)
+        return {block: block.model.load_vector(self._on(block)[0], part) for block, part in parts if part.any()}
+
+    def _push_of_material(self, name: str) -> Push:
+        block = self._blocks[0]  # in which the whole state is
+        strained, assembly = self._strained(block), block.model.assembly
+
+        def put_up(material: Material) -> np.ndarray:
+            return assembly.over_unknowns(*strained.of(material))
+
+        return {block: -material_rate(put_up, self._pad.material, name)}
+
+    def _push_of_shape(self, velocity: np.ndarray) -> Push:
+        pad, push = self._pad, {}
+        loads = load_rate(pad.whole, pad.load, self.displacement, self._value, velocity)
+        for block in self._blocks:
+            part = block.of_field(velocity)
+            if np.abs(part).max() > NO_PART * np.abs(velocity).max():
+                inside = self._strained(block).rates(part)
+                push[block] = block.forces(loads) - block.model.assembly.over_unknowns(*inside)
+        return push
 
     @cached_property
-    def _unit_loads(self) -> np.ndarray:
-        """(components, unknowns) forces of a unit of each component of the load."""
-        units = np.eye(self._pad.load.components)
-        return np.stack([self._pad.model.load_vector(self.displacement, unit) for unit in units])
+    def _pushes_of_units(self) -> list[Push]:
+        return [self._push_of_value(unit) for unit in np.eye(self._pad.load.components)]
 
     @cached_property
-    def _plate_rates(self) -> np.ndarray:
-        """(components, unknowns) derivatives of the unknowns by each component of a driven plate's displacement."""
-        units = np.eye(self._pad.load.components)
-        return np.stack([self._pad.rate(self._linearised, self._unknowns, unit) for unit in units])
+    def _pushes_of_material(self) -> dict[str, Push]:
+        return {name: self._push_of_material(name) for name in self._pad.material.parameters}
 
-    def _residual_rate(self, name: str) -> np.ndarray:
-        """(unknowns,) derivative of the residual by a parameter of the material; loads do not depend on it."""
-        if name not in self._residual_rates:
-            self._residual_rates[name] = self._difference(name)
-        return self._residual_rates[name]
-
-    def _difference(self, name: str) -> np.ndarray:
-        """Central difference of fourth order, or one of second order where the law does not allow larger changes."""
-        material, value = self._pad.material, getattr(self._pad.material, name)
-        scale = abs(value) or _scale(material, name)
-
-        def inside(change: float) -> np.ndarray:
-            return self._inside(_with(material, name, value + change))
-
-        step = RELATIVE_STEP * scale
-        if _allows(material, name, value + 2 * step) and _allows(material, name, value - 2 * step):
-            wide, narrow = (inside(k * step) - inside(-k * step) for k in (2, 1))
-            return (8 * narrow - wide) / (12 * step)
-        step = SMALL_STEP * scale
-        upwards, downwards = (_allows(material, name, value + change) for change in (step, -step))
-        if upwards and downwards:
-            return (inside(step) - inside(-step)) / (2 * step)
-        if not upwards:
-            step = -step
-        return (4 * inside(step) - 3 * inside(0.0) - inside(2 * step)) / (2 * step)
-
-    def _inside(self, material: Material) -> np.ndarray:
-        """(unknowns,) forces and volumes that the pad puts up in its present shape, were it of ``material``."""
-        assembly = self._pad.model.assembly.of(material)
-        return assembly.evaluate(self.displacement, self.pressure, with_tangent=False).residual
+    @cached_property
+    def _plate_rates(self) -> list[np.ndarray]:
+        """Derivatives (N, 3) of the displacement by each component of a driven plate's."""
+        return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
 
 
-def _with(material: Material, name: str, value: float) -> Material:
-    return material.changed(**{name: value})
+def _mirrors(state: State) -> tuple[Mirror, ...]:
+    """The mirrors that leave pad and state as they are."""
+    images = mirror_images(state.mesh, state.load)
+    largest = np.abs(state.displacement).max()
+
+    def keeps_state(mirror: Mirror) -> bool:
+        value, u = state.value, state.displacement
+        same = len(value) == 1 or np.array_equal(mirror.image(value), value)
+        return same and float(np.abs(mirror.image(u[images[mirror]]) - u).max()) <= SYMMETRIC * largest
+
+    return tuple(mirror for mirror in images if keeps_state(mirror))
 
 
-def _allows(material: Material, name: str, value: float) -> bool:
+@lru_cache(maxsize=4)  # states of a path follow one another, and share what does not change
+def _blocks(pad: LoadedPad) -> Sequence[TangentBlock]:
+    return tangent_blocks(pad)
+
+
+@contextmanager
+def _told(load: Load, value: np.ndarray) -> Iterator[None]:
+    """Let a rejected state, or memory that ends, be a ComputationError that says where."""
     try:
-        _with(material, name, value)
-    except InputError:
-        return False
-    return True
-
-
-def _scale(material: Material, name: str) -> float:
-    """What a parameter that is 0 is measured by; apart from Poisson's ratio it is a modulus."""
-    return 1.0 if name == "poisson_ratio" else material.shear_modulus
-
-
-def _checked(name: str, numbers: Sequence[float] | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    try:
-        array = np.asarray(numbers, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape != shape or not np.all(np.isfinite(array)):
-        shown = f"{array.shape}" if len(shape) > 1 else f"{np.asarray(numbers, dtype=object).tolist()}"
-        raise InputError(f"{name} = {shown} is not allowed: an array {shape} of finite numbers is needed.")
-    return array
+        with memory_for("the tangent of the pad"):
+            yield
+    except Rejected as rejection:
+        shown = ", ".join(f"{component:.4g}" for component in value)
+        where = f"{load.quantity} = ({shown}) {load.unit}"
+        raise ComputationError(f"no state of balance was found at {where}: {rejection}.") from rejection

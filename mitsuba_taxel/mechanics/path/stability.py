@@ -26,7 +26,7 @@ from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
 from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
-from mitsuba_taxel.mechanics.elements.symmetry import CUT, Part, cut_blocks, part_between, unsymmetric_blocks
+from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_blocks, part_between, unsymmetric_blocks
 
 
 class Stability:
@@ -154,7 +154,7 @@ class _Block:
         return negative - self.model.numbering.pressures
 
 
-def _block(model: Model, part: Part, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
+def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
     """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate stays where it is."""
     held_plate, material = isinstance(model.load, PlateDisplacement), model.assembly.elements.material
     of_block = Model(part, material, model.load, signs, held_plate, model if part is model.part else None)

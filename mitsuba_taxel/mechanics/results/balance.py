@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.mechanics.elements.loads import PatchForce, PlateForce, Pressure, SpreadForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
-from mitsuba_taxel.mechanics.path.load_path import State
+from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.pads.pad import REGIONS
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -76,12 +77,16 @@ class RoofComparison:
         along = [np.einsum("qa,fai->fqi", slopes, nodes).reshape(-1, 3) for slopes in shape_slopes(_BARYCENTRIC)]
         area = np.linalg.norm(np.cross(*along), axis=1)
         self._along, self._weight = np.stack(along), area / area.sum()
-        self._seen = np.unique(mesh.faces[mesh.face_cell > 0])
         # Curved roofs of two meshes lie beside each other, by less than their elements' size.
-        locator, tolerance = PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
+        self._mesh, self._locator, self._tolerance = mesh, PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
         here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
-        self._here, self._there = (_on_roofs(location, along) for location in (here, locator.locate(points, tolerance)))
-        self._nodes_there = locator.locate(mesh.points[self._seen], tolerance).weights
+        there = self._locator.locate(points, self._tolerance)
+        self._here, self._there = (_on_roofs(location, along) for location in (here, there))
+
+    @cached_property
+    def _nodes_there(self) -> sparse.csr_array:
+        """(N, N') of the values at nodes in those of the other mesh."""
+        return self._locator.locate(self._mesh.points, self._tolerance).weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
@@ -107,18 +112,16 @@ class RoofComparison:
         return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
 
     def deviations(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(2, N, 3) by how much twice the element size changes nodes on roofs and sides of cells; 0 elsewhere.
+        """(2, N, 3) by how much twice the element size changes the nodes.
 
         First what goes along the displacement, at least the ``least`` part of it, then what is left of the change.
         """
         moved = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - moved
-        seen, short = displacement[self._seen], self._short(moved, difference)
-        along = -math.copysign(max(abs(short), self._least), short) * seen
-        rest = self._average * (self._nodes_there @ other - seen) + short * seen
-        deviations = np.zeros((2, *displacement.shape))
-        deviations[:, self._seen] = np.array([along, rest]) / ERROR_SHARE
-        return deviations
+        short = self._short(moved, difference)
+        along = -math.copysign(max(abs(short), self._least), short) * displacement
+        rest = self._average * (self._nodes_there @ other - displacement) + short * displacement
+        return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
         """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""

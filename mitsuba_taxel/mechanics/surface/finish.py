@@ -149,9 +149,7 @@ class RandomRoughness(Checked):
     correlation_length: float = number(
         REQUIRED, "mm", "Distance at which their correlation has fallen to 1/e.", above=0, common=(0.0005, 10)
     )
-    seed: int = whole(
-        0, 0, 2**31 - 1, "Another number is another sample of the same roughness.", name="roughness_seed"
-    )
+    seed: int = whole(0, 0, 2**31 - 1, "Another number is another sample of the same roughness.", name="roughness_seed")
     refinement: float = _refinement(4.0)
 
     cuts: ClassVar[int] = 0

@@ -93,14 +93,22 @@ class Relief:
         return values[self.low] + fraction * (values[self.high] - values[self.low])
 
 
-def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) gradient of the displacement (N, 3) at each node, the mean of those in the elements around it."""
+def displacement_gradient(mesh: VolumeMesh, displacement: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
+    """(N, 3, 3) gradient of the displacement (N, 3) at each node, the mean of those in the elements around it.
+
+    Only at the ``wanted`` nodes (N,), if they are given, and 0 at others.
+    """
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     nodes = np.concatenate([corners, corners[np.array(TET_EDGES)].mean(axis=1)])
     reference = shape_gradients(nodes)
-    jacobian = np.einsum("qai,maj->mqji", reference, mesh.points[mesh.tets])
-    by_reference = np.einsum("mai,qaj->mqij", displacement[mesh.tets], reference)
-    gradient = (by_reference @ np.linalg.inv(jacobian)).reshape(-1, 9)
-    around = mesh.tets.ravel()
-    total = np.stack([np.bincount(around, weights=column, minlength=len(mesh.points)) for column in gradient.T], axis=1)
-    return (total / np.bincount(around, minlength=len(mesh.points))[:, None]).reshape(-1, 3, 3)
+    wanted = np.ones(len(mesh.points), dtype=bool) if wanted is None else wanted
+    own, gradients = [], []
+    for local, slopes in enumerate(reference):
+        around = mesh.tets[wanted[mesh.tets[:, local]]]
+        along, moved = (slopes.T @ values[around] for values in (mesh.points, displacement))
+        gradients.append(np.linalg.solve(along, moved))
+        own.append(around[:, local])
+    node, gradient = np.concatenate(own), np.concatenate(gradients).reshape(-1, 9)
+    total = np.stack([np.bincount(node, column, len(mesh.points)) for column in gradient.T], axis=1)
+    number = np.maximum(np.bincount(node, minlength=len(mesh.points)), 1)
+    return np.swapaxes((total / number[:, None]).reshape(-1, 3, 3), 1, 2)

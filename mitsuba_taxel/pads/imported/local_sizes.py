@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_pairs import TooManyPairs
+from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import area_normals, closest_on_segments, closest_on_triangles, near, neighbours

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_pairs import MOST_PAIRS, TooManyPairs, overlapping
+from mitsuba_taxel.geometry.box_tree import MOST_PAIRS, TooManyPairs, overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError, place
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import area_normals, components, half_edges, neighbours, unit, volume

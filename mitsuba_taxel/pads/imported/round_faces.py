@@ -63,14 +63,14 @@ def onto_round_walls(
         Derivative of a point's place by the point.
     """
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
-    for code, number, wall in _round_walls(mesh):
+    for code, number, wall in round_walls(mesh):
         here = (region == code) & (cell == number)
         places[here], gradient[here] = put_radially(points[here], *wall)
     return places, gradient
 
 
 @lru_cache(maxsize=4)  # the states of a path share their mesh
-def _round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
+def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
     """Code of the region, number of the cell, and centre, radius and directions across, of each round wall."""
     found = []
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"])) & (mesh.face_cell > 0)

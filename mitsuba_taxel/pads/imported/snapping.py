@@ -28,6 +28,8 @@ CREASE_ANGLE = 35.0
 """Degrees between the normals of neighbouring triangles above which their edge is sharp."""
 REACH = 0.5
 """How far a node may be moved, relative to the mesh size."""
+NEARER = np.array([1 / 64, 1 / 16, 1 / 4, 1])
+"""Parts of that within which the surface is looked for, one after the other: fine triangles far away are many."""
 LEAST_VOLUME = 0.25
 """Least volume of an element after its corners are moved, relative to that before."""
 LEAST_QUALITY = 0.25
@@ -83,11 +85,17 @@ class Patches:
 
     def onto_surface(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
         """Points (N, 3), moved onto the nearest of the patches that they belong to (N, patches), if within reach."""
-        corners = self.vertices[self.triangles]
-        point, triangle = near(points, corners, reach)
-        fits = belongs[point, self.patch[triangle]]
-        point, triangle = point[fits], triangle[fits]
-        return _moved(points, point, closest_on_triangles(points[point], corners[triangle]), reach)
+        corners, result = self.vertices[self.triangles], points.copy()
+        sought = np.flatnonzero(belongs.any(axis=1))
+        for within in reach * NEARER:
+            point, triangle = near(points[sought], corners, within)
+            fits = belongs[sought[point], self.patch[triangle]]
+            point, triangle = point[fits], triangle[fits]
+            closest = closest_on_triangles(points[sought[point]], corners[triangle])
+            best = _nearest(points[sought], point, closest, within)
+            result[sought[point[best]]] = closest[best]
+            sought = np.delete(sought, point[best])
+        return result
 
     def onto_features(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
         """Points, those between patches moved onto the curves of these, or onto the corner where all of them meet."""
@@ -113,12 +121,17 @@ class Patches:
 
 def _moved(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
     """``points`` with the numbers ``point`` (P,) at the nearest of their candidates ``closest`` (P, 3)."""
-    distance = np.linalg.norm(closest - points[point], axis=1)
-    best = first_of_each(point, distance)
-    best = best[distance[best] <= reach]
+    best = _nearest(points, point, closest, reach)
     result = points.copy()
     result[point[best]] = closest[best]
     return result
+
+
+def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
+    """Positions in ``closest`` (P, 3) of the candidate nearest to each of ``points``, of those within reach."""
+    distance = np.linalg.norm(closest - points[point], axis=1)
+    best = first_of_each(point, distance)
+    return best[distance[best] <= reach]
 
 
 def snapped(

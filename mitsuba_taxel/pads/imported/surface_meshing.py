@@ -66,7 +66,7 @@ def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class SurfacePart:
     """What ``mirrors`` complete of a pad: vertices (V, 3), triangles (T, 3), their regions (T,) and cells (T,)."""
 
     mirrors: tuple[Mirror, ...]
@@ -85,11 +85,11 @@ class Part:
 
 
 @lru_cache(maxsize=4)  # for the second mesh, which tells the error
-def parts_of(content: bytes, suffix: str, rules: tuple[Rule, ...]) -> tuple[Part, Part, SingularEdges]:
+def parts_of(content: bytes, suffix: str, rules: tuple[Rule, ...]) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
     """The pad in a file, the part of it that is meshed, and where the stress is singular in the whole."""
     vertices, triangles = mended(*read_surface(content, suffix))
     region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules)
-    surface = Part((), vertices, triangles, region, cell)
+    surface = SurfacePart((), vertices, triangles, region, cell)
     patches = Patches(vertices, triangles, region, cell)
     edges = SingularEdges(patches, region, patches.patch)
     mirrors = mirrors_of(vertices, triangles, region)
@@ -99,10 +99,10 @@ def parts_of(content: bytes, suffix: str, rules: tuple[Rule, ...]) -> tuple[Part
         return surface, surface, edges
     closing = origin < 0
     region, cell = np.where(closing, PLANE, region[origin]), np.where(closing, 0, cell[origin])
-    return surface, Part(mirrors, vertices, triangles, region, cell), edges
+    return surface, SurfacePart(mirrors, vertices, triangles, region, cell), edges
 
 
-def _meshed(part: Part, edges: SingularEdges, mesh_size: float, refinement: float) -> VolumeMesh | None:
+def _meshed(part: SurfacePart, edges: SingularEdges, mesh_size: float, refinement: float) -> VolumeMesh | None:
     """Mesh of a part, None if some of it is lost between large elements; raises `ComputationError` if Netgen fails.
 
     ``edges`` are those of the whole pad.

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mitsuba_taxel.geometry.box_pairs import TooManyPairs
+from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import (
     ACROSS_DIAGONAL,
     ACROSS_SECOND_DIAGONAL,

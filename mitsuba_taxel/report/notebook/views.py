@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from mitsuba_taxel.mechanics import Material
     from mitsuba_taxel.mechanics.materials.silicones import Silicone
-    from mitsuba_taxel.mechanics.path.load_path import State
+    from mitsuba_taxel.mechanics.path.state import State
     from mitsuba_taxel.pads import Pad, PadFile
     from mitsuba_taxel.sensing import PadSensor, Readings, Scene
 

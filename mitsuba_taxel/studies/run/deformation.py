@@ -13,6 +13,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing import Scene, find_scene
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
 
 
@@ -98,11 +99,6 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
         "roof_error_mm": None if state.error is None else state.error.displacement,
         "slope_error_degrees": None if state.error is None else state.error.slope,
     }
-
-
-def deformed_pads(scene: Any) -> list[Any]:
-    """The ``deformable_pad``s among the shapes of an ``mi.Scene``."""
-    return [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "pad")]
 
 
 def write_mesh(pad: Any, file: Path) -> None:

@@ -17,8 +17,10 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
+from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.studies.run.deformation import deformed_pads, mesh_key, write_mesh
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 MESHES, MAPS = "meshes", "maps"
 """Folders of a study for the files that come with results."""
@@ -149,13 +151,14 @@ def _read(job: Job) -> Result:
         readings = measure(
             ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
         )
+        errors = roof_errors(ready.scene)
         files = {}
         with stages.stage("files"):
             if job.meshes:
                 files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
             if job.maps:
                 files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
-    return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size), seconds, files)
+    return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size, roof_errors=errors), seconds, files)
 
 
 def _name(pad: object) -> str:

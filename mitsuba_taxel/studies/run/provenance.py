@@ -16,8 +16,8 @@ from mitsuba_taxel.sensing.scene import is_file
 from mitsuba_taxel.studies.plan.batch import Batch
 
 ROOMS = (
-    "backend", "base", "geometry", "parameters", "pads", "mechanics", "specification", "kernels", "sensing", "plugins",
-    "studies",
+    "backend", "base", "geometry", "parameters", "pads", "mechanics", "transport", "specification", "kernels",
+    "sensing", "plugins", "studies",
 )  # fmt: skip
 """Where the code is that decides what a reading of a study is."""
 

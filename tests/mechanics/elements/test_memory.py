@@ -11,7 +11,7 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, linearise, load_path
 from mitsuba_taxel.mechanics.elements import memory, solvers
-from mitsuba_taxel.mechanics.path.load_path import _Path
+from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.pads import Pad
 
 PAD = Pad("hemispheric", rows=1, columns=1)
@@ -32,22 +32,22 @@ def test_a_pad_that_memory_does_not_suffice_for_is_an_error_in_one_line(fresh, n
     assert "\n" not in str(caught.value)
 
 
-def test_so_is_the_whole_pad_for_its_derivatives(monkeypatch):
+def test_so_are_its_derivatives(monkeypatch):
     (state,) = load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
     monkeypatch.setattr(memory, "free_memory", lambda: 9e7)
-    with pytest.raises(ComputationError, match=WORDS.format("the whole pad")):
+    with pytest.raises(ComputationError, match=WORDS.format("the tangent of the pad")):
         linearise(state)
 
 
 def test_memory_that_ends_on_a_second_mesh_leaves_the_state_with_an_unknown_error(fresh, monkeypatch):
-    solve = _Path._canonical
+    solve = PadPath._canonical
 
     def on_the_first_alone(path, *args):
         if not path.judged:
             raise MemoryError("a factored matrix takes 9 GB, and 1 GB are free")
         return solve(path, *args)
 
-    monkeypatch.setattr(_Path, "_canonical", on_the_first_alone)
+    monkeypatch.setattr(PadPath, "_canonical", on_the_first_alone)
     (state,) = load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
     assert state.error is None and state.deviations is None and state.displacement[:, 2].min() < -0.001
 

@@ -12,8 +12,8 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.load_path import mesh_size_for
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.path.mesh_sizes import mesh_size_for
 from mitsuba_taxel.pads import REGIONS, Pad
 
 PAD = Pad("hemispheric", rows=1, columns=1)
@@ -199,6 +199,6 @@ REACHED = [(2_000, "is what the finest mesh tried"), (10, "elements tells its er
 
 @pytest.mark.parametrize(("most", "words"), REACHED)
 def test_a_mesh_tolerance_out_of_reach_is_refused_before_memory_ends(monkeypatch, most, words):
-    monkeypatch.setattr("mitsuba_taxel.mechanics.path.load_path.MOST_ELEMENTS_TRIED", most)
+    monkeypatch.setattr("mitsuba_taxel.mechanics.path.mesh_sizes.MOST_ELEMENTS_TRIED", most)
     with pytest.raises(InputError, match=f"mesh_tolerance = 1e-09 is not allowed: .*{words}"):
         mesh_size_for(PAD, NeoHookean(), SpreadForce(), 1e-9)

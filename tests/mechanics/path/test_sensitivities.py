@@ -76,7 +76,7 @@ def solved(mesh, material, load, value, start=None):
     for _ in range(3):  # the tangent may be that of an earlier iterate, with which one step is not enough
         unknowns = unknowns - pad.correction(linearised, unknowns, value)
     displacement, pressure = pad.split(unknowns)
-    return State(mesh, material, load, value, displacement, pressure, solution.min_jacobian, 0.0, 0, True, None)
+    return State(mesh, material, load, value, displacement, pressure, solution.min_jacobian, 0.0, 0, True)
 
 
 def difference(state_at, step):
@@ -243,7 +243,7 @@ def test_at_rest_without_poisson_s_ratio_a_block_yields_as_a_spring(young, load,
     """u = z F / (E A), by the linear theory: nothing bulges, so that the glue does not matter."""
     mesh = block((1.5, 0.8, 2.0), (2, 2, 3), distortion=0.15, curvature=0.02)
     still, no_pressure = np.zeros_like(mesh.points), np.zeros(mesh.corner_count)
-    rest = State(mesh, NeoHookean(young, 0.0), load, np.zeros(3), still, no_pressure, 1.0, 0.0, 0, True, None)
+    rest = State(mesh, NeoHookean(young, 0.0), load, np.zeros(3), still, no_pressure, 1.0, 0.0, 0, True)
     answer = linearise(rest)
     expected = mesh.points * [0, 0, 1 / (young * 1.5 * 0.8)]
     assert_near(answer.by_value((0, 0, 1)), expected, 1e-10)
@@ -283,6 +283,22 @@ def test_a_state_between_nodes_is_first_brought_to_balance(number, pad_states):
     assert size_of(state.displacement - exact.displacement) > 1e-8 * size_of(exact.displacement)
     assert_near(answer.displacement, exact.displacement, 1e-9)
     assert_near(answer.pressure, exact.pressure, 1e-8)  # forces balance to 1e-9 of the load
+
+
+@pytest.mark.parametrize(
+    ("value", "direction"), [((0, 0, -1.0), (0, 0, -1)), ((-0.2, 0.3, -1.0), np.array([-2, 3, 0]) / 13**0.5)]
+)
+def test_a_path_goes_on_as_the_tangent_says(value, direction):
+    """Of a state whose path is a mirror image, too."""
+    state = load_path(Pad("hemispheric", rows=1, columns=1), NeoHookean(), [value], mesh_size=2.0)[0]
+    found = state.path_rate()
+    np.testing.assert_allclose(found.direction, direction, atol=1e-12)
+    assert_near(found.displacement, linearise(state).by_value(direction), 2e-4)
+
+
+def test_at_rest_no_direction_of_a_path_is_known():
+    state = load_path(Pad("hemispheric", rows=1, columns=1), NeoHookean(), [(0, 0, 0)], mesh_size=2.0)[0]
+    assert state.path_rate() is None
 
 
 def test_a_symmetric_state_answers_changes_that_break_its_symmetry(pad_states):

@@ -19,6 +19,7 @@ from mitsuba_taxel.mechanics import (
     Yeoh,
     load_path,
 )
+from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, natural_step
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.sensitivities import linearise
@@ -57,7 +58,7 @@ def solved(mesh, law, load, value):
     for share in (0.5, 1.0):
         solution, _ = pad.solve(unknowns, share * value)
         unknowns = solution.unknowns
-    figures = (solution.min_jacobian, solution.residual, solution.iterations, True, None)
+    figures = (solution.min_jacobian, solution.residual, solution.iterations, True)
     return State(mesh, law, load, value, *pad.split(unknowns), *figures), pad, unknowns
 
 
@@ -143,9 +144,7 @@ def test_the_same_force_in_another_place_lacks_its_moment(offset, mesh):
 @pytest.mark.parametrize("law", [*LAWS, MooneyRivlin(0.5, 0.2)])
 @every_load
 def test_a_pad_at_rest_is_in_balance(law, load, value, mesh):
-    rest = State(
-        mesh, law, load, 0 * np.array(value), 0 * mesh.points, np.zeros(mesh.corner_count), 1.0, 0.0, 0, True, None
-    )
+    rest = State(mesh, law, load, 0 * np.array(value), 0 * mesh.points, np.zeros(mesh.corner_count), 1.0, 0.0, 0, True)
     assert reactions(rest).imbalance == 0
 
 
@@ -182,9 +181,9 @@ def test_the_force_on_a_plate_that_is_moved_has_its_error(cell, wall, along):
     pad, value, plate = Pad(cell, 1, 1, wall=wall), [(along, 0.0, -0.1)], PlateDisplacement()
     (state,) = load_path(pad, NeoHookean(), value, load=plate)
     (fine,) = load_path(pad, NeoHookean(), value, load=plate, mesh_size=pad.default_mesh_size / 3)
-    here, there = reactions(state), reactions(fine)
-    off = np.linalg.norm(here.force - there.force)
-    assert 0.005 < off / np.linalg.norm(there.force) < 0.03 and off < 2 * here.force_error < 0.1 * here.force[2]
+    here, there = reactions(state), board_force(fine.mesh, fine.material, fine.displacement, fine.pressure)
+    off = np.linalg.norm(here.force - there)
+    assert 0.005 < off / np.linalg.norm(there) < 0.03 and off < 2 * here.force_error < 0.1 * here.force[2]
 
 
 def test_a_force_that_is_given_has_no_error():

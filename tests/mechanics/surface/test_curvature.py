@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,14 @@ def test_normals_of_pressed_walls_are_those_of_much_finer_triangles(cell):
     assert len(common) > 20
     angle = np.degrees(np.arccos(np.clip([found[key] @ expected[key] for key in common], -1, 1)))
     assert angle.max() < 2.0 and np.median(angle) < 0.5
+
+
+def test_a_homogeneous_deformation_carries_the_normals_of_a_sphere():
+    pad, state = state_of("hemispheric")
+    stretch = np.array([[1.1, 0.05, 0.2], [0.0, 0.9, 0.1], [0.03, 0.0, 0.85]])
+    moved = replace(state, displacement=state.mesh.points @ (stretch - np.eye(3)).T)
+    before, after = (tessellate(s, 6, pad=pad) for s in (state, moved))
+    roof = before.region == REGIONS["roof"]
+    expected = before.normals[roof] @ np.linalg.inv(stretch)
+    expected /= np.linalg.norm(expected, axis=2, keepdims=True)
+    np.testing.assert_allclose(after.normals[roof], expected, atol=1e-12)

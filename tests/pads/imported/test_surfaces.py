@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.geometry.box_pairs import overlapping
+from mitsuba_taxel.geometry.box_tree import overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, volume
 from mitsuba_taxel.pads.imported import file_meshing, surface_meshing, tetwild

@@ -1,0 +1,84 @@
+"""How the forces that elements put up change with their material, and while their undeformed nodes move.
+
+With G the gradient of the nodes' velocity V, integrals over the undeformed solid change by its divergence tr G, and
+gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation:
+J. Sokolowski and J.-P. Zolesio, Introduction to Shape Optimization, 1992, chapter 2). The discrete forces follow to the
+last digit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.elements.elements import ELEMENTS_AT_ONCE, Elements, cofactors, in_turns
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.moduli import Moduli
+
+Forces = tuple[np.ndarray, np.ndarray]
+"""Forces (m, 10, 3) of each of m elements, and volumes (m, 4)."""
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Some of the elements at a state: F, det F, its cofactors and p at their points, the whole stress, its moduli."""
+
+    here: slice
+    gradient: np.ndarray
+    determinant: np.ndarray
+    cofactor: np.ndarray
+    pressure: np.ndarray
+    stress: np.ndarray
+    moduli: Moduli
+
+
+class StrainedElements:
+    """Elements at a displacement (N, 3) and pressure (corners,) at which none is turned inside out."""
+
+    def __init__(self, elements: Elements, displacement: np.ndarray, pressure: np.ndarray) -> None:
+        self._elements = elements
+
+        def piece(start: int) -> _Piece:
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            p = elements.pressures(here, pressure)
+            gradient = elements.gradient(here, displacement) + np.eye(3)
+            cofactor = cofactors(gradient)
+            determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
+            state = gradient, determinant, cofactor / determinant[..., None, None]
+            stress = elements.material.stress(*state) + p[..., None, None] * cofactor
+            return _Piece(here, gradient, determinant, cofactor, p, stress, elements.material.moduli(*state, p))
+
+        self._pieces = in_turns(piece, len(elements.nodes))
+
+    def of(self, material: Material) -> Forces:
+        """What they put up, were they of another material."""
+
+        def put_up(piece: _Piece) -> Forces:
+            inverse = piece.cofactor / piece.determinant[..., None, None]
+            stress = material.stress(piece.gradient, piece.determinant, inverse)
+            stress += piece.pressure[..., None, None] * piece.cofactor
+            excess = piece.determinant - 1 - material.compressibility * piece.pressure
+            return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
+
+        return _joined([put_up(piece) for piece in self._pieces])
+
+    def rates(self, velocity: np.ndarray) -> Forces:
+        """Rates of what they put up while the undeformed nodes move by a velocity (N, 3)."""
+        compressibility = self._elements.material.compressibility
+
+        def rate(piece: _Piece) -> Forces:
+            spread = self._elements.gradient(piece.here, velocity)
+            change, growth = spread - piece.gradient @ spread, np.trace(spread, axis1=-2, axis2=-1)
+            turned = growth[..., None, None] * piece.stress - piece.stress @ np.swapaxes(spread, -1, -2)
+            excess = growth * (piece.determinant - 1 - compressibility * piece.pressure)
+            excess += (piece.cofactor * change).sum(axis=(-2, -1))
+            stress = piece.moduli.along(change) + turned
+            return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
+
+        return _joined([rate(piece) for piece in self._pieces])
+
+
+def _joined(parts: list[Forces]) -> Forces:
+    forces, volumes = zip(*parts, strict=True)
+    return np.concatenate(forces), np.concatenate(volumes)

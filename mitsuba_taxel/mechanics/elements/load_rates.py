@@ -1,0 +1,41 @@
+"""How nodal forces of a load change while the nodes of the undeformed mesh move and displacements stay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, wet_faces
+
+LOAD_STEP = 1e-4
+"""Fastest node's way, relative to the mesh's height, that differences of a load's shares are taken with."""
+
+
+def load_rate(
+    mesh: VolumeMesh, load: Load, displacement: np.ndarray, value: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
+    """(N, 3) rate of the nodal forces of a load on a whole pad.
+
+    A spread force keeps its total, a patch its place in space, a pressure follows the surface; what is on a bonded
+    plate stays as it is.
+    """
+    if isinstance(load, Pressure):
+        faces, rate = wet_faces(mesh), np.zeros_like(displacement)
+        places, moves = (mesh.points + displacement)[faces], velocity[faces]
+        # the forces are quadratic in the places, so that this difference is exact
+        np.add.at(rate, faces, 0.5 * (pressure_forces(places + moves) - pressure_forces(places - moves)))
+        return value[0] * rate
+    fastest = float(np.abs(velocity).max(initial=0.0))
+    if not isinstance(load, SpreadForce | PatchForce) or fastest == 0:
+        return np.zeros_like(displacement)
+    step = LOAD_STEP * float(np.ptp(mesh.points[:, 2])) / fastest
+    ahead, behind, further, back = (_share(mesh, load, k * step * velocity) for k in (1, -1, 2, -2))
+    return (8 * (ahead - behind) - (further - back))[:, None] / (12 * step) * value
+
+
+def _share(mesh: VolumeMesh, load: SpreadForce | PatchForce, moves: np.ndarray) -> np.ndarray:
+    nodal = load.nodal(replace(mesh, points=mesh.points + moves))
+    return nodal / nodal.sum()

@@ -1,0 +1,319 @@
+"""Mesh and segments of one path of a pad, which everybody shares, and its error by the same path on another mesh."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from functools import cached_property, lru_cache, partial
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.elements.loads import Load, PlateDisplacement
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
+from mitsuba_taxel.mechanics.elements.solvers import available_solvers
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
+from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.obstacles import Obstacles
+from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
+"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
+thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
+LEAST_RATIO = 1.2
+"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
+MOST_ELEMENTS_COMPARED = 250_000
+"""A finer second mesh of more is not tried."""
+
+_SECOND_MESH = "a second mesh"
+LOCK = threading.RLock()
+
+Start = Callable[[], tuple[np.ndarray, np.ndarray]]
+Touch = Callable[[LoadSegment, LoadedPad], tuple[float, Contact] | None]
+
+
+class PadPath:
+    """Mesh and segments of one pad of one material under one kind of load, kept on disk and in memory.
+
+    One that another is compared with is not ``judged``: it may be unstable where it does not show in that.
+    """
+
+    def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
+        self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
+        self._identity = [pad.identity, mesh_size]
+        self._segments: dict[tuple[float, ...], LoadSegment] = {}
+        self._compared: dict[float, tuple[PadPath, RoofComparison] | None] = {}
+
+    @cached_property
+    def mesh(self) -> VolumeMesh:
+        name = cache.key("mesh", self._identity)
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is None:
+                mesh = self.pad.mesh(self.mesh_size)
+                cache.store(name, vars(mesh))
+                return mesh
+        return VolumeMesh(**arrays)
+
+    @cached_property
+    def images(self) -> dict[Mirror, np.ndarray]:
+        """The mirrors that leave mesh and load's distribution as they are."""
+        return mirror_images(self.mesh, self.load)
+
+    @cached_property
+    def _contact(self) -> ContactTest:
+        return ContactTest(self.mesh)
+
+    def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
+        """What is known of obstacles, which ``mirrors`` take where the segments are; of the last few."""
+        return _in_the_way(self, np.asarray(triangles, dtype=float).tobytes(), tuple(mirrors))
+
+    @cached_property
+    def _step(self) -> float:
+        return natural_step(self.mesh, self.material, self.load)
+
+    def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
+        """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
+        used: list[Mirror] = []
+        turned = value = np.array(value)
+        for mirror in MIRRORS:
+            if len(value) == 3 and mirror.side(turned) < 0 and mirror in self.images:
+                turned = mirror.image(turned)
+                used.append(mirror)
+        in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
+        displacement, pressure, at = self._canonical(turned, used, in_the_way)
+        compare = partial(self._comparison, turned, used, displacement, pressure)
+        rate = partial(self._rate, turned, used)
+        for mirror in reversed(used):
+            image = self.images[mirror]
+            displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
+        return State(self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate)
+
+    def _comparison(
+        self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray
+    ) -> Comparison:
+        """What a second mesh tells of a canonical state; deviations of that which ``mirrors`` took there."""
+        with LOCK:
+            found = self._error(value, displacement, pressure)
+        return found._replace(deviate=found.deviate and partial(self._mirrored, found.deviate, mirrors))
+
+    def _mirrored(self, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
+        deviations = deviate()
+        for mirror in reversed(mirrors):
+            deviations = mirror.image(deviations[:, self.images[mirror]])
+        return deviations
+
+    def _rate(self, value: np.ndarray, mirrors: list[Mirror]) -> PathRate | None:
+        """How a canonical state that ``mirrors`` took there goes on."""
+        if not value.any():
+            return None
+        with LOCK:
+            segment, s = self._segments_to(value)[-1]
+            direction = segment.direction
+            displacement = self._pad_for(segment.origin, direction).split(segment.rate(s))[0]
+        for mirror in reversed(mirrors):
+            direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
+        return PathRate(direction, displacement)
+
+    def _canonical(
+        self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
+    ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+        """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
+
+        ``mirrors`` are those that took it there, and the obstacles too.
+        """
+        found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
+        if not value.any():
+            return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
+        start, seconds = partial(_at_rest, found), 0.0
+        for segment, s in self._segments_to(value):
+            pad = self._pad_for(segment.origin, segment.direction)
+            touch = obstacles.first if obstacles else _nothing
+            if not segment.reaches(s):
+                self._extend(segment, pad, s, start, touch)
+            touched = touch(segment, pad)
+            if touched and touched[0] < min(s, segment.limit):
+                free, contact = touched
+                end = segment.value(free), f"touches {contact.what}", np.array(contact.place)
+                raise ComputationError(_end(*end, self.load, mirrors))
+            if not segment.reaches(s):
+                raise ComputationError(
+                    _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
+                )
+            at = segment.at(s)
+            seconds += at.seconds
+            found = pad.split(at.unknowns)
+            start = partial(_in_balance, pad, at.unknowns, segment.value(s))
+        return *found, replace(at, seconds=seconds)
+
+    def _error(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:
+        """A canonical state compared with that of the same path on the first other mesh that bears the load."""
+        if not value.any():
+            return Comparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
+        for second, comparison in self._comparisons():
+            try:
+                with memory_for(_SECOND_MESH):
+                    other, there, at = second._canonical(value, [], None)
+                    shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
+                    forces = (board_force(mesh, self.material, u, p) for mesh, u, p in shapes)
+                    return Comparison(
+                        comparison.error(displacement, other),
+                        partial(comparison.deviations, displacement, other),
+                        comparison.force_error(*forces) if isinstance(self.load, PlateDisplacement) else 0.0,
+                        at.seconds,
+                    )
+            except ComputationError:
+                continue  # its path ends before this load, or memory does
+        return Comparison()
+
+    def _comparisons(self) -> Iterator[tuple[PadPath, RoofComparison]]:
+        """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
+        start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
+        for size in (COARSENING * self.mesh_size, *(finer * start for finer in FINER)):
+            if size not in self._compared:
+                self._compared[size] = self._second(size)
+            second = self._compared[size]
+            if second is not None:
+                yield second
+
+    def _second(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
+        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
+        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False)
+        try:
+            with memory_for(_SECOND_MESH):
+                ratio = size_ratio(self.mesh, second.mesh)
+        except (ComputationError, InputError):
+            return None
+        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
+            return None
+        relative_size = min(self.mesh_size / self.pad.default_mesh_size, COARSENING)  # or all are as coarse as can be
+        return second, RoofComparison(self.mesh, second.mesh, TYPICAL_ERROR * relative_size**ORDER)
+
+    @property
+    def small_load_error(self) -> float:
+        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
+        for second, comparison in self._comparisons():
+            responses = zip(self._small_responses, second._small_responses, strict=True)
+            return max(comparison.error(here, other).relative for here, other in responses)
+        return math.inf
+
+    @cached_property
+    def _small_responses(self) -> list[np.ndarray]:
+        """(N, 3) each: change of the displacement from rest with a normal load, and with a tangential one."""
+        size = self.load.components
+        directions = [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]
+        return [self._rest_rate(direction) for direction in directions]
+
+    def _rest_rate(self, direction: np.ndarray) -> np.ndarray:
+        pad = self._pad_for(np.zeros_like(direction), direction)
+        at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
+        return pad.split(pad.rate(linearised, at_rest.unknowns, direction))[0]
+
+    def _segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
+        """The segments of the path to ``value``, and how far along each it goes."""
+        if len(value) == 1:
+            return [(self._segment(np.zeros(1), np.sign(value)), abs(value[0]))]
+        normal, tangential = value[2], float(np.hypot(value[0], value[1]))
+        segments = []
+        if normal:
+            segments.append((self._segment(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
+        if tangential:
+            direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
+            segments.append((self._segment(np.array([0.0, 0.0, normal]), direction), tangential))
+        return segments
+
+    def _segment(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
+        index = (*origin, *direction)
+        if index not in self._segments:
+            segment = self._segments[index] = LoadSegment(origin, direction, self._step, self.judged)
+            self._take_stored(segment)
+        return self._segments[index]
+
+    def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
+        """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
+        path = np.stack([origin, direction])
+        mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        return loaded_pad(self.mesh, self.material, self.load, mirrors)
+
+    def _extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
+        """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
+
+        ``start`` is the state at its origin.
+        """
+        with cache.alone(self._segment_name(segment)):
+            self._take_stored(segment)
+            before = len(segment.nodes), segment.limit
+            try:
+                segment.extend(
+                    pad, s, lambda: pad.gather(*start()), self._contact, lambda: touch(segment, pad) is not None
+                )
+            finally:
+                if (len(segment.nodes), segment.limit) != before:
+                    cache.store(self._segment_name(segment), segment.arrays())
+
+    def _take_stored(self, segment: LoadSegment) -> None:
+        arrays = cache.load(self._segment_name(segment))
+        if arrays is not None and len(arrays["s"]) >= len(segment.nodes):
+            segment.restore(arrays)
+
+    def _segment_name(self, segment: LoadSegment) -> str:
+        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
+        load = [_name_of(self.load), asdict(self.load)]
+        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
+        return cache.key(
+            "segment", self._identity, material, load, numerics, segment.origin.tolist(), segment.direction.tolist()
+        )
+
+
+def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return state
+
+
+def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and pressure in balance near the unknowns of an interpolated state."""
+    return pad.split(pad.balance(near, value))
+
+
+def _nothing(segment: LoadSegment, pad: LoadedPad) -> None:
+    """What a path touches that nothing stands in the way of."""
+
+
+def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> str:
+    """What to say of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
+    for mirror in reversed(mirrors):
+        value, place = mirror.image(value), mirror.image(place)
+    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+    return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}."
+
+
+def _name_of(part: object) -> str:
+    return f"{type(part).__module__}.{type(part).__qualname__}"
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+@lru_cache(maxsize=16)
+def pad_path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool = True) -> PadPath:
+    return PadPath(pad, material, load, mesh_size, judged)
+
+
+@lru_cache(maxsize=8)
+def _in_the_way(path: PadPath, triangles: bytes, mirrors: tuple[Mirror, ...]) -> Obstacles:
+    return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)

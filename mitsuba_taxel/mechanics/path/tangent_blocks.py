@@ -1,0 +1,150 @@
+"""The tangent of a symmetric state, in blocks: one for each way in which a displacement can behave under its mirrors.
+
+A load, or a change of shape, that behaves in one way is answered alike, so that a matrix of the size of the part
+between the mirrors tells the answer (J.-P. Serre, Linear Representations of Finite Groups, chapter 2). Displacements of
+a square pad that turn into each other in pairs need the part between two mirrors, and one matrix for both: the mirror
+in the diagonal takes one into the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
+from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
+from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
+
+Signs = tuple[tuple[Mirror, int], ...]
+"""Mirrors, in an order in which averages over one after the other are those over the group; 1 for what is its own image
+in one, -1 for what is the opposite."""
+
+
+class TangentBlock:
+    """The displacements of a pad that behave in one way under the mirrors of its state.
+
+    Parameters
+    ----------
+    whole : VolumeMesh
+        Mesh of the pad.
+    model : Model
+        Of the part between the mirrors, over the unknowns of such displacements.
+    signs : Signs
+        How they behave.
+    images : Mapping[Mirror, ndarray]
+        Of the nodes, from :func:`node_images`.
+    turn : Mirror, optional
+        One that takes them to those of the model.
+    """
+
+    def __init__(
+        self,
+        whole: VolumeMesh,
+        model: Model,
+        signs: Signs,
+        images: Mapping[Mirror, np.ndarray],
+        turn: Mirror | None = None,
+    ) -> None:
+        self._whole, self.model, self._signs, self._images, self._turn = whole, model, signs, images, turn
+        self.moved = model.numbering.plate_unknowns if isinstance(model.load, PlateDisplacement) else np.zeros(0, int)
+        self._solver = make_solver()
+
+    def turned(self, mirror: Mirror) -> TangentBlock:
+        """The displacements that a mirror takes to these."""
+        return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
+
+    def of_value(self, value: np.ndarray) -> np.ndarray:
+        """The part of a load's value, a vector or a pressure, that behaves so."""
+        if len(value) == 1:
+            return value if all(sign > 0 for _, sign in self._signs) else 0 * value
+        value = self._turn.image(value) if self._turn else value
+        for mirror, sign in self._signs:
+            value = 0.5 * (value + sign * mirror.image(value))
+        return value
+
+    def of_field(self, field: np.ndarray) -> np.ndarray:
+        """(n, 3) on the part, what behaves so of a field of vectors (N, 3) at the nodes of the whole pad."""
+        field = self._image(field)
+        for mirror, sign in self._signs:
+            field = 0.5 * (field + sign * mirror.image(field[self._images[mirror]]))
+        return field[self.model.part.nodes]
+
+    def forces(self, field: np.ndarray) -> np.ndarray:
+        """(unknowns,) what behaves so of nodal forces (N, 3) on the whole pad."""
+        return self.model.numbering.summed(self._shares[:, None] * self.of_field(field))
+
+    def displacement(self, unknowns: np.ndarray) -> np.ndarray:
+        """(N, 3) displacement of the whole pad."""
+        part = self.model.part
+        of_part = self.model.numbering.split(unknowns)
+        return self._image(self._sign * part.expand(*of_part)[0])
+
+    def factored(self, entries: np.ndarray) -> Linearised:
+        """The factored tangent of given entries.
+
+        Raises
+        ------
+        Rejected
+            if it says that the state is unstable.
+        """
+        numbering = self.model.numbering
+        lower = self.model.assembly.matrix(entries)
+        found = Linearised(entries, lower, self._factor, self.moved, numbering.displacements)
+        if found.negative not in (None, numbering.pressures):
+            raise Rejected("the equilibrium is unstable")
+        return found
+
+    def _factor(self, lower: sparse.csc_matrix) -> Factorisation:
+        try:
+            return self._solver.factor(lower)
+        except RuntimeError as failure:
+            raise Rejected(f"the tangent is singular ({failure})") from failure
+
+    def _image(self, field: np.ndarray) -> np.ndarray:
+        return field if self._turn is None else self._turn.image(field[self._images[self._turn]])
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """(n,) the part's share of what is at each of its nodes: others have nodes on its walls, too."""
+        return np.bincount(self.model.part.source) / self.model.part.copies
+
+    @cached_property
+    def _sign(self) -> np.ndarray:
+        """(N, 1) sign of each node's displacement beside that of its image in the part."""
+        position, sign = self._whole.points, np.ones((len(self._whole.points), 1))
+        for mirror, own in self._signs:
+            beyond = (mirror.side(position) < 0)[:, None]
+            position, sign = np.where(beyond, mirror.image(position), position), np.where(beyond, own * sign, sign)
+        return sign
+
+
+def tangent_blocks(pad: LoadedPad) -> list[TangentBlock]:
+    """The blocks that make up all displacements of a pad; first those that have the symmetry of its state."""
+    if len(pad.mirrors) < len(MIRRORS):
+        mirrors = [mirror for mirror in MIRRORS if mirror in pad.mirrors]
+        ways = [tuple(zip(mirrors, signs, strict=True)) for signs in product((1, -1), repeat=len(mirrors))]
+        return [_block(pad, pad.part, signs) for signs in ways]
+    ways = [
+        ((ACROSS_X, straight), (ACROSS_Y, straight), (ACROSS_DIAGONAL, diagonal))
+        for straight, diagonal in product((1, -1), repeat=2)
+    ]
+    quarter = part_between(pad.whole, pad.images, (ACROSS_X, ACROSS_Y))
+    one_of_pair = _block(pad, quarter, ((ACROSS_X, -1), (ACROSS_Y, 1)))
+    return [*(_block(pad, pad.part, signs) for signs in ways), one_of_pair, one_of_pair.turned(ACROSS_DIAGONAL)]
+
+
+def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
+    model = pad.model
+    if part is not pad.part or any(sign < 0 for _, sign in signs):
+        like = pad.model if part is pad.part else None
+        at_walls = {mirror: sign for mirror, sign in signs if mirror in part.walls}
+        model = Model(part, pad.material, pad.load, at_walls, like=like)
+    return TangentBlock(pad.whole, model, signs, pad.images)

@@ -1,0 +1,168 @@
+"""The curved faces of a mesh's surface cut into triangles: which ones, and where their corners are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Triangles, and the ``faces`` (T,) that they cut. Vertices are points of faces, one of several where faces meet.
+
+    Points are ``weights`` (P, 6) of the ``nodes`` (P, 6) of the ``face`` (P,) that each is of; their ``slopes``
+    (2, P, 6) are the derivatives of these weights along two sides of it. A vertex has the number ``of_vertex`` (V,) as
+    a point, and a point the number ``vertex`` (P,) as a vertex; ``corners`` (T, 3) are the points of triangles.
+    """
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    slopes: np.ndarray
+    face: np.ndarray
+    of_vertex: np.ndarray
+    vertex: np.ndarray
+    corners: np.ndarray
+    faces: np.ndarray
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(T, 3) vertex numbers."""
+        return self.vertex[self.corners]
+
+    def at_vertices(self, values: np.ndarray) -> np.ndarray:
+        """(V, C) values at the vertices from those at the nodes of the mesh (N, C)."""
+        return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
+
+    def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
+        """(N, C) derivatives by the values at so many nodes, from those by the values at the vertices (V, C)."""
+        number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
+        shares = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
+        return np.stack(list(shares), axis=1)
+
+
+def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(P, C) sums of the values (N, C) at nodes (P, 6), with weights (P, 6)."""
+    return sum(weights[:, k, None] * values[nodes[:, k]] for k in range(6))
+
+
+@lru_cache(maxsize=4)  # the states of a path share their mesh
+def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> Cut:
+    """The cut of the surface of a mesh, those of ``cells`` (None for all) finely; see :func:`tessellate`."""
+    in_cell = in_cells(mesh, cells)
+    segments = _segments(mesh, in_cell, subdivision)
+    kinds, kind_of = np.unique(np.column_stack([in_cell, segments]), axis=0, return_inverse=True)
+    patterns = []
+    for kind, (finely, *edges) in enumerate(kinds.tolist()):
+        even = len(set(edges)) == 1
+        cut = _grid(edges[0]) if even else _snapped(edges) if finely else _fan(edges)
+        patterns.append((np.flatnonzero(kind_of == kind), cut))
+
+    keys, weights, slopes, face, corners, faces, count = [], [], [], [], [], [], 0
+    for chosen, (barycentric, pattern) in patterns:
+        points = len(barycentric)
+        keys.append(_keys(mesh.faces[chosen, :3], np.rint(6 * subdivision * barycentric).astype(np.int64)))
+        weights.append(np.tile(shape_functions(barycentric), (len(chosen), 1)))
+        slopes.append(np.tile(np.array(shape_slopes(barycentric)), (1, len(chosen), 1)))
+        face.append(np.repeat(chosen, points))
+        first = count + points * np.arange(len(chosen))
+        corners.append((first[:, None, None] + pattern).reshape(-1, 3))
+        faces.append(np.repeat(chosen, len(pattern)))
+        count += points * len(chosen)
+    of_point = np.concatenate(face)
+    # Where a roof ends, its edge is that of the side: of the points that are one, those of sides come first.
+    order = np.argsort(mesh.face_region[of_point] != REGIONS["side"], kind="stable")
+    _, first, vertex = np.unique(np.concatenate(keys)[order], axis=0, return_index=True, return_inverse=True)
+    number = np.empty_like(order)
+    number[order] = vertex.ravel()
+    return Cut(
+        mesh.faces[of_point],
+        np.concatenate(weights),
+        np.concatenate(slopes, axis=1),
+        of_point,
+        order[first],
+        number.astype(np.int32),
+        np.concatenate(corners),
+        np.concatenate(faces),
+    )
+
+
+def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
+    """(F,) whether each face is a roof or side, of the ``cells`` that are to be cut finely."""
+    in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
+    return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)
+
+
+def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates of the points of a triangle cut into n * n, and those triangles."""
+    lattice = np.array([(n - i - j, i, j) for j in range(n + 1) for i in range(n + 1 - j)])
+    number = {tuple(point): index for index, point in enumerate(lattice[:, 1:].tolist())}
+    pattern = []
+    for j in range(n):
+        for i in range(n - j):
+            pattern.append((number[i, j], number[i + 1, j], number[i, j + 1]))
+            if i + j < n - 1:
+                pattern.append((number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]))
+    return lattice / n, np.array(pattern)
+
+
+def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
+    """(F, 3) segments that each edge of each face is cut into: in cells so many that none is longer than those of the
+    longest edge, elsewhere two, as its mid-edge node needs."""
+    corners = mesh.points[mesh.faces[in_cell, :3]]
+    length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    wanted = np.ceil(subdivision * length / length.max(initial=0.0) * (1 - 1e-9)).astype(int)
+    of_node = np.full(len(mesh.points), 2)
+    of_node[mesh.faces[in_cell, 3:]] = np.clip(wanted, min(2, subdivision), subdivision)
+    return of_node[mesh.faces[:, 3:]]
+
+
+def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """As :func:`_grid` of the most segments that an edge has, its points on the other edges moved to where these need
+    them, and triangles left out that become lines: none gets much larger, or turns over."""
+    n = max(segments)
+    points, pattern = _grid(n)
+    for k, count in enumerate(segments):
+        start, end = np.eye(3)[[k, (k + 1) % 3]]
+        on_edge = np.flatnonzero(points[:, k - 1] == 0)
+        place = np.rint(n * points[on_edge, (k + 1) % 3]) * count / n
+        # Ties go to the nearer end, where a triangle between two edges would become a line otherwise.
+        place = np.where(2 * place < count, np.ceil(place - 0.5), np.floor(place + 0.5))
+        points[on_edge] = start + place[:, None] / count * (end - start)
+    points, number = np.unique(points, axis=0, return_inverse=True)
+    pattern = number.ravel()[pattern]
+    kept = (pattern != np.roll(pattern, 1, axis=1)).all(axis=1)
+    return points, pattern[kept]
+
+
+def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates and triangles of a fan round the centre, with so many segments on each edge."""
+    corners = np.eye(3)
+    rim = np.array(
+        [
+            corners[k] + step / count * (corners[(k + 1) % 3] - corners[k])
+            for k, count in enumerate(segments)
+            for step in range(count)
+        ]
+    )
+    around = np.arange(len(rim))
+    pattern = np.stack([around, np.roll(around, -1), np.full(len(rim), len(rim))], axis=1)
+    return np.concatenate([rim, np.full((1, 3), 1 / 3)]), pattern
+
+
+def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """(F * P, 6) what is equal for points (P, 3 whole numbers) of faces (F, 3 corners) if they are one point.
+
+    A point is known by the corners it has weight on, in order, and those weights.
+    """
+    shape = (len(corners), len(weights), 3)
+    weights = np.broadcast_to(weights, shape)
+    used = np.where(weights > 0, corners[:, None, :], -1)
+    order = np.argsort(used, axis=2)
+    keys = [np.take_along_axis(part, order, axis=2) for part in (used, weights)]
+    return np.concatenate(keys, axis=2).reshape(-1, 6)

@@ -1,0 +1,97 @@
+"""How the triangles of a deformed surface move with the nodes of its pad: the cut of the undeformed mesh is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import array_of
+from mitsuba_taxel.geometry.triangles import unit
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells
+from mitsuba_taxel.mechanics.surface.tessellation import chosen_cells, knows_walls, placed
+from mitsuba_taxel.pads.imported.round_faces import round_walls
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+ROUND = 1e-6
+"""What is left of nodes' velocities, relative to the fastest, where a wall stays round."""
+
+
+def surface_rates(
+    state: State,
+    subdivision: int,
+    pad: Pad | PadFile | None,
+    displacement_rate: np.ndarray,
+    shape_velocity: np.ndarray | None = None,
+    cells: Sequence[int] | None = None,
+) -> np.ndarray:
+    """(V, 3) rates of the vertices that :func:`tessellate` gives for the same arguments, without a finish.
+
+    Parameters
+    ----------
+    displacement_rate : (N, 3) ndarray
+        Of the nodes, as :meth:`LinearisedState.by_value` and its like give them.
+    shape_velocity : (N, 3) ndarray, optional
+        Of the undeformed nodes. A round wall that stays one has its vertices on it; of others, and of flat ones, they
+        go along with the elements.
+
+    Raises
+    ------
+    InputError
+        if one of them is not of that shape or not finite, or there is no cell of such a number.
+    """
+    mesh, chosen = state.mesh, chosen_cells(state.mesh, cells, None)
+    cut = cut_faces(mesh, subdivision, chosen)
+    rates = cut.at_vertices(array_of("displacement_rate", displacement_rate, mesh.points.shape))
+    if shape_velocity is None:
+        return rates
+    velocity = array_of("shape_velocity", shape_velocity, mesh.points.shape)
+    moves = cut.at_vertices(velocity)
+    if knows_walls(pad):
+        face = cut.face[cut.of_vertex]
+        walled = np.flatnonzero(in_cells(mesh, chosen)[face])
+        face = face[walled]
+        places, gradient = placed(mesh, face, cut.at_vertices(mesh.points)[walled], pad)
+        own = moves[walled]
+        for here, centre, growth in _changing_walls(mesh, face, places, velocity):
+            own[here] = np.einsum("vij,vj->vi", gradient[here], own[here] - centre) + centre + growth
+        moves[walled] = own
+    return rates + moves
+
+
+def surface_gradient(
+    state: State, subdivision: int, gradient: np.ndarray, cells: Sequence[int] | None = None
+) -> np.ndarray:
+    """(N, 3) derivatives by the displacement of each node, from those by the vertices (V, 3) of :func:`tessellate`.
+
+    The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. For a change of shape, add the sum of
+    ``gradient`` times the rates that it has without a displacement.
+
+    Raises
+    ------
+    InputError
+        if ``gradient`` is not of that shape or not finite, or there is no cell of such a number.
+    """
+    cut = cut_faces(state.mesh, subdivision, chosen_cells(state.mesh, cells, None))
+    gradient = array_of("gradient", gradient, (len(cut.of_vertex), 3))
+    return cut.at_nodes(gradient, len(state.mesh.points))
+
+
+def _changing_walls(
+    mesh: VolumeMesh, face: np.ndarray, places: np.ndarray, velocity: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Of each round wall that stays one: its vertices, the rate of its centre, and what its radius adds (n, 3)."""
+    for code, number, (centre, radius, across) in round_walls(mesh):
+        nodes = np.unique(mesh.faces[(mesh.face_region == code) & (mesh.face_cell == number)])
+        axes = int(across.trace())
+        normals = ((mesh.points[nodes] - centre) @ across / radius)[:, :axes]
+        outwards = (normals * velocity[nodes, :axes]).sum(axis=1)
+        equations = np.column_stack([normals, np.ones(len(nodes))])
+        solution = np.linalg.lstsq(equations, outwards, rcond=None)[0]
+        if np.abs(equations @ solution - outwards).max() > ROUND * np.abs(velocity).max():
+            continue
+        here = (mesh.face_region[face] == code) & (mesh.face_cell[face] == number)
+        yield here, np.append(solution[:axes], 0.0)[:3], solution[axes] * unit((places[here] - centre) @ across)

@@ -1,0 +1,269 @@
+"""Derivatives of readings by parameters of a scene: force, material, dimensions, parts.
+
+Light in diffuse cells is followed without random numbers, so that a derivative is as exact as a reading (see
+`transport`). A parameter moves the walls of the cells, by way of the mechanics, and changes LED, phototransistor and
+what walls send back: dP = dP/dx . dx + dP/d(ends).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.base.convergence import ERROR_SHARE
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
+from mitsuba_taxel.sensing.scene_rates import Rates
+from mitsuba_taxel.transport.cell import Cell, Mesh
+
+if TYPE_CHECKING:
+    import xarray
+
+    from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+
+FINE, COARSE = 2, 1
+"""Degrees of the solutions on a patch, of which the coarser one tells the error of the finer one."""
+LIGHT_SHARE = 0.25
+"""Of the difference of the two, the error of the finer one as one standard deviation."""
+SMALL = 1e-4
+"""Displacement, relative to the pad's size, of the state that tells how wrong rates are of a pad at rest."""
+TINY = np.finfo(float).tiny
+MOST_HIDDEN = 1e-3
+"""Share of a reading by ways that something stands in, which derivatives do not follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """Derivatives of the readings of all taxels.
+
+    Attributes
+    ----------
+    parameters : tuple[str, ...]
+        Names, in the order of the columns.
+    units : tuple[str, ...]
+        Such as W/N.
+    values : (T, P) ndarray
+    standard_errors : (T, P) ndarray
+        What values are off by for patches of finite size, finite elements, and light that is blocked on its way, as one
+        standard deviation.
+    power : (T,) ndarray
+        Readings without random numbers, in W.
+    """
+
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    standard_errors: np.ndarray
+    power: np.ndarray
+
+    @property
+    def taxel(self) -> np.ndarray:
+        """(T,) numbers of the taxels, from 1."""
+        return np.arange(1, len(self.values) + 1)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """``value``, ``standard_error`` and ``unit`` by ``taxel`` and ``parameter``."""
+        import xarray
+
+        dims = ("taxel", "parameter")
+        return xarray.Dataset(
+            {"value": (dims, self.values), "standard_error": (dims, self.standard_errors)},
+            {"taxel": self.taxel, "parameter": list(self.parameters), "unit": ("parameter", list(self.units))},
+        )
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """One derivative each: taxel, parameter, value, standard_error, unit."""
+        for parameter, unit, values, errors in zip(
+            self.parameters, self.units, self.values.T, self.standard_errors.T, strict=True
+        ):
+            for taxel, value, error in zip(self.taxel.tolist(), values.tolist(), errors.tolist(), strict=True):
+                yield {
+                    "taxel": taxel,
+                    "parameter": parameter,
+                    "value": value,
+                    "standard_error": error,
+                    "unit": unit,
+                }
+
+
+def derivatives_by(changes: list[Rates], live: Any) -> Derivatives:
+    """Derivatives of the readings of a scene that is loaded, by the parameters whose :func:`rates` are given.
+
+    Raises
+    ------
+    InputError
+        if the scene has no derivative by one of them, or its light is not followed without random numbers, as that by
+        way of mirrors.
+    ComputationError
+        if there is no state of balance near by, or too much light is blocked on its way.
+    """
+    try:
+        with stages.stage("derivatives"):
+            return _Linearised(DiffuseCells(live)).by(changes)
+    except NotDiffuse as reason:
+        raise InputError(f"derivatives are not available: {reason}.") from reason
+
+
+class _Linearised:
+    """A scene of diffuse cells, and how its readings change with the places of its walls."""
+
+    def __init__(self, cells: DiffuseCells) -> None:
+        from mitsuba_taxel.mechanics import linearise
+
+        self.cells = cells
+        self.state = cells.pad.state
+        self.patches = [cells.patches(number) for number in range(len(cells.cells))]
+        self._linear = linearise(self.state)
+
+    def by(self, changes: list[Rates]) -> Derivatives:
+        nodal = [self._nodal(change) for change in changes]
+        others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
+        # Many small products of matrices: each would wake and wait for threads of its own.
+        with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
+            solved = list(pool.map(lambda number: _OfCell(self, number, nodal, others), range(len(self.patches))))
+        power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
+        hidden = np.array([self.cells.hidden_share(each.fine) for each in solved])[:, None]
+        reading = np.array([each.fine.reading for each in solved])[:, None]
+        if hidden.max() > MOST_HIDDEN:
+            raise ComputationError(
+                f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
+            )
+        scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
+        blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)
+        errors = np.array([each.errors for each in solved])
+        return Derivatives(
+            tuple(change.name for change in changes),
+            tuple("W" if change.unit == "1" else f"W/{change.unit}" for change in changes),
+            power * np.array([each.values for each in solved]),
+            power * np.hypot(errors, blocked),
+            (power * reading)[:, 0],
+        )
+
+    def _nodal(self, change: Rates) -> _Nodal:
+        from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+
+        pad, linear, displacement = self.cells.pad, self._linear, np.zeros_like(self.state.displacement)
+        moved = [
+            (name, rate, mesh_velocity(replace(pad.pad), self.state.mesh, name)) for name, rate in change.pad.items()
+        ]
+        if change.load.any():
+            displacement += linear.by_value(change.load)
+        if not any(pad.value):  # nothing else displaces a pad at rest
+            return _Nodal(displacement, moved, self._deviations_at_rest(change.load, displacement))
+        softer = np.zeros_like(displacement)
+        for name, rate in change.material.items():
+            softer += rate * linear.by_material(name)
+        displacement += softer
+        for _, rate, velocity in moved:
+            displacement += rate * linear.by_shape(velocity)
+        return _Nodal(displacement, moved, self._deviations_along(displacement, change.load, softer))
+
+    def _deviations_along(self, rate: np.ndarray, load: np.ndarray, softer: np.ndarray) -> np.ndarray | None:
+        """(2, N, 3), what coarser elements would change of a rate: the share that they change of what goes along the
+        displacement, and the rest of what they change, as far as a load goes along that of the state, or what the
+        material does goes along its displacement."""
+        if self.state.deviations is None:
+            return None
+        along, rest = self.state.deviations
+        value, displacement = np.array(self.cells.pad.value), self.state.displacement
+        walls = np.any(along != 0, axis=1)
+        share = np.vdot(along[walls], displacement[walls]) / max(
+            np.vdot(displacement[walls], displacement[walls]), TINY
+        )
+        squared = max(np.vdot(displacement, displacement), TINY)
+        alike = (load @ value) / (value @ value) + np.vdot(softer, displacement) / squared
+        return np.stack([share * rate, alike * rest])
+
+    def _deviations_at_rest(self, load: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
+        """(2, N, 3) likewise, from a state under a small load."""
+        if not load.any():
+            return np.zeros((1, *rate.shape))
+        size = SMALL * np.ptp(self.state.mesh.points) / np.abs(rate).max()
+        (state,) = self.cells.pad.states([size * load])
+        return None if state.deviations is None else state.deviations / size
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodal:
+    """How nodes move with a parameter.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        Rate of their displacement, in mm.
+    moved : list[tuple[str, float, ndarray]]
+        Dimensions, their rates, and how undeformed nodes move with each.
+    deviations : (K, N, 3) ndarray or None
+        What coarser finite elements would change of the first.
+    """
+
+    displacement: np.ndarray
+    moved: list[tuple[str, float, np.ndarray]]
+    deviations: np.ndarray | None
+
+
+class _OfCell:
+    """Derivatives of the reading of one cell, by each of some changes, per W of its LED."""
+
+    def __init__(self, whole: _Linearised, number: int, nodal: list[_Nodal], others: list) -> None:
+        self._whole, self._number = whole, number
+        self._patches: WallPatches = whole.patches[number]
+        self._rest = self._patches.rest
+        self._at = self._rest + self._patches.carried(whole.state.displacement)
+        self._nodal, self._meshes = nodal, {degree: Mesh(self._rest, degree) for degree in (FINE, COARSE)}
+        self._velocities = [self._velocity(each) for each in nodal]
+        self._others = others
+        self.fine = self._solved(FINE, self._at)
+        cell = self._solved(COARSE, self._at)
+        gradient = cell.gradient()
+        self.values = self._derivatives(self.fine, self.fine.gradient())
+        coarse = self._derivatives(cell, gradient)
+        light = LIGHT_SHARE * np.abs(self.values - coarse)
+        self.errors = np.hypot(light, ERROR_SHARE * self._mechanics(gradient, coarse))
+
+    def _solved(self, degree: int, places: np.ndarray) -> Cell:
+        return self._whole.cells.solved(self._number, self._meshes[degree], places)
+
+    def _velocity(self, nodal: _Nodal) -> np.ndarray:
+        """(F, 15, 3) of the walls, deformed."""
+        dimensions = (rate * self._patches.moved(name, velocity) for name, rate, velocity in nodal.moved)
+        return sum(dimensions, start=self._patches.carried(nodal.displacement))
+
+    def _derivatives(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
+        by_walls = [float((gradient * velocity).sum()) for velocity in self._velocities]
+        return np.array(by_walls) + [self._by_parts(cell, scenes) for scenes in self._others]
+
+    def _by_parts(self, cell: Cell, scenes: list[tuple[float, DiffuseCells]]) -> float:
+        own, taxel = self._whole.cells.cells[self._number], self._whole.cells.taxels[self._number]
+        total = 0.0
+        for weight, other in scenes:
+            there, then = other.cells[self._number], other.taxels[self._number]
+            scattered = (there.isotropic + there.lambertian) / (own.isotropic + own.lambertian)
+            change = cell.change(then.led, then.phototransistor, scattered)
+            total += weight * (change + cell.reading * then.power / taxel.power)
+        return total
+
+    def _mechanics(self, gradient: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
+        """What derivatives change by with coarser finite elements: the rates, and where the walls are."""
+        state = self._whole.state
+        of_rates = [each.deviations for each in self._nodal if each.deviations is not None]
+        if state.deviations is None or len(of_rates) < len(self._nodal):
+            return np.full_like(derivatives, np.nan)
+        rates = [[(gradient * self._patches.carried(part)).sum() for part in each] for each in of_rates]
+        squares = np.array([np.square(each).sum() for each in rates])
+        for deviation in state.deviations if any(self._whole.cells.pad.value) else ():
+            there = self._solved(COARSE, self._at + self._patches.carried(deviation))
+            squares += (self._derivatives(there, there.gradient()) - derivatives) ** 2
+        return np.sqrt(squares)
+
+
+def _scale(change: Rates, load: Sequence[float]) -> float:
+    """By what a parameter is measured: its value, or that of the load that it is part of."""
+    return float(np.linalg.norm(load)) if change.load.any() else abs(change.value)

@@ -1,0 +1,276 @@
+"""Cells whose walls are all diffuse, each with its LED and phototransistor: what light does there needs no random
+numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import FaceGrid
+from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
+from mitsuba_taxel.transport.ends import CosinePower, End, Law, uniform_cone
+from mitsuba_taxel.transport.patches import LATTICE
+from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+
+LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
+"""Along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
+PROBES = 4096
+"""Rays from each LED that show whether it lights its own cell only."""
+
+
+CLEARANCE = 3e-3
+"""Distance from walls at which rays between them start and end, over the longest: triangles lie that far off."""
+
+
+class NotDiffuse(InputError):
+    """The scene holds what only random paths take account of."""
+
+
+@dataclass(frozen=True, eq=False)
+class Taxel:
+    """One LED and the phototransistor that is read against it.
+
+    Attributes
+    ----------
+    power : float
+        Of the LED, in W.
+    led, phototransistor : End
+        In the frame of the pad.
+    """
+
+    power: float
+    led: End
+    phototransistor: End
+
+
+@dataclass(frozen=True, eq=False)
+class CellWalls:
+    """Where the walls of a cell are that scatter light.
+
+    Attributes
+    ----------
+    faces : (F,) ndarray
+        Numbers of the faces of the pad's mesh of finite elements.
+    isotropic, lambertian : (F,) ndarray
+        Share of the light coming in that each scatters so.
+    """
+
+    faces: np.ndarray
+    isotropic: np.ndarray
+    lambertian: np.ndarray
+
+
+class DiffuseCells:
+    """A loaded scene of one pad whose cells hold one taxel each.
+
+    Raises
+    ------
+    NotDiffuse
+        with the reason, where that is not so, or other surfaces send light back.
+    """
+
+    def __init__(self, scene: mi.Scene) -> None:
+        self.scene = scene
+        self.pad = _pad_of(scene)
+        self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, self._into_pad, self._scale)]
+        self._refuse_other_walls()
+        shares = {REGIONS[name]: _shares(wall) for name, wall in _walls_of(self.pad).items() if name in REGIONS}
+        self.cells = [self._cell(taxel, shares) for taxel in self.taxels]
+        self._refuse_other_cells()
+
+    def _into_pad(self, points: np.ndarray, is_direction: bool = False) -> np.ndarray:
+        """Points or unit directions of the world, in the frame of the pad."""
+        turn, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
+        moved = points if is_direction else points - shift
+        inside = np.linalg.solve(turn, moved.T).T
+        return inside / np.linalg.norm(inside, axis=-1, keepdims=True) if is_direction else inside
+
+    @property
+    def _scale(self) -> float:
+        return float(np.cbrt(np.linalg.det(self.pad.to_world[:3, :3])))
+
+    def _refuse_other_walls(self) -> None:
+        for shape in self.scene.shapes():
+            for name, wall in () if shape.ptr == self.pad.ptr else _walls_of(shape).items():
+                if any(_shares(wall)):
+                    part = f"the {name} of a {kind_of(shape)}" if name else f"a {kind_of(shape)}"
+                    raise NotDiffuse(f"{part} sends light back, and only the pad's own walls are followed")
+
+    def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
+        mesh = self.pad.state.mesh
+        middle = (taxel.led.points.mean(axis=0) + taxel.phototransistor.points.mean(axis=0))[:2] / 2
+        numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
+        centres = [mesh.points[mesh.faces[mesh.face_cell == number]].mean(axis=(0, 1))[:2] for number in numbers]
+        number = numbers[np.argmin(np.linalg.norm(np.array(centres) - middle, axis=1))]
+        scatter = [region for region, share in shares.items() if any(share)]
+        faces = np.flatnonzero((mesh.face_cell == number) & np.isin(mesh.face_region, scatter))
+        if not len(faces):
+            raise NotDiffuse("no wall of a cell sends light back")
+        each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
+        return CellWalls(faces, *each.T)
+
+    def _refuse_other_cells(self) -> None:
+        """Raise where an LED sheds light on walls that are not of its own cell and send it back."""
+        of_cells = np.concatenate([cell.faces for cell in self.cells])
+        if len(np.unique(of_cells)) < len(of_cells):
+            raise NotDiffuse("two photo-reflectors lie in one cell")
+        surface = self.pad.surface
+        owners = [np.unique(self.pad.state.mesh.face_cell[cell.faces]) for cell in self.cells]
+        regions = np.unique(self.pad.state.mesh.face_region[of_cells])
+        directions = _hemisphere(PROBES)
+        for taxel, owner in zip(self.taxels, owners, strict=True):
+            hit = self._hits(taxel.led.points.mean(axis=0), directions @ _frame(taxel.led.normal))
+            strange = np.isin(surface.region[hit], regions) & ~np.isin(surface.cell[hit], owner)
+            if strange.any():
+                raise NotDiffuse(f"the LED in cell {owner[0]} lights walls of cell {surface.cell[hit][strange][0]}")
+
+    def _hits(self, start: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Numbers of the pad's triangles that rays from a point hit first."""
+        ray = self._rays(np.broadcast_to(start, directions.shape), directions)
+        found = self.scene.ray_intersect_preliminary(ray)
+        number = np.array(found.prim_index)
+        ours = np.array(found.is_valid()) & np.array(found.shape == mi.ShapePtr(self.pad))
+        return number[ours]
+
+    def _rays(self, start: np.ndarray, away: np.ndarray) -> mi.Ray3f:
+        """Rays of the world, from points and along vectors in the frame of the pad."""
+        turn, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
+        origin, direction = (
+            mi.Vector3f(*each.T.astype(np.float32)) for each in (start @ turn.T + shift, away @ turn.T)
+        )
+        return mi.Ray3f(mi.Point3f(origin), direction)
+
+    def hidden_share(self, cell: Cell) -> float:
+        """Share of a reading that comes by ways that something stands in."""
+        sources, ends, share = cell.flows()
+        clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
+        start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
+        ray = self._rays(start, end - start)
+        ray.maxt = mi.Float(1.0)
+        return float(share[np.array(self.scene.ray_test(ray))].sum())
+
+    def patches(self, number: int) -> WallPatches:
+        """The walls of a cell, undeformed, and how they move."""
+        from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+
+        return WallPatches(self.pad.state.mesh, self.pad.pad, self.cells[number].faces, LATTICE)
+
+    def readings(self) -> np.ndarray:
+        """(T,) W, of the state that the pad is in."""
+        readings = []
+        for number, taxel in enumerate(self.taxels):
+            patches = self.patches(number)
+            places = patches.rest + patches.carried(self.pad.state.displacement)
+            readings.append(taxel.power * self.solved(number, Mesh(patches.rest), places).reading)
+        return np.array(readings)
+
+    def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
+        """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
+        taxel, cell = self.taxels[number], self.cells[number]
+        return Cell(mesh, Walls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor)
+
+
+def _pad_of(scene: mi.Scene) -> Any:
+    pads = [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "pad")]
+    if len(pads) != 1:
+        raise NotDiffuse(f"the scene holds {len(pads)} deformable pads, and one is needed")
+    if pads[0].finish is not None:
+        raise NotDiffuse("the pad's cells have a finish")
+    return pads[0]
+
+
+def _walls_of(shape: mi.Shape) -> dict[str, Any]:
+    bsdf = shape.bsdf()
+    return getattr(bsdf, "walls", {"": bsdf})
+
+
+def _shares(wall: Any) -> tuple[float, float]:
+    """Shares of the light that a wall scatters isotropically and by Lambert's law; it sends nothing else back."""
+    scattering = getattr(wall, "scattering", None)
+    if scattering is None:
+        raise NotDiffuse(f"a surface is a {kind_of(wall)}, not a wall")
+    if scattering == "absorbing":
+        return 0.0, 0.0
+    if wall.reflectance is None:
+        raise NotDiffuse("a wall's reflectance is a table")
+    reflectance, stated = float(wall.reflectance[0]), wall.specification
+    if reflectance == 0:
+        return 0.0, 0.0
+    if scattering == "mixed" and not stated.specular:
+        return reflectance * stated.isotropic, reflectance * stated.lambertian
+    if scattering not in ("isotropic", "lambertian"):
+        raise NotDiffuse(f"a wall is a mirror in part: scattering = {scattering!r}")
+    return (reflectance, 0.0) if scattering == "isotropic" else (0.0, reflectance)
+
+
+def _taxels(pair: Any, into_pad: Any, scale: float) -> list[Taxel]:
+    stated = pair.led.specification
+    size, hole = (pair.led.faces.scale * side for side in (stated.size, stated.hole))
+    if stated.shape == "square":
+        emitting = square_annulus_rule(size, hole, LED_POINTS, LED_POINTS)
+    else:
+        emitting = disc_annulus_rule(size, hole, LED_POINTS, 4 * LED_POINTS)
+    width, depth = (float(side) for side in np.array(pair.sensor.faces.size, dtype=float).ravel())
+    sensitive = rectangle_rule(width, depth, PHOTOTRANSISTOR_POINTS, PHOTOTRANSISTOR_POINTS)
+    laws = _law_of_led(stated), _law_of_phototransistor(pair.sensor.specification)
+    leds = _ends(pair.led.faces, emitting, laws[0], into_pad)
+    sensors = _ends(pair.sensor.faces, sensitive, laws[1], into_pad)
+    return [
+        Taxel(
+            stated.power,
+            replace(led, weights=led.weights / led.weights.sum()),
+            replace(sensor, weights=sensor.weights / scale**2),
+        )
+        for led, sensor in zip(leds, sensors, strict=True)
+    ]
+
+
+def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: Law, into_pad: Any) -> list[End]:
+    axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
+    offsets, weights = rule
+    around = offsets @ axes[:2]
+    normal = into_pad(axes[2], is_direction=True)
+    centres = np.array(faces.centres, dtype=float).T
+    return [End(into_pad(centre + around), weights, normal, law) for centre in centres]
+
+
+def _law_of_led(stated: Any) -> Law:
+    if stated.law == "uniform_solid_angle":
+        return uniform_cone(np.cos(np.radians(stated.cone_angle)))
+    if stated.law == "lambertian":
+        return CosinePower(1 / np.pi, 1.0)
+    if stated.law == "cosine_power":
+        return CosinePower((stated.exponent + 1) / (2 * np.pi), stated.exponent)
+    raise NotDiffuse(f"the LED's law is {stated.law}")
+
+
+def _law_of_phototransistor(stated: Any) -> Law:
+    if stated.response == "ideal":
+        return CosinePower(1.0, 0.0)
+    if stated.response == "cosine_power":
+        return CosinePower(1.0, stated.exponent - 1)
+    raise NotDiffuse(f"the phototransistor's response is {stated.response}")
+
+
+def _hemisphere(count: int) -> np.ndarray:
+    """(N, 3) directions round +z, evenly spread on a spiral."""
+    z = (np.arange(count) + 0.5) / count
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+def _frame(normal: np.ndarray) -> np.ndarray:
+    """(3, 3) rows: two directions across a normal, and the normal."""
+    across = np.linalg.svd(normal[None])[2][1:]
+    return np.concatenate([across, normal[None]])

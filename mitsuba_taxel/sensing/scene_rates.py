@@ -1,0 +1,253 @@
+"""How the parts of a scene change with one of its parameters.
+
+The description is read at values ahead of and behind the parameter's own; what its parts say then tells how fast they
+change. So a parameter may stand for several things, as the pitch of a pad and of its photo-reflectors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.parameters import Number, Parameter, parameters_of
+from mitsuba_taxel.sensing.parameter_units import units_of_parameters
+from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.specification import Specification, specifications
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+STEP = 1e-3
+"""Of a parameter, or of 1 where it is 0."""
+NOISE = 1e-9
+"""Rates of rounding."""
+PAD = DeformablePad.plugin
+COMPONENTS = {
+    name: (quantity, index)
+    for quantity, names in (("force", ("fx", "fy", "fz")), ("displacement", ("ux", "uy", "uz")))
+    for index, name in enumerate(names)
+}
+"""Names of the components of a load, where a scene has no parameters of these names."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How parts change with a parameter, per its unit.
+
+    Attributes
+    ----------
+    name, unit : str
+        Of the parameter.
+    value : float
+        Of the parameter.
+    load : (components,) ndarray
+        Of the load's value.
+    material, pad : dict[str, float]
+        Of the parameters of the material, and of the dimensions of the pad.
+    scenes : list[tuple[float, mi.Scene]]
+        Weights of scenes in a difference whose other parts are as they would be; none where they stay.
+    """
+
+    name: str
+    unit: str
+    value: float
+    load: np.ndarray
+    material: dict[str, float]
+    pad: dict[str, float]
+    scenes: list[tuple[float, Any]]
+
+
+def rates(scene: Scene, name: str) -> Rates:
+    """How the parts of ``scene`` change with its parameter ``name``.
+
+    Parameters
+    ----------
+    name : str
+        A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz); or a parameter of one of its
+        plugins, with the plugin before it and a dot where several have it.
+
+    Raises
+    ------
+    InputError
+        if there is no such parameter, it is no number, or has no derivative.
+    """
+    config = parser_config(activate_variant())
+    parameter = _found(scene, name, config)
+    step = STEP * (abs(parameter.value) or 1.0)
+    refusals = []
+    with scene.files_beside_it():
+        for stencil in _STENCILS:
+            try:
+                return _differences(parameter, [(weight / step, offset * step) for weight, offset in stencil], config)
+            except (InputError, RuntimeError) as error:  # what Mitsuba passes on from a plugin is a RuntimeError
+                refusals.append(error)
+    if isinstance(refusals[-1], InputError):
+        raise refusals[-1]
+    raise InputError(f"{name} = {parameter.value:g} has no derivative: it cannot change a little.") from refusals[-1]
+
+
+_STENCILS = (
+    ((0.5, 1), (-0.5, -1)),
+    ((1.5, 0), (-2, -1), (0.5, -2)),
+    ((-1.5, 0), (2, 1), (-0.5, 2)),
+)
+"""Weights and steps of differences of second order: to both sides, or to one where the other is not allowed."""
+
+
+@dataclass(frozen=True)
+class _Parameter:
+    """A parameter of a scene, and the scene as Mitsuba parses it with another value."""
+
+    name: str
+    unit: str
+    value: float
+    at: Callable[[float], Any]
+
+
+def _found(scene: Scene, name: str, config: Any) -> _Parameter:
+    if name in scene.parameters:
+        text = scene.parameters[name]
+        try:
+            value = float(text)
+        except ValueError:
+            raise InputError(f"{name} = {text!r} has no derivative: it is not a number.") from None
+        assert isinstance(scene.source, Path)
+        unit = units_of_parameters(scene.source).get(name, "1")
+        return _Parameter(name, unit, value, lambda other: _parsed(scene, config, {name: repr(other)}))
+    plugin, _, own = name.rpartition(".")
+    quantity, index = COMPONENTS.get(own, (own, None))
+    nodes = []
+    for number, node in enumerate(_parsed(scene, config, {}).nodes):
+        stated = specifications().get(node.props.plugin_name())
+        parameter = stated.values().get(quantity) if stated and plugin in ("", stated.plugin) else None
+        if stated is None or not isinstance(parameter, Number if index is None else Parameter):
+            continue
+        present = _present(stated.read(node.props), quantity)
+        if present is not None:
+            nodes.append((number, stated.plugin, parameter, present if index is None else present[index]))
+    if not nodes:
+        names = ", ".join(scene.parameters) or "none of its own"
+        raise InputError(
+            f"{name} has no derivative: it is no number of the scene (parameters: {names}), nor of one of its parts."
+        )
+    if len(nodes) > 1:
+        parts = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
+        raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {parts}: give it a <default>.")
+    ((number, _, parameter, value),) = nodes
+
+    def changed(other: float) -> Any:
+        state = _parsed(scene, config, {})
+        props = state.nodes[number].props
+        if index is None:
+            props[quantity] = other
+        else:
+            vector = list(_present(specifications()[props.plugin_name()].read(props), quantity))
+            vector[index] = other
+            props[quantity] = mi.ScalarVector3d(*vector)
+        return state
+
+    return _Parameter(name, parameter.unit or "1", float(value), changed)
+
+
+def _present(part: Specification, name: str) -> Any:
+    """What a part has as a parameter, None where it does without; a dimension that follows from others counts."""
+    field = next(field for field, parameter in parameters_of(type(part)).items() if parameter.name == name)
+    value = getattr(part, field)
+    if value is not None or not isinstance(part, DeformablePad):
+        return value
+    if name in parameters_of(Pad):
+        return None if part.filename else getattr(part.build_pad(), name)
+    return _numbers(part.build_material()).get(name)
+
+
+def _parsed(scene: Scene, config: Any, changes: dict[str, str]) -> Any:
+    given = Scene(scene.source, {**scene.parameters, **changes}, scene.mesh_size) if changes else scene
+    return given.parsed(config)
+
+
+def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], config: Any) -> Rates:
+    base = parameter.at(parameter.value)
+    states = [(weight, parameter.at(parameter.value + offset)) for weight, offset in stencil]
+    pad = _pad(base)
+    load, material, dimensions = np.zeros(0), dict[str, float](), dict[str, float]()
+    for weight, state in states:
+        other = _pad(state)
+        _refuse_what_else_changes(parameter, pad, other)
+        load = (
+            load + weight * np.array(other.build_load()[1]) if len(load) else weight * np.array(other.build_load()[1])
+        )
+        _add(material, weight, _numbers(other.build_material()))
+        _add(dimensions, weight, {} if other.filename else _numbers(other.build_pad()))
+    scenes = []
+    if any(_others(base) != _others(state) for _, state in states):
+        for weight, state in states:
+            for node, before in zip(state.nodes, base.nodes, strict=True):
+                if node.props.plugin_name() == PAD:
+                    node.props = before.props
+            mi.parser.transform_all(config, state)
+            scenes.append((weight, mi.parser.instantiate(config, state)))
+    return Rates(
+        parameter.name,
+        parameter.unit,
+        parameter.value,
+        load,
+        {name: rate for name, rate in material.items() if abs(rate) > NOISE},
+        {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
+        scenes,
+    )
+
+
+def _pad(state: Any) -> DeformablePad:
+    pads = [node.props for node in state.nodes if node.props.plugin_name() == PAD]
+    if len(pads) != 1:
+        raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads, one is needed.")
+    return DeformablePad.read(pads[0])
+
+
+def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:
+    followed = {"force", "displacement", "pressure", "shore_a"}
+    followed |= {*parameters_of(Pad), *_numbers(pad.build_material())}
+    for field in fields(pad):
+        if field.name in followed or field.name == "bsdf":
+            continue
+        one, two = getattr(pad, field.name), getattr(other, field.name)
+        if field.name == "to_world" and one is not None:
+            one, two = np.array(one.matrix).tolist(), np.array(two.matrix).tolist()
+        if one != two:
+            raise InputError(f"{parameter.name} has no derivative: it changes {field.name} of the {PAD}.")
+
+
+def _numbers(part: Any) -> dict[str, float]:
+    """The dimensions of a pad, or the constants of a material."""
+    return {name: float(value) for name in parameters_of(type(part)) if is_number(value := getattr(part, name))}
+
+
+def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> None:
+    for name, number in numbers.items():
+        total[name] = total.get(name, 0.0) + weight * number
+
+
+def _others(state: Any) -> list[dict[str, Any]]:
+    """What each part but the pad is told, as values that can be compared."""
+    return [
+        {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
+        for node in state.nodes
+        if node.props.plugin_name() != PAD
+    ]
+
+
+def _value(props: Any, name: str) -> Any:
+    kind = props.type(name)
+    if kind == mi.Properties.Type.Transform:
+        return np.array(props[name].matrix).tolist()
+    if kind in (mi.Properties.Type.ResolvedReference, mi.Properties.Type.Reference, mi.Properties.Type.Object):
+        return None
+    value = props[name]
+    return value if isinstance(value, (bool, int, float, str)) else np.array(value).tolist()

@@ -1,0 +1,186 @@
+"""One cell: its reading, and the derivatives of that, by one linear system and its adjoint.
+
+Let W(x) be what the phototransistor makes of a watt that comes in at x on the walls. It gets D(x) at once, and the rest
+by way of other walls: W = D + K W. With the power B that the LED sheds on the walls the reading is P = B . W, and with
+the adjoint A = B + K^T A it changes by dP = dB . W + A . (dD + dK W). W is known at the points of a rule of quadrature
+on each patch (Nystrom's method), and in between it is a polynomial. Source: K. E. Atkinson, The Numerical Solution of
+Integral Equations of the Second Kind, Cambridge University Press, 1997.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from mitsuba_taxel.transport.emission import emission
+from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.exchange import Exchange, exchange
+from mitsuba_taxel.transport.pairs import Pairs, pairs_of
+from mitsuba_taxel.transport.patches import Points, cross
+from mitsuba_taxel.transport.reception import Reception
+from mitsuba_taxel.transport.rules import triangle_rule
+
+DISTANCE = 1.0
+"""As for :func:`cut_near`: readings change by 1e-5 where it is twice as large."""
+BATCH = 1 << 16
+"""Pairs worked out together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """The patches of a cell that scatter light.
+
+    Attributes
+    ----------
+    places : (F, 15, 3) ndarray
+        In mm.
+    isotropic, lambertian : (F,) ndarray
+        Share of the light coming in that each scatters so.
+    """
+
+    places: np.ndarray
+    isotropic: np.ndarray
+    lambertian: np.ndarray
+
+
+class Mesh:
+    """What the undeformed walls of a cell say of how they are integrated over: the same for all of its loads.
+
+    Parameters
+    ----------
+    rest : (F, 15, 3) ndarray
+        Places of the patches, undeformed, in mm.
+    degree : int
+        Of the polynomials: 2, or 1 for a solution that is coarser.
+    """
+
+    def __init__(self, rest: np.ndarray, degree: int = 2) -> None:
+        rule, _ = triangle_rule(degree)
+        self.rest, self.degree = rest, degree
+        self.own = np.repeat(np.arange(len(rest)), len(rule))
+        self.targets = Points(self.own, np.tile(rule, (len(rest), 1)))
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """Targets, the points at which W is known, and the points that an integral over all patches takes for each."""
+        return pairs_of(self.targets.places(self.rest), self.rest, self.own, self.degree, DISTANCE)
+
+
+class Cell:
+    """A cell in one state, with its LED and phototransistor."""
+
+    def __init__(self, mesh: Mesh, walls: Walls, led: End, phototransistor: End) -> None:
+        self._mesh, self._walls = mesh, walls
+        self._led, self._phototransistor = led, phototransistor
+        self._at, self._area = self._of_points(mesh.targets)
+        self._length = np.linalg.norm(self._area, axis=1, keepdims=True)
+        self._normal = self._area / self._length
+        self._shares = walls.isotropic[mesh.own], walls.lambertian[mesh.own]
+        self._emission = emission(led, walls.places, mesh.rest, mesh.degree)
+        self._reception = Reception(phototransistor, self._at, self._normal, *self._shares)
+        self._exchange = self._exchanged()
+        kept = np.eye(len(mesh.own)) - self._exchange
+        self.response = np.linalg.solve(kept, self._reception.value)
+        self._adjoint = np.linalg.solve(kept.T, self._emission.power)
+
+    @property
+    def emitted(self) -> np.ndarray:
+        """(T,) shares of the LED's power that count at each of the points at which the response is known."""
+        return self._emission.power
+
+    @property
+    def reading(self) -> float:
+        """Power on the phototransistor, in W per W of the LED."""
+        return float(self._emission.power @ self.response)
+
+    def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where light goes from wall to wall, in samples: one of each patch that sends some to a point of a wall.
+
+        Returns
+        -------
+        sources, ends : (M, 2, 3) ndarray
+            Places in mm, and unit normals of the walls.
+        share : (M,) ndarray
+            Of the reading that comes this way; what comes by several walls counts several times.
+        """
+        count, size = len(self._walls.places), len(self._at) // len(self._walls.places)
+        shares = self._adjoint[:, None] * self._exchange * self.response / self.reading
+        shares = shares.reshape(-1, count, size).sum(axis=2)
+        target, patch = np.nonzero(shares)
+        walls = np.stack([self._at, self._normal], axis=1)
+        return walls[target], walls[patch * size + target % size], shares[target, patch]
+
+    def _of_points(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        return points.places(self._walls.places), cross(*points.sides(self._walls.places))
+
+    def _pairwise(self, with_slopes: bool) -> Iterator[tuple[slice, Exchange]]:
+        """Batches of pairs, small enough for the processor's caches."""
+        pairs, count = self._mesh.pairs, len(self._mesh.pairs.target)
+        starting = [np.ascontiguousarray(each.T) for each in (self._at, self._normal, *self._shares)]
+        ending = [np.ascontiguousarray(each.T) for each in self._of_points(pairs.points)]
+        for first in range(0, count, BATCH):
+            batch = slice(first, min(first + BATCH, count))
+            at, normal, isotropic, lambertian = (each[..., pairs.target[batch]] for each in starting)
+            end, area = (each[..., pairs.point[batch]] for each in ending)
+            yield batch, exchange(at, normal, end, area, isotropic, lambertian, with_slopes)
+
+    def _exchanged(self) -> np.ndarray:
+        """(T, T) K."""
+        pairs, unknowns = self._mesh.pairs, len(self._mesh.own)
+        points, size = pairs.shares.shape
+        value = np.concatenate([pairs.weight[batch] * each.value for batch, each in self._pairwise(False)])
+        to_points = sparse.csr_matrix((value, (pairs.target, pairs.point)), shape=(unknowns, points))
+        known = pairs.points.face[:, None] * size + np.arange(size)
+        starts = np.arange(0, known.size + 1, size)
+        shares = sparse.csr_matrix((pairs.shares.ravel(), known.ravel(), starts), shape=(points, unknowns))
+        return (to_points @ shares).toarray()
+
+    def gradient(self) -> np.ndarray:
+        """(F, 15, 3) derivatives of the reading by the places of the patches, per mm."""
+        pairs, mesh, places = self._mesh.pairs, self._mesh, self._walls.places
+        points, size = pairs.shares.shape
+        response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
+        given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
+        by_end, by_facing = np.zeros((2, points, 3))
+        by_start, by_normal = self._reception.gradient(self._adjoint)
+        for batch, slopes in self._pairwise(True):
+            for total, into, each in (
+                (by_end, pairs.point, slopes.by_end),
+                (by_facing, pairs.point, slopes.by_area),
+                (by_start, pairs.target, slopes.by_start),
+                (by_normal, pairs.target, slopes.by_normal),
+            ):
+                _add(total, into[batch], given[batch] * each)
+        by_area = (by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal) / self._length
+        total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
+        return total + mesh.targets.gradient(places, by_start, by_area)
+
+    def change(self, led: End, phototransistor: End, scattered: np.ndarray) -> float:
+        """By how much the reading changes, to first order.
+
+        Parameters
+        ----------
+        led, phototransistor : End
+            As they would be.
+        scattered : (F,) ndarray
+            What each patch would scatter, over what it does.
+        """
+        change = 0.0
+        if led != self._led:
+            lit = emission(led, self._walls.places, self._mesh.rest, self._mesh.degree)
+            change += (lit.power - self._emission.power) @ self.response
+        if phototransistor != self._phototransistor:
+            received = Reception(phototransistor, self._at, self._normal, *self._shares)
+            change += self._adjoint @ (received.value - self._reception.value)
+        return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
+
+
+def _add(total: np.ndarray, into: np.ndarray, values: np.ndarray) -> None:
+    """Add values (3, N) to rows of ``total`` (P, 3)."""
+    first, last = into.min(), into.max() + 1
+    for k in range(3):
+        total[first:last, k] += np.bincount(into - first, values[k], last - first)

@@ -1,0 +1,217 @@
+"""What an LED sheds on patches: the integral of its intensity over them, cut where its cone ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsuba_taxel.transport.ends import End
+from mitsuba_taxel.transport.patches import Points, cross
+from mitsuba_taxel.transport.pieces import Pieces, cut_near, quartered
+from mitsuba_taxel.transport.rules import coefficients, gauss, monomials, triangle_rule
+
+DISTANCE = 1.5
+"""As for :func:`cut_near`, for laws that change over a radian."""
+EDGE_CUTS = 2
+"""How often pieces through which the edge of the cone goes are cut, before the edge counts as a parabola."""
+MOST_EDGE_CUTS = 4
+"""Where it leaves a piece by the side by which it came in."""
+RIM_POINTS = 3
+"""Rays from a corner that the edge cuts off, each of one point less."""
+TINY = np.finfo(float).tiny
+_SIX = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """Points that LEDs' points shine on; ``edge`` are those at the end of the cone.
+
+    Attributes
+    ----------
+    source : (N,) ndarray
+        Number of the LED's point.
+    points : Points
+        N of them.
+    weight : (N,) ndarray
+        In the integral over s and t; at the edge, area that is lit for each change of the cosine.
+    """
+
+    source: np.ndarray
+    points: Points
+    weight: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Emission:
+    """What an LED sheds on patches (F), whose values are known at Q points each."""
+
+    led: End
+    places: np.ndarray
+    degree: int
+    inside: Lit
+    edge: Lit
+
+    @cached_property
+    def power(self) -> np.ndarray:
+        """(F * Q,) shares of the LED's power that count at each of these points."""
+        rays = _Rays(self.led, self.inside, self.places)
+        shares = self._shares(self.inside)
+        size = shares.shape[1]
+        into = self.inside.points.face[:, None] * size + np.arange(size)
+        return np.bincount(into.ravel(), (rays.value[:, None] * shares).ravel(), len(self.places) * size)
+
+    def gradient(self, values: np.ndarray) -> np.ndarray:
+        """(F, 15, 3) derivatives, by the patches' places, of the integral of the power times ``values`` (F * Q,)."""
+        rays, rim = _Rays(self.led, self.inside, self.places), _Rays(self.led, self.edge, self.places)
+        at, passed = self._at(self.inside, values), self._at(self.edge, values) * rim.value[:, None]
+        by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
+        return by_places + self.edge.points.gradient(self.places, passed * rim.of_cosine, np.zeros_like(rim.of_cosine))
+
+    def _shares(self, lit: Lit) -> np.ndarray:
+        return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
+
+    def _at(self, lit: Lit, values: np.ndarray) -> np.ndarray:
+        shares = self._shares(lit)
+        known = values.reshape(len(self.places), -1)[lit.points.face]
+        return np.einsum("nq,nq->n", shares, known)[:, None]
+
+
+class _Rays:
+    """From points of an LED to the points that they light."""
+
+    def __init__(self, led: End, lit: Lit, places: np.ndarray) -> None:
+        self._led = led
+        self.area = cross(*lit.points.sides(places))
+        away = lit.points.places(places) - led.points[lit.source]
+        self.squared = (away**2).sum(axis=1)
+        self.distance = np.sqrt(self.squared)
+        self.direction = away / self.distance[:, None]
+        self.cosine = self.direction @ led.normal
+        self.facing = np.maximum(-(self.area * self.direction).sum(axis=1), 0)
+        self.intensity, self.slope = led.law(self.cosine)
+        self.weight = lit.weight * led.weights[lit.source]
+        self.value = self.weight * self.intensity * self.facing / self.squared
+
+    @property
+    def of_cosine(self) -> np.ndarray:
+        """(N, 3) derivative of the cosine by the lit place."""
+        return (self._led.normal - self.cosine[:, None] * self.direction) / self.distance[:, None]
+
+    @property
+    def by_area(self) -> np.ndarray:
+        lit = self.facing > 0
+        return -(self.weight * self.intensity / self.squared * lit)[:, None] * self.direction
+
+    @property
+    def by_place(self) -> np.ndarray:
+        """(N, 3) derivative of the value by the lit place."""
+        per_square = (self.weight / self.squared)[:, None]
+        lit = (self.facing > 0)[:, None]
+        fall = (
+            -(3 * (self.intensity * self.facing / self.distance)[:, None] * self.direction)
+            - (self.intensity / self.distance)[:, None] * self.area
+        )
+        return per_square * lit * (fall + (self.slope * self.facing)[:, None] * self.of_cosine)
+
+
+def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emission:
+    """What ``led`` sheds on patches with ``places`` (F, 15, 3), which are cut as they need it at ``rest``."""
+    sources, faces, corners = [], [], []
+    for source, which, pieces in cut_near(led.points, rest, None, DISTANCE / min(led.law.width, 1.0)):
+        sources.append(source)
+        faces.append(pieces.face[which])
+        corners.append(pieces.corners[which])
+    source, pieces = np.concatenate(sources), Pieces(np.concatenate(faces), np.concatenate(corners))
+    inside, edge = _clipped(led, places, source, pieces, degree)
+    return Emission(led, places, degree, inside, edge)
+
+
+def _clipped(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces, degree: int) -> tuple[Lit, Lit]:
+    rule, weights = triangle_rule(degree)
+    found, tipped = [], []
+    for cut in range(MOST_EDGE_CUTS + 1):
+        heights = _heights(led, places, source, pieces)
+        corners, sides = heights[:, :3], heights[:, 3:]
+        bend = np.abs(sides - (corners + np.roll(corners, -1, axis=1)) / 2).max(axis=1, initial=0)
+        mixed = (heights.min(axis=1) - bend < 0) & (heights.max(axis=1) + bend > 0)
+        up = (corners >= 0).sum(axis=1)
+        tips = mixed & ((up == 1) | (up == 2)) if cut >= EDGE_CUTS else np.zeros_like(mixed)
+        if cut == MOST_EDGE_CUTS:
+            mixed = tips
+        whole = (up == 3) & ~mixed | (up == 2) & tips
+        kept = Pieces(pieces.face[whole], pieces.corners[whole])
+        points = kept.points(rule).reshape(-1, 2)
+        found.append((source[whole], kept.face, len(rule), points, np.outer(kept.areas(), weights).ravel()))
+        tipped.append(tuple(each[tips] for each in (source, pieces.face, pieces.corners, heights)))
+        left = mixed & ~tips
+        source, face, corners = source[left], pieces.face[left], pieces.corners[left]
+        source, pieces = np.repeat(source, 4), Pieces(np.repeat(face, 4), quartered(corners))
+    source, face, corners, heights = (np.concatenate(each) for each in zip(*tipped, strict=True))
+    tips, rims = _tips(corners, heights)
+    found.append((source, face, *tips))
+    return _lit(*zip(*found, strict=True)), _lit((source,), (face,), *((each,) for each in rims))
+
+
+def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
+    """Rules for pieces (M, 3, 2) one of whose corners is lit while others are not, or the other way round.
+
+    Between that corner, the tip, and the edge of the light: along rays from the tip, on which heights (M, 6) are
+    quadratic. A tip that is dark counts as negative, beside its piece as a whole.
+    """
+    up = heights[:, :3] >= 0
+    lit_tip = up.sum(axis=1) == 1
+    tip = np.argmax(up == lit_tip[:, None], axis=1)
+    rows, turn = np.arange(len(tip))[:, None], (tip[:, None] + np.arange(3)) % 3
+    corners, sign = corners[rows, turn], np.where(lit_tip, 1.0, -1.0)[:, None]
+    (h0, h1, h2), (m01, m12, m20) = ((sign * heights[rows, k + turn]).T[:, :, None] for k in (0, 3))
+    (share, of_share), (along, of_along) = gauss(RIM_POINTS), gauss(RIM_POINTS - 1)
+    # At ray `share` and distance r from the tip the height is h0 + slope r + bend r^2.
+    a, b = 1 - share, share
+    slope = a * (4 * m01 - 3 * h0 - h1) + b * (4 * m20 - 3 * h0 - h2)
+    bend = 2 * (a**2 * (h0 + h1 - 2 * m01) + b**2 * (h0 + h2 - 2 * m20) + 2 * a * b * (h0 + m12 - m01 - m20))
+    square = slope**2 - 4 * bend * h0
+    root = np.where(square >= 0, np.sqrt(np.maximum(square, 0)) - slope, 0)
+    ends_within = root > 2 * h0  # else the ray leaves the piece before the light ends
+    reach = np.where(ends_within, 2 * h0 / np.where(ends_within, root, 1), 1)
+    passed = np.where(ends_within, reach / np.maximum(np.abs(slope + 2 * bend * reach), TINY), 0)
+
+    sides = corners[:, 1:] - corners[:, :1]
+    rays = a[:, None] * sides[:, :1] + b[:, None] * sides[:, 1:]
+    area = Pieces(rows[:, 0], corners).areas()[:, None]
+    ends = corners[:, :1] + reach[:, :, None] * rays
+    points = corners[:, None, :1] + (reach[:, :, None] * along)[..., None] * rays[:, :, None]
+    weights = (sign * area * of_share * reach**2)[:, :, None] * (of_along * along)
+    size = len(share) * len(along)
+    return (
+        (size, points.reshape(-1, 2), weights.ravel()),
+        (len(share), ends.reshape(-1, 2), (area * of_share * passed).ravel()),
+    )
+
+
+def _lit(
+    sources: Sequence[np.ndarray],
+    faces: Sequence[np.ndarray],
+    sizes: Sequence[int],
+    points: Sequence[np.ndarray],
+    weights: Sequence[np.ndarray],
+) -> Lit:
+    """All points of some pieces, each with so many of them, in the order of the patches."""
+    source, face = (
+        np.concatenate([np.repeat(each, size) for each, size in zip(rows, sizes, strict=True)])
+        for rows in (sources, faces)
+    )
+    order = np.argsort(face, kind="stable")
+    return Lit(source[order], Points(face[order], np.concatenate(points)[order]), np.concatenate(weights)[order])
+
+
+def _heights(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces) -> np.ndarray:
+    """(M, 6) by how much the cosine at corners and amid sides of pieces is above that where the cone ends."""
+    order = np.argsort(pieces.face, kind="stable")
+    points = Points(np.repeat(pieces.face[order], 6), pieces.points(_SIX)[order].reshape(-1, 2))
+    at = np.empty((len(order), 6, 3))
+    at[order] = points.places(places).reshape(-1, 6, 3)
+    away = at - led.points[source][:, None]
+    return (away @ led.normal) / np.linalg.norm(away, axis=2) - led.law.cutoff

@@ -1,0 +1,76 @@
+"""The two ends of the light: an LED and a phototransistor, as points with weights, and their laws of direction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+
+
+class Law(Protocol):
+    """A function of the cosine of the angle against the normal, for cosines from ``cutoff`` on; 0 below."""
+
+    @property
+    def cutoff(self) -> float:
+        """Cosine."""
+
+    @property
+    def width(self) -> float:
+        """Angle in radians within which it changes a lot."""
+
+    def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Value and derivative, also a little below the cutoff."""
+
+
+@dataclass(frozen=True)
+class CosinePower:
+    """factor * cosine**exponent."""
+
+    factor: float
+    exponent: float
+    cutoff: float = 0.0
+
+    @property
+    def width(self) -> float:
+        return 1 / math.sqrt(max(self.exponent, 1.0))
+
+    def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        cosine = np.maximum(cosine, np.finfo(float).tiny)
+        slope = self.factor * self.exponent * cosine ** (self.exponent - 1) if self.exponent else np.zeros_like(cosine)
+        return self.factor * cosine**self.exponent, slope
+
+
+def uniform_cone(cosine: float) -> CosinePower:
+    """The density [1/sr] of directions that are uniform within a cone of that cosine."""
+    return CosinePower(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """An LED or a phototransistor.
+
+    Attributes
+    ----------
+    points : (L, 3) ndarray
+        In mm.
+    weights : (L,) ndarray
+        Of an LED, shares of its power; of a phototransistor, areas in mm².
+    normal : (3,) ndarray
+        Unit vector in the direction that it looks in.
+    law : Law
+        Of an LED, share of its power per solid angle; of a phototransistor, response relative to the ideal one.
+    """
+
+    points: np.ndarray
+    weights: np.ndarray
+    normal: np.ndarray
+    law: Law
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, End) and all(
+            np.array_equal(getattr(self, each.name), getattr(other, each.name)) for each in fields(self)
+        )
+
+    __hash__ = None  # type: ignore[assignment]

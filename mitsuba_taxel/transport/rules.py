@@ -1,0 +1,130 @@
+"""Rules of quadrature on triangles and rectangles, and the polynomials through their points.
+
+Points of triangles are (s, t): the corners are (0, 0), (1, 0) and (0, 1); weights add up to the area of 1/2.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+Rule = tuple[np.ndarray, np.ndarray]
+"""Points (Q, 2) and weights (Q,)."""
+
+_ORBITS = {
+    1: ((1 / 6, 1 / 3),),
+    2: ((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322)),
+}
+
+
+@lru_cache
+def triangle_rule(degree: int) -> Rule:
+    """The symmetric rule of 3 points for ``degree`` 1, of 6 points for 2: exact for polynomials of twice the degree.
+
+    As many points as such a polynomial has coefficients. Source: D. A. Dunavant, High degree efficient symmetrical
+    Gaussian quadrature rules for the triangle, International Journal for Numerical Methods in Engineering 21, 1985.
+    """
+    points = [point for a, _ in _ORBITS[degree] for point in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
+    weights = [weight / 2 for _, weight in _ORBITS[degree] for _ in range(3)]
+    return np.array(points), np.array(weights)
+
+
+def monomials(points: np.ndarray, degree: int) -> np.ndarray:
+    """(Q, C) all products s^i t^j of at most that degree."""
+    table = np.ones((len(_exponents(degree)), len(points)))
+    numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
+    s, t = np.ascontiguousarray(points.T)
+    for (i, j), number in numbers.items():
+        if i:
+            np.multiply(table[numbers[i - 1, j]], s, out=table[number])
+        elif j:
+            np.multiply(table[numbers[i, j - 1]], t, out=table[number])
+    return table.T
+
+
+def monomial_slopes(points: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """(Q, C) their derivatives by s and by t."""
+    lower = monomials(points, degree - 1).T
+    numbers = {exponents: number for number, exponents in enumerate(_exponents(degree - 1))}
+    by_s, by_t = np.zeros((2, len(_exponents(degree)), len(points)))
+    for number, (i, j) in enumerate(_exponents(degree)):
+        if i:
+            np.multiply(lower[numbers[i - 1, j]], i, out=by_s[number])
+        if j:
+            np.multiply(lower[numbers[i, j - 1]], j, out=by_t[number])
+    return by_s.T, by_t.T
+
+
+@lru_cache
+def _exponents(degree: int) -> list[tuple[int, int]]:
+    return [(i, total - i) for total in range(degree + 1) for i in range(total + 1)]
+
+
+@lru_cache
+def coefficients(degree: int) -> np.ndarray:
+    """(C, Q) from values at the points of :func:`triangle_rule` to the coefficients of the polynomial through them."""
+    return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
+
+
+def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights of Gauss' rule on [0, 1]."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    return (points + 1) / 2, weights / 2
+
+
+def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
+    """On a rectangle round (0, 0); weights add up to its area."""
+    (x, of_x), (y, of_y) = gauss(columns), gauss(rows)
+    points = np.stack(np.meshgrid((x - 0.5) * width, (y - 0.5) * depth, indexing="ij"), axis=-1).reshape(-1, 2)
+    return points, (np.outer(of_x, of_y) * width * depth).ravel()
+
+
+def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> Rule:
+    """On a square of that side with a square hole: four rectangles that follow each other round the hole."""
+    if inner == 0:
+        return rectangle_rule(outer, outer, along, along)
+    width, depth = (outer + inner) / 2, (outer - inner) / 2
+    points, weights = rectangle_rule(width, depth, along, across)
+    points = points + ((width - outer) / 2, (depth - outer) / 2)
+    turned = [points]
+    for _ in range(3):
+        turned.append(np.stack([-turned[-1][:, 1], turned[-1][:, 0]], axis=1))
+    return np.concatenate(turned), np.tile(weights, 4)
+
+
+def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Rule:
+    """On a disc of that diameter with a round hole."""
+    share, weights = gauss(rings)
+    radius = 0.5 * np.sqrt(inner**2 + share * (outer**2 - inner**2))
+    angle = 2 * math.pi * (np.arange(spokes) + 0.5) / spokes
+    points = np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
+    return points, np.repeat(weights, spokes) / spokes * math.pi / 4 * (outer**2 - inner**2)
+
+
+def polar_rule(target: np.ndarray, count: int) -> Rule:
+    """On the triangle, for functions that grow as 1 / distance from a ``target`` (2,) in it.
+
+    Three triangles from the target to the sides: Gauss' rule along rays, whose directions are spaced by a sine
+    hyperbolicus as the target may lie close to a side, in the plane where the triangle is equilateral. Source:
+    B. M. Johnston, P. R. Johnston, D. Elliott, A sinh transformation for evaluating two-dimensional nearly singular
+    boundary element integrals, International Journal for Numerical Methods in Engineering 69, 2007.
+    """
+    equilateral = np.array([[1.0, 0.0], [0.5, math.sqrt(3) / 2]])
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    (along, of_along), (share, of_share) = gauss(count), gauss(count)
+    points, weights = [], []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        side, to_start = (end - start) @ equilateral, (start - target) @ equilateral
+        length = np.linalg.norm(side)
+        first = to_start @ side / length
+        height = math.sqrt(to_start @ to_start - first**2)
+        low, high = math.asinh(first / height), math.asinh((first + length) / height)
+        place = height * np.sinh(low + share * (high - low))
+        rate = np.sqrt(height**2 + place**2) * (high - low) / length  # of the share of the side, per that of the angle
+        rim = start + ((place - first) / length)[:, None] * (end - start)
+        twice_area = abs((start - target)[0] * (end - target)[1] - (start - target)[1] * (end - target)[0])
+        points.append((target + along[:, None, None] * (rim - target)).reshape(-1, 2))
+        weights.append((np.outer(of_along * along, of_share * rate) * twice_area).ravel())
+    return np.concatenate(points), np.concatenate(weights)

@@ -1,0 +1,48 @@
+"""`taxel render --derivatives`: a table, JSON, and one line for what has none."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+PAD = """<scene version="3.9.0">
+    <default name="fz" value="-0.5"/>
+    <default name="roof" value="lambertian"/>
+    <shape type="deformable_pad">
+        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="1.7"/>
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <vector name="force" value="0, 0, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="$roof"/> </bsdf>
+        </bsdf>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+
+
+@pytest.fixture(autouse=True)
+def scene(tmp_path):
+    (tmp_path / "pad.xml").write_text(PAD)
+
+
+def test_json_and_table_say_the_same(taxel):
+    words = "render", "pad.xml", "--points", 16, "--derivatives", "fz, spacing"
+    rows = json.loads(taxel(*words, "--json").stdout)["derivatives"]
+    assert [(row["taxel"], row["parameter"], row["unit"]) for row in rows] == [(1, "fz", "W/N"), (1, "spacing", "W/mm")]
+    assert all(0 < row["standard_error"] < 0.1 * abs(row["value"]) for row in rows)
+    table = taxel(*words).stdout
+    assert "fz [W/N]" in table and all(f"{row['value']:.4e} +- {row['standard_error']:.0e}" in table for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--derivatives", "roof"), "roof = 'lambertian' has no derivative: it is not a number."),
+        (("--derivatives", "fz", "-D", "roof=mirror"), "derivatives are not available: a wall is a mirror in part"),
+        (("--derivatives", "hight"), "hight has no derivative: it is no number of the scene (parameters: fz, roof)"),
+    ],
+)
+def test_what_has_no_derivative_is_refused_in_one_line(words, said, taxel):
+    done = taxel("render", "pad.xml", "--points", 16, *words)
+    assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1

@@ -1,0 +1,131 @@
+"""Meshes that follow a pad's dimensions: morphed ones fill the changed pad, and their elements stay valid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
+from mitsuba_taxel.geometry.second_order import edge_ends
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.pad import CELL_SHAPES, REGIONS
+from mitsuba_taxel.pads.parametric.round_walls import is_round
+from mitsuba_taxel.pads.parametric.velocities import DIMENSIONS, mesh_velocity
+
+PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
+every_case = pytest.mark.parametrize(("shape", "dimension"), [(s, d) for s in CELL_SHAPES for d in DIMENSIONS])
+
+
+@cache
+def mesh_of(shape):
+    return PADS[shape].mesh(4.0)
+
+
+def morphed(mesh, velocity, step):
+    return replace(mesh, points=mesh.points + step * velocity)
+
+
+def off_the_walls(pad, mesh):
+    """(B, 6) mm, how far each node of each face is from the region of the pad's surface that the face is of."""
+    points, half = mesh.points[mesh.faces], 0.5 * np.array(pad.extent)
+    within = points[..., :2] - np.array([(0.0, 0.0), *pad.cell_centres])[mesh.face_cell][:, None]
+    size = np.abs(within).max(axis=2) if pad.cell == "parallelepiped" else np.linalg.norm(within, axis=2)
+    to_roof = points[..., 2] - pad.top_of_cell
+    if pad.dome_radius:
+        to_roof = np.hypot(size, to_roof + pad.dome_radius) - pad.dome_radius
+    to_outer = np.min(np.abs(np.abs(points[..., :2]) - half[:2]).max(axis=1, keepdims=True), axis=2)
+    distances = {
+        "roof": to_roof,
+        "side": size - 0.5 * pad.cell_size,
+        "bottom": points[..., 2],
+        "top": points[..., 2] - pad.height,
+        "outer": to_outer,
+    }
+    return np.abs(sum(np.where(mesh.face_region[:, None] == REGIONS[name], d, 0.0) for name, d in distances.items()))
+
+
+def volume(pad):
+    radius, sphere = 0.5 * pad.cell_size, pad.dome_radius
+    cap = pad.top_of_cell - pad.side_height
+    base = pad.cell_size**2 if pad.cell == "parallelepiped" else math.pi * radius**2
+    cell = base * pad.side_height + math.pi * cap**2 * (sphere - cap / 3)
+    return math.prod(pad.extent) - pad.rows * pad.columns * cell
+
+
+@every_case
+def test_a_morphed_mesh_has_the_surface_of_the_changed_pad(shape, dimension):
+    pad, mesh = PADS[shape], mesh_of(shape)
+    velocity = mesh_velocity(pad, mesh, dimension)
+    step = 0.02
+    other = morphed(mesh, velocity, step)
+    changed = pad.changed(**{dimension: getattr(pad, dimension) + step})
+    assert off_the_walls(pad, mesh).max() < 1e-12
+    assert off_the_walls(changed, other).max() < 1e-10
+    assert worst_element(other)[0] > 0.5 * worst_element(mesh)[0]
+
+
+@every_case
+def test_the_rate_of_a_meshs_volume_is_that_of_the_pads(shape, dimension):
+    pad, mesh, step = PADS[shape], mesh_of(shape), 1e-3
+    velocity = mesh_velocity(pad, mesh, dimension)
+    found, expected = (
+        (volume_of(step) - volume_of(-step)) / (2 * step)
+        for volume_of in (
+            lambda change: curved_volume(morphed(mesh, velocity, change)),
+            lambda change: volume(pad.changed(**{dimension: getattr(pad, dimension) + change})),
+        )
+    )
+    exact = shape == "parallelepiped" or dimension in ("wall", "height")
+    assert found == pytest.approx(expected, rel=1e-8 if exact else 0.01)
+
+
+@pytest.mark.parametrize("shape", CELL_SHAPES)
+def test_middles_of_straight_edges_stay_there(shape):
+    pad, mesh = PADS[shape], mesh_of(shape)
+    curved = np.isin(mesh.face_region, [REGIONS[name] for name in ("roof", "side") if is_round(pad, name)])
+    free = np.setdiff1d(np.arange(mesh.corner_count, len(mesh.points)), mesh.faces[curved])
+    ends = edge_ends(mesh.tets)[free - mesh.corner_count]
+    velocity = mesh_velocity(pad, mesh, "cell_size")
+    np.testing.assert_allclose(velocity[free], velocity[ends].mean(axis=1), atol=1e-14)
+
+
+def test_a_height_of_cells_that_was_not_given_follows():
+    free, given = Pad("hemispheric"), Pad("hemispheric", cell_height=1.775)
+    assert free == given
+    assert free.changed(cell_size=2.0) == Pad("hemispheric", cell_size=2.0)
+    assert given.changed(cell_size=2.0) == Pad("hemispheric", cell_size=2.0, cell_height=1.775)
+    assert free.changed(wall=2.0).changed(cell_size=2.0).cell_height == 1.5
+    assert free.changed(cell_height=1.7).changed(cell_size=2.0).cell_height == 1.7
+
+
+def test_the_roof_of_such_a_cell_rises_with_its_size():
+    mesh = mesh_of("hemispheric")
+    highest = mesh.points[:, 2][np.unique(mesh.faces[mesh.face_region == REGIONS["roof"]])].max()
+    at_top = np.flatnonzero(mesh.points[:, 2] == highest)
+    pads = PADS["hemispheric"], Pad("hemispheric", rows=1, columns=2, cell_height=1.775)
+    follows, stays = (mesh_velocity(pad, mesh, "cell_size")[at_top, 2] for pad in pads)
+    np.testing.assert_allclose(follows, 0.5, atol=1e-12)
+    np.testing.assert_allclose(stays, 0.0, atol=1e-12)
+
+
+def test_a_dimension_at_its_limit_has_a_derivative():
+    pad, mesh = PADS["cylindrical"], mesh_of("cylindrical")
+    highest = pad.height - 0.01 * pad.cell_size
+    flattened = morphed(mesh, mesh_velocity(pad, mesh, "cell_height"), highest - pad.cell_height)
+    rates = mesh_velocity(pad.changed(cell_height=highest), flattened, "cell_height")
+    on_roof = np.unique(mesh.faces[mesh.face_region == REGIONS["roof"]])
+    np.testing.assert_allclose(rates[on_roof], np.tile([0.0, 0.0, 1.0], (len(on_roof), 1)), atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [("rows", "continuously"), ("cell", "continuously"), ("length", "cell_height"), (3, "cell_height")],
+)
+def test_what_has_no_derivative_is_refused(parameter, message):
+    with pytest.raises(InputError, match=message):
+        mesh_velocity(PADS["cylindrical"], mesh_of("cylindrical"), parameter)

@@ -1,0 +1,167 @@
+"""Derivatives of readings, against differences of the whole chain, and their readings against random paths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+from mitsuba_taxel.pads import mesh_velocity
+from mitsuba_taxel.sensing.derivatives import derivatives_by
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.transport.cell import Mesh
+from mitsuba_taxel.transport.patches import LATTICE
+
+FORCE = [0.05, 0.02, -0.8]
+LED = {"type": "annular_led", "power": 0.5}
+
+
+def pad_scene(wall=None, led=None, sensor=None, board=None, **pad):
+    """One cell on one photo-reflector."""
+    given = {"cell": "hemispheric", "rows": 1, "columns": 1, "mesh_size": 1.7, "force": FORCE, **pad}
+    if "load" in pad:
+        del given["force"]
+    roof = {"type": "wall", "scattering": "isotropic", "reflectance": 0.9, **(wall or {})}
+    parts = {"led": {**LED, **(led or {})}, "detector": {"type": "phototransistor", **(sensor or {})}}
+    scene = {
+        "type": "scene",
+        "pad": {"type": "deformable_pad", **given, "bsdf": {"type": "region", "roof": roof}},
+        "package": {"type": "photo_reflector", "spacing": 0.9, **parts},
+    }
+    return Scene(scene | ({} if board is None else {"board": board}))
+
+
+def derivatives(scene, *names):
+    return derivatives_by([rates(scene, name) for name in names], scene.load())
+
+
+@pytest.mark.parametrize("cell", ["hemispheric", "spherical", "cylindrical", "parallelepiped"])
+@pytest.mark.parametrize("scattering", ["isotropic", "lambertian"])
+def test_readings_without_random_numbers_are_those_of_random_paths(cell, scattering):
+    """Within 4 standard errors, and 1e-4 for the patches: a false alarm in 2000 runs."""
+    scene = pad_scene({"scattering": scattering}, cell=cell)
+    live = scene.load()
+    readings = measure(live, points=1024, mechanics_error=False)
+    (found,) = DiffuseCells(live).readings()
+    assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
+
+
+def test_readings_under_other_laws_of_the_ends():
+    mixed = {"scattering": "mixed", "specular": 0.0, "lambertian": 0.3, "isotropic": 0.7}
+    lobe, narrow = (
+        {"law": "cosine_power", "exponent": 8.0, "shape": "circular"},
+        {"response": "cosine_power", "exponent": 3.0},
+    )
+    live = pad_scene(mixed, lobe, narrow, cell="spherical").load()
+    readings = measure(live, points=1024, mechanics_error=False)
+    (found,) = DiffuseCells(live).readings()
+    assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
+
+
+STEPS = {"fz": 2e-3, "fx": 2e-3, "youngs_modulus": 0.01, "poisson_ratio": 1e-4, "spacing": 2e-3, "reflectance": 1e-3}
+
+
+def at(name, change):
+    """The scene with a parameter a little larger."""
+    force = np.array(FORCE)
+    given = {
+        "fz": {"force": (force + [0, 0, change]).tolist()},
+        "fx": {"force": (force + [change, 0, 0]).tolist()},
+        "youngs_modulus": {"youngs_modulus": 4.16 + change},
+        "poisson_ratio": {"poisson_ratio": 0.49 + change},
+        "reflectance": {"wall": {"reflectance": 0.9 + change}},
+    }
+    scene = pad_scene(**given.get(name, {}))
+    if name == "spacing":
+        scene.source["package"]["spacing"] += change
+    return scene
+
+
+@pytest.fixture(scope="module")
+def found():
+    scene = pad_scene()
+    return derivatives(scene, *STEPS, "annular_led.power", "cell_size", "height", "wall", "cell_height")
+
+
+def by(derivatives, name):
+    column = derivatives.parameters.index(name)
+    return derivatives.values[0, column], derivatives.standard_errors[0, column]
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_derivatives_are_differences_of_the_whole_chain(name, found):
+    step = STEPS[name]
+    ahead, behind = (DiffuseCells(at(name, sign * step).load()).readings()[0] for sign in (1, -1))
+    assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
+
+
+@pytest.mark.parametrize("name", ["cell_size", "height", "wall", "cell_height"])
+def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found):
+    cells = DiffuseCells(pad_scene().load())
+    state, pad = cells.pad.state, cells.pad.pad
+    velocity, step, readings = mesh_velocity(pad, state.mesh, name), 2e-3, []
+    for sign in (1, -1):
+        mesh = replace(state.mesh, points=state.mesh.points + sign * step * velocity)
+        loaded = LoadedPad(mesh, state.material, state.load)
+        solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), state.value)
+        changed = pad.changed(**{name: getattr(pad, name) + sign * step})
+        patches = WallPatches(mesh, changed, cells.cells[0].faces, LATTICE)
+        places = patches.rest + patches.carried(loaded.split(solution.unknowns)[0])
+        readings.append(cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading)
+    assert by(found, name)[0] == pytest.approx((readings[0] - readings[1]) / (2 * step), rel=3e-3)
+
+
+def test_the_reading_is_proportional_to_the_power(found):
+    value, _ = by(found, "annular_led.power")
+    assert value == pytest.approx(found.power[0] / 0.5, rel=1e-9)
+
+
+def test_every_derivative_has_an_error(found):
+    assert np.all(found.standard_errors > 0)
+    assert by(found, "fx")[1] < 0.05 * abs(by(found, "fx")[0])  # of a coarse mesh
+    assert by(found, "reflectance")[1] < 1e-3 * by(found, "reflectance")[0]
+    table = found.to_xarray()
+    assert table.value.sel(taxel=1, parameter="fz") == found.values[0, 0]
+    assert dict(zip(found.parameters, found.units, strict=True))["fz"] == "W/N"
+
+
+def test_taxels_that_symmetry_makes_equal_have_equal_derivatives():
+    scene = pad_scene(rows=2, force=[0.05, 0, -0.8])
+    scene.source["package"]["rows"] = 2
+    table = derivatives(scene, "fz", "fx", "youngs_modulus")
+    (one, other), (error, _) = table.values, table.standard_errors
+    assert np.all(abs(one - other) < 0.1 * error)
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "words"),
+    [
+        (lambda: pad_scene(), "hight", "it is no number of the scene"),
+        (lambda: pad_scene(), "rows", "it is no number of the scene"),
+        (lambda: pad_scene(), "power.led", "it is no number of the scene"),
+        (lambda: pad_scene(load="pressure", pressure=0.01), "fz", "it is no number of the scene"),
+        (lambda: Scene.from_file("pad.xml"), "cell", "it is not a number"),
+        (lambda: Scene.from_file("plate.xml"), "z", "0 deformable pads"),
+        (lambda: pad_scene({"scattering": "mirror"}), "fz", "a wall is a mirror"),
+        (lambda: pad_scene(led={"law": "uniform_polar_angle"}), "fz", "the LED's law is uniform_polar_angle"),
+        (
+            lambda: pad_scene(finish="grooves", groove_pitch=0.5, groove_depth=0.02, groove_direction=[0, 0, 1]),
+            "fz",
+            "finish",
+        ),
+        (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "fz", "sends light back"),
+    ],
+)
+def test_what_has_no_derivative_is_refused(scene, name, words):
+    with pytest.raises(InputError, match=words):
+        measure(scene(), points=16, derivatives=[name])
+
+
+def test_a_scene_that_is_loaded_has_no_parameters_left():
+    with pytest.raises(InputError, match="derivatives need the description of a scene"):
+        measure(pad_scene().load(), points=16, derivatives=["fz"])

@@ -1,0 +1,150 @@
+"""Light between diffuse walls, against closed forms and quadrature that know nothing of patches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.bench.sphere_light import Dome
+from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
+from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
+from mitsuba_taxel.transport.patches import LATTICE
+from mitsuba_taxel.transport.rules import rectangle_rule, square_annulus_rule
+
+UP = np.array([0.0, 0.0, 1.0])
+LAMBERTIAN, CONE = CosinePower(1 / math.pi, 1.0), uniform_cone(math.cos(math.radians(88)))
+
+
+def led(spacing, law, hole=0.0, points=3):
+    at, weights = square_annulus_rule(0.25, hole, points, points)
+    return End(np.column_stack([at - (spacing / 2, 0), np.zeros(len(at))]), weights / weights.sum(), UP, law)
+
+
+def phototransistor(spacing):
+    at, weights = rectangle_rule(0.52, 0.3, 8, 8)
+    return End(np.column_stack([at + (spacing / 2, 0), np.zeros(len(at))]), weights, UP, CosinePower(1.0, 0.0))
+
+
+def patches(corners):
+    """(F, 15, 3) flat patches with such corners (F, 3, 3)."""
+    return np.column_stack([1 - LATTICE.sum(axis=1), LATTICE]) @ corners
+
+
+def plate(side, height, count=4):
+    """A square plate that faces down, cut into triangles."""
+    lines = np.linspace(-side / 2, side / 2, count + 1)
+    corners = []
+    for x, y in np.ndindex(count, count):
+        a, b, c, d = ((lines[x + i], lines[y + j], height) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
+        corners += [(a, c, b), (a, d, c)]
+    return patches(np.array(corners))
+
+
+def dome(radius, rim, count=3):
+    """The cap of a sphere round the axis, wide 1.275 mm at the height ``rim``, as patches that face its middle."""
+    weights = np.column_stack([1 - LATTICE.sum(axis=1), LATTICE])
+    places = []
+    for triangle in hexagon(count):
+        disc = weights @ triangle
+        on_rim = np.flatnonzero(np.linalg.norm(triangle, axis=1) > 1 - 1e-9)
+        if len(on_rim) == 2:  # one side is an arc
+            one, other = weights[:, on_rim].T
+            share = np.divide(other, one + other, out=np.full_like(one, 0.5), where=one + other > 0)[:, None]
+            chord = triangle[on_rim[0]] + share * (triangle[on_rim[1]] - triangle[on_rim[0]])
+            bulge = chord / np.linalg.norm(chord, axis=1, keepdims=True) - chord
+            disc = disc + ((one + other) ** 2)[:, None] * bulge
+        polar = np.linalg.norm(disc, axis=1) * math.asin(1.275 / radius)
+        outwards = math.asin(1.275 / radius) * np.sinc(polar / math.pi)[:, None] * disc
+        middle = rim - math.sqrt(radius**2 - 1.275**2)
+        places.append(np.column_stack([radius * outwards, middle + radius * np.cos(polar)]))
+    return np.array(places)
+
+
+def hexagon(count):
+    """(F, 3, 2) triangles within the unit circle, whose rim they meet with corners only, clockwise."""
+    rings = [[np.zeros(2)]]
+    for ring in range(1, count + 1):
+        turn = 2 * math.pi * np.arange(6 * ring) / (6 * ring)
+        rings.append(list(ring / count * np.column_stack([np.cos(turn), np.sin(turn)])))
+    triangles = []
+    for ring in range(1, count + 1):
+        inner, outer = rings[ring - 1], rings[ring]
+        for k in range(6):
+            for i in range(ring):
+                a, b = outer[k * ring + i], outer[(k * ring + i + 1) % len(outer)]
+                c = inner[(k * (ring - 1) + i) % len(inner)]
+                triangles.append((a, c, b))
+                if i < ring - 1:
+                    triangles.append((b, c, inner[(k * (ring - 1) + i + 1) % len(inner)]))
+    return np.array(triangles)
+
+
+def cell(places, isotropic, spacing, law, rest=None, degree=2, hole=0.0, reflectance=1.0):
+    shares = [np.full(len(places), reflectance * share) for share in (isotropic, 1 - isotropic)]
+    mesh = Mesh(places if rest is None else rest, degree)
+    return Cell(mesh, Walls(places, *shares), led(spacing, law, hole), phototransistor(spacing))
+
+
+@pytest.mark.parametrize(
+    ("height", "law", "isotropic", "expected"),
+    [
+        (0.7, LAMBERTIAN, 0, 0.019702463),
+        (0.7, LAMBERTIAN, 1, 0.013124617),
+        (0.7, CONE, 0, 0.013598936),
+        (0.7, CONE, 1, 0.0092022309),
+        (1.05, CONE, 1, 0.0047395992),
+        (2.0, LAMBERTIAN, 0, 0.0034533907),
+        (2.0, CONE, 0, 0.0020717984),
+    ],
+)
+def test_a_plate_by_quadrature(height, law, isotropic, expected):
+    assert cell(plate(4.0, height, 9 if height < 1 else 6), isotropic, 0.7, law).reading == pytest.approx(
+        expected, rel=1e-4
+    )
+
+
+@pytest.mark.parametrize(("radius", "rim"), [(1.275, 0.0), (2.55, 0.3)])
+@pytest.mark.parametrize("isotropic", [0, 1])
+def test_a_dome_by_its_closed_form(radius, rim, isotropic):
+    expected = Dome(radius, rim, 0.9).diffuse_power("isotropic" if isotropic else "lambertian")
+    fine, coarse = (cell(dome(radius, rim), isotropic, 0.9, CONE, degree=degree).reading for degree in (2, 1))
+    assert fine == pytest.approx(expected, rel=1e-4)
+    assert coarse == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_closed_dome_catches_all_light_of_the_led():
+    power = cell(dome(1.275, 0.0), 1, 0.9, CONE).emitted
+    assert power.sum() == pytest.approx(1, abs=2e-5)
+
+
+def swaying(places):
+    x, y, z = np.moveaxis(places, -1, 0)
+    return np.stack([np.sin(1.3 * x + 0.3) * z, np.cos(y), 0.3 + x * y], axis=-1)
+
+
+@pytest.mark.parametrize(("law", "rim"), [(LAMBERTIAN, 0.05), (CONE, 0.0), (CosinePower(7 / (2 * math.pi), 6.0), 0.05)])
+@pytest.mark.parametrize("isotropic", [0.4, 1])
+def test_derivatives_by_places_are_those_of_differences(law, rim, isotropic):
+    places, step = dome(1.275, rim, 2), 1e-4
+    gradient = cell(places, isotropic, 0.9, law, hole=0.1, reflectance=0.8).gradient()
+    velocity = swaying(places)
+    ahead, behind = (
+        cell(places + sign * step * velocity, isotropic, 0.9, law, places, hole=0.1, reflectance=0.8).reading
+        for sign in (1, -1)
+    )
+    assert (gradient * velocity).sum() == pytest.approx((ahead - behind) / (2 * step), rel=2e-4)
+
+
+def test_changes_of_the_ends_to_first_order():
+    places = dome(1.275, 0.05, 2)
+    base = cell(places, 1, 0.9, CONE, reflectance=0.8)
+    still = np.ones(len(places))
+    for change in (1e-3, -1e-3):
+        moved = cell(places, 1, 0.9 + change, CONE, reflectance=0.8).reading - base.reading
+        found = base.change(led(0.9 + change, CONE), phototransistor(0.9 + change), still)
+        assert found == pytest.approx(moved, rel=5e-3)
+        brighter = cell(places, 1, 0.9, CONE, reflectance=0.8 * (1 + change)).reading - base.reading
+        found = base.change(led(0.9, CONE), phototransistor(0.9), (1 + change) * still)
+        assert found == pytest.approx(brighter, rel=5e-3)
