@@ -98,21 +98,26 @@ class Cell:
         return float(self._emission.power @ self.response)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where light goes from wall to wall, in samples: one of each patch that sends some to a point of a wall.
+        """Where light goes: from the LED, from wall to wall, and to the phototransistor, in samples.
 
         Returns
         -------
         sources, ends : (M, 2, 3) ndarray
-            Places in mm, and unit normals of the walls.
+            Places in mm, and unit normals there; from wall to wall one of each patch that gets light from a point.
         share : (M,) ndarray
             Of the reading that comes this way; what comes by several walls counts several times.
         """
         count, size = len(self._walls.places), len(self._at) // len(self._walls.places)
-        shares = self._adjoint[:, None] * self._exchange * self.response / self.reading
-        shares = shares.reshape(-1, count, size).sum(axis=2)
-        target, patch = np.nonzero(shares)
+        shares = self._adjoint[:, None] * self._exchange * self.response
+        target, patch = np.nonzero(between := shares.reshape(-1, count, size).sum(axis=2))
         walls = np.stack([self._at, self._normal], axis=1)
-        return walls[target], walls[patch * size + target % size], shares[target, patch]
+        led, phototransistor = (
+            np.broadcast_to(np.stack([end.points.mean(axis=0), end.normal]), walls.shape)
+            for end in (self._led, self._phototransistor)
+        )
+        sources, ends = (led, walls[target], walls), (walls, walls[patch * size + target % size], phototransistor)
+        into = self._emission.power * self.response, between[target, patch], self._adjoint * self._reception.value
+        return np.concatenate(sources), np.concatenate(ends), np.concatenate(into) / self.reading
 
     def _of_points(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         return points.places(self._walls.places), cross(*points.sides(self._walls.places))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel import ComputationError, InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
@@ -165,3 +165,10 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
 def test_a_scene_that_is_loaded_has_no_parameters_left():
     with pytest.raises(InputError, match="derivatives need the description of a scene"):
         measure(pad_scene().load(), points=16, derivatives=["fz"])
+
+
+def test_a_screen_over_the_led_is_refused(llvm_mono):
+    place = llvm_mono.ScalarTransform4f().translate([-0.45, 0, 0.7]).scale(0.2)
+    screen = {"type": "rectangle", "to_world": place, "bsdf": {"type": "wall", "scattering": "absorbing"}}
+    with pytest.raises(ComputationError, match="comes by ways that walls stand in"):
+        derivatives(pad_scene(cell="cylindrical", board=screen), "fz")
