@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.transport.ends import End
-from mitsuba_taxel.transport.patches import Points, cross
+from mitsuba_taxel.transport.patches import Points
 from mitsuba_taxel.transport.pieces import Pieces, cut_near, quartered
 from mitsuba_taxel.transport.rules import coefficients, gauss, monomials, triangle_rule
 
@@ -84,8 +84,8 @@ class _Rays:
 
     def __init__(self, led: End, lit: Lit, places: np.ndarray) -> None:
         self._led = led
-        self.area = cross(*lit.points.sides(places))
-        away = lit.points.places(places) - led.points[lit.source]
+        at, self.area = lit.points.placed(places)
+        away = at - led.points[lit.source]
         self.squared = (away**2).sum(axis=1)
         self.distance = np.sqrt(self.squared)
         self.direction = away / self.distance[:, None]

@@ -8,56 +8,104 @@ there with -(N . d) / (2 pi r^3), and by Lambert's law with (n . d) (-N . d) / (
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 
+import drjit as dr
 import numpy as np
+from drjit.llvm import Array3f64, Float64, UInt32
+
+_TURN = threading.Lock()
+"""Threads that make kernels take turns."""
 
 
 @dataclass(frozen=True, eq=False)
-class Exchange:
-    """What leaves points x and falls on a surface at points y, of N pairs.
+class Starts:
+    """Points of walls that send light on.
 
     Attributes
     ----------
-    value : (N,) ndarray
-        Per unit of power and of what the surface is integrated over.
-    by_start, by_normal, by_end, by_area : (3, N) ndarray or None
-        Its derivatives by x, n, y and N, where these are wanted.
+    at, normal : (S, 3) ndarray
+        Places in mm, and unit normals.
+    isotropic, lambertian : (S,) ndarray
+        Share of the light coming in that each scatters so.
     """
 
-    value: np.ndarray
-    by_start: np.ndarray | None = None
-    by_normal: np.ndarray | None = None
-    by_end: np.ndarray | None = None
-    by_area: np.ndarray | None = None
+    at: np.ndarray
+    normal: np.ndarray
+    isotropic: np.ndarray
+    lambertian: np.ndarray
 
 
-def exchange(
-    start: np.ndarray,
-    normal: np.ndarray,
-    end: np.ndarray,
-    area: np.ndarray,
-    isotropic: np.ndarray,
-    lambertian: np.ndarray,
-    with_slopes: bool,
-) -> Exchange:
-    """What walls that scatter so much isotropically and by Lambert's law, (N,) each, pass on; vectors are (3, N)."""
-    d = end - start
-    squared = _dot(d, d)
-    facing, leaving = -_dot(area, d), _dot(normal, d)
-    seen = (facing > 0) & (leaving > 0)
-    over = np.where(seen, 1 / np.maximum(squared, np.finfo(float).tiny), 0.0)
-    even = isotropic / (2 * math.pi) * over * np.sqrt(over)
-    cosine = lambertian / math.pi * over * over
-    per_facing = even + cosine * leaving
-    value = per_facing * facing
-    if not with_slopes:
-        return Exchange(value)
-    per_leaving = cosine * facing
-    radial = -(3 * even + 4 * cosine * leaving) * facing * over
-    by_end = radial * d - per_facing * area + per_leaving * normal
-    return Exchange(value, -by_end, per_leaving * d, by_end, -per_facing * d)
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of what falls on a surface, as components (N,): by its place (and, with the other sign, by the
+    start's), by its area normal, and by the unit normal at the start."""
+
+    by_end: list[np.ndarray]
+    by_area: list[np.ndarray]
+    by_normal: list[np.ndarray]
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+class Exchange:
+    """What leaves some points and falls on a surface at others.
+
+    Parameters
+    ----------
+    starts : Starts
+        S points.
+    at, area : (E, 3) ndarray
+        Points of the surface, and its area normals.
+    start, end : (N,) ndarray
+        Numbers of those that make a pair.
+    """
+
+    def __init__(self, starts: Starts, at: np.ndarray, area: np.ndarray, start: np.ndarray, end: np.ndarray) -> None:
+        self._starts, self._ends = starts, (at, area)
+        self._start, self._end = start, end
+
+    def values(self) -> np.ndarray:
+        """(N,) per unit of power and of what the surface is integrated over."""
+        with _TURN:
+            pair = self._pairs()
+            return np.array(pair.per_facing * pair.facing)
+
+    def slopes(self, given: np.ndarray) -> Slopes:
+        """Derivatives of the values, times ``given`` (N,)."""
+        with _TURN:
+            pair, factor = self._pairs(), Float64(given)
+            radial = -(3 * pair.even + 4 * pair.cosine * pair.leaving) * pair.facing * pair.over
+            per_leaving = pair.cosine * pair.facing
+            by_end = factor * (radial * pair.d - pair.per_facing * pair.area + per_leaving * pair.normal)
+            by_area, by_normal = -factor * pair.per_facing * pair.d, factor * per_leaving * pair.d
+            dr.eval(by_end, by_area, by_normal)
+            return Slopes(*([np.array(part) for part in each] for each in (by_end, by_area, by_normal)))
+
+    def _pairs(self) -> _Pairs:
+        start, end = UInt32(self._start), UInt32(self._end)
+        at, normal = (_gathered(each, start) for each in (self._starts.at, self._starts.normal))
+        even, lambertian = (
+            dr.gather(Float64, Float64(each), start) for each in (self._starts.isotropic, self._starts.lambertian)
+        )
+        there, area = (_gathered(each, end) for each in self._ends)
+        return _Pairs(there - at, normal, area, even, lambertian)
+
+
+class _Pairs:
+    """Vectors and factors of pairs, as they go into values and derivatives."""
+
+    def __init__(
+        self, d: Array3f64, normal: Array3f64, area: Array3f64, isotropic: Float64, lambertian: Float64
+    ) -> None:
+        self.d, self.normal, self.area = d, normal, area
+        squared = dr.dot(d, d)
+        self.facing, self.leaving = -dr.dot(area, d), dr.dot(normal, d)
+        seen = (self.facing > 0) & (self.leaving > 0)
+        self.over = dr.select(seen, 1 / squared, 0)
+        self.even = isotropic / (2 * math.pi) * self.over * dr.sqrt(self.over)
+        self.cosine = lambertian / math.pi * self.over * self.over
+        self.per_facing = self.even + self.cosine * self.leaving
+
+
+def _gathered(vectors: np.ndarray, numbers: UInt32) -> Array3f64:
+    return dr.gather(Array3f64, Array3f64(np.ascontiguousarray(vectors.T)), numbers)

@@ -26,7 +26,7 @@ class Pairs:
     Attributes
     ----------
     target, point : (N,) ndarray
-        Their numbers.
+        Their numbers; target by target.
     weight : (N,) ndarray
         Of the point in the integral over s and t.
     points : Points
@@ -79,10 +79,12 @@ def pairs_of(targets: np.ndarray, places: np.ndarray, own: np.ndarray, degree: i
     order = np.argsort(faces, kind="stable")
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
+    of_target = np.concatenate(target)
+    by_target = np.argsort(of_target, kind="stable")
     return Pairs(
-        np.concatenate(target),
-        number[np.concatenate(point)],
-        np.concatenate(weight),
+        of_target[by_target],
+        number[np.concatenate(point)[by_target]],
+        np.concatenate(weight)[by_target],
         Points(faces[order], np.concatenate(at)[order]),
         degree,
     )

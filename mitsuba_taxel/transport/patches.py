@@ -7,12 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.transport.rules import monomial_slopes, monomials
+from mitsuba_taxel.transport.rules import differentiated, monomials
 
 DEGREE = 4
 LATTICE = np.array([(i, j) for j in range(DEGREE + 1) for i in range(DEGREE + 1 - j)]) / DEGREE
 """(15, 2) where the places of a patch lie on it, as (s, t)."""
-_COEFFICIENTS = np.linalg.inv(monomials(LATTICE, DEGREE))
+_COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE))
+"""(3, 15, 15) from places to the polynomial through them, and its derivatives by s and t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,47 +41,39 @@ class Points:
         ]
 
     @cached_property
-    def _weights(self) -> np.ndarray:
-        """(P, 15) of the places of a patch in that of a point."""
-        return monomials(self.at, DEGREE) @ _COEFFICIENTS
+    def _monomials(self) -> np.ndarray:
+        """(15, P)"""
+        return monomials(self.at, DEGREE).T
 
-    @cached_property
-    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the weights by s and t."""
-        by_s, by_t = monomial_slopes(self.at, DEGREE)
-        return by_s @ _COEFFICIENTS, by_t @ _COEFFICIENTS
-
-    def _weighted(self, weights: np.ndarray, places: np.ndarray) -> np.ndarray:
-        result = np.empty((len(self.face), 3))
+    def _evaluated(self, places: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
+        """(K, P, 3) values of K polynomials (K, 15, 15) of the places of the patches."""
+        factors = np.einsum("kmc,fcx->fkxm", polynomials, places).reshape(len(places), -1, len(LATTICE))
+        result = np.empty((factors.shape[1], len(self.face)))
         for face, points in self._of_faces:
-            np.matmul(weights[points], places[face], out=result[points])
-        return result
+            np.matmul(factors[face], self._monomials[:, points], out=result[:, points])
+        return result.reshape(len(polynomials), 3, -1).transpose(0, 2, 1)
 
     def places(self, places: np.ndarray) -> np.ndarray:
         """(P, 3) on patches with ``places`` (F, 15, 3)."""
-        return self._weighted(self._weights, places)
+        return self._evaluated(places, _COEFFICIENTS[:1])[0]
 
-    def sides(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(P, 3) each, derivatives of a place by s and t."""
-        return self._weighted(self._slopes[0], places), self._weighted(self._slopes[1], places)
+    def placed(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3) each: places, and area normals, as long as the area for each unit of s and t."""
+        at, one, other = self._evaluated(places, _COEFFICIENTS)
+        return at, cross(one, other)
 
-    def gradient(self, places: np.ndarray, by_place: np.ndarray, by_normal: np.ndarray) -> np.ndarray:
+    def gradient(self, places: np.ndarray, by_place: np.ndarray, by_area: np.ndarray) -> np.ndarray:
         """(F, 15, 3) derivatives by the patches' places, of what has such derivatives (P, 3) by place and area normal
         of the points."""
-        one, other = self.sides(places)
-        parts = list(
-            zip((self._weights, *self._slopes), (by_place, cross(other, by_normal), cross(by_normal, one)), strict=True)
-        )
-        result = np.zeros((len(places), len(LATTICE), 3))
+        one, other = self._evaluated(places, _COEFFICIENTS[1:])
+        given = np.concatenate([by_place.T, cross(other, by_area).T, cross(by_area, one).T])
+        summed = np.zeros((len(places), len(given), len(LATTICE)))
         for face, points in self._of_faces:
-            result[face] = sum(weights[points].T @ values[points] for weights, values in parts)
-        return result
+            np.matmul(given[:, points], self._monomials[:, points].T, out=summed[face])
+        return np.einsum("kmc,fkxm->fcx", _COEFFICIENTS, summed.reshape(len(places), 3, 3, -1))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(P, 3) products of vectors; several times as fast as numpy's."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
-    product = np.empty_like(a)
-    for k, (p, q, r, s) in enumerate(((ay, bz, az, by), (az, bx, ax, bz), (ax, by, ay, bx))):
-        product[:, k] = p * q - r * s
-    return product
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]).T

@@ -32,7 +32,7 @@ def triangle_rule(degree: int) -> Rule:
 
 
 def monomials(points: np.ndarray, degree: int) -> np.ndarray:
-    """(Q, C) all products s^i t^j of at most that degree."""
+    """(Q, C) all products s^i t^j of at most that degree; those of a product lie one after the other."""
     table = np.ones((len(_exponents(degree)), len(points)))
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     s, t = np.ascontiguousarray(points.T)
@@ -44,17 +44,17 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
     return table.T
 
 
-def monomial_slopes(points: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """(Q, C) their derivatives by s and by t."""
-    lower = monomials(points, degree - 1).T
-    numbers = {exponents: number for number, exponents in enumerate(_exponents(degree - 1))}
-    by_s, by_t = np.zeros((2, len(_exponents(degree)), len(points)))
-    for number, (i, j) in enumerate(_exponents(degree)):
+@lru_cache
+def differentiated(degree: int) -> np.ndarray:
+    """(3, C, C) from a polynomial's coefficients to its own, and to those of its derivatives by s and by t."""
+    numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
+    result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
+    for (i, j), number in numbers.items():
         if i:
-            np.multiply(lower[numbers[i - 1, j]], i, out=by_s[number])
+            result[1, numbers[i - 1, j], number] = i
         if j:
-            np.multiply(lower[numbers[i, j - 1]], j, out=by_t[number])
-    return by_s.T, by_t.T
+            result[2, numbers[i, j - 1], number] = j
+    return result
 
 
 @lru_cache

@@ -29,7 +29,9 @@ def test_a_polynomial_is_found_again_from_its_values(degree):
 
 def test_slopes_of_monomials():
     at, step = np.array([[0.3, 0.2], [0.1, 0.7]]), 1e-6
-    for slopes, direction in zip(rules.monomial_slopes(at, 4), np.eye(2), strict=True):
+    own, *by = (rules.monomials(at, 4) @ each for each in rules.differentiated(4))
+    assert own == pytest.approx(rules.monomials(at, 4))
+    for slopes, direction in zip(by, np.eye(2), strict=True):
         ahead, behind = (rules.monomials(at + sign * step * direction, 4) for sign in (1, -1))
         assert slopes == pytest.approx((ahead - behind) / (2 * step), abs=1e-9)
 
