@@ -112,6 +112,13 @@ def is_row(value: object, of: Callable[[object], bool]) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and all(map(of, value))
 
 
+def names_of(name: str, value: object) -> tuple[str, ...]:
+    """A row of names; raises `InputError` if it is none."""
+    if not is_row(value, lambda one: isinstance(one, str)):
+        raise refusal(name, value, "a row of names of parameters is needed")
+    return tuple(value)  # type: ignore[arg-type]
+
+
 def check_flags(**flags: object) -> None:
     """Raise `InputError` unless all of these are True or False."""
     for name, flag in flags.items():

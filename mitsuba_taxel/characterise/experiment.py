@@ -4,12 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise.replicates import standard_error
+
+
+class Tangents(NamedTuple):
+    """Readings without noise at points of a branch, and their slopes by its force: cubic curves between the points.
+
+    ``value`` (points, channels), ``slope`` in W/N, and ``error``, one standard deviation of the slope.
+    """
+
+    value: np.ndarray
+    slope: np.ndarray
+    error: np.ndarray
+
+    def part(self, points: slice | tuple[int, ...] | np.ndarray) -> Tangents:
+        """At some of the points."""
+        return Tangents(*(each[points] for each in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +38,8 @@ class Branch:
     samples : (points, replicates, channels) ndarray
         The change of each channel's reading since the unloaded start in W or V. Replicate r of one branch belongs to
         replicate r of any other of the same experiment. With one replicate there are no errors.
+    tangents : Tangents, optional
+        Where derivatives by the force are known.
 
     Raises
     ------
@@ -32,6 +49,7 @@ class Branch:
 
     force: np.ndarray
     samples: np.ndarray
+    tangents: Tangents | None = None
 
     def __post_init__(self) -> None:
         if self.force.ndim != 1 or self.samples.ndim != 3 or len(self.samples) != len(self.force):
@@ -64,6 +82,10 @@ class Branch:
     def side(self) -> float:
         """Sign of the force at its largest magnitude."""
         return float(np.sign(self.force[np.abs(self.force).argmax()]))
+
+    def part(self, points: slice | np.ndarray) -> Branch:
+        """Some of its points."""
+        return Branch(self.force[points], self.samples[points], self.tangents and self.tangents.part(points))
 
     def at(self, force: np.ndarray) -> np.ndarray:
         """Samples (forces, replicates, channels) at forces within the branch, on straight lines between points."""
@@ -117,9 +139,7 @@ class Experiment:
     def branches(self) -> list[Branch]:
         """The runs, those that pass through zero parted there, in the order of loading."""
         parts = [part for run in self.runs for part in split_at_zero(run)]
-        return [
-            part if self.ordered or part.loading else Branch(part.force[::-1], part.samples[::-1]) for part in parts
-        ]
+        return [part if self.ordered or part.loading else part.part(slice(None, None, -1)) for part in parts]
 
     @property
     def largest_change(self) -> np.ndarray:
@@ -134,7 +154,7 @@ class Experiment:
 def split_at_zero(run: Branch) -> list[Branch]:
     """The branches of a run; those of fewer than two points are left out."""
     parts = parts_at_zero(run.force)
-    return [Branch(run.force[part], run.samples[part]) for part in parts if len(run.force[part]) > 1]
+    return [run.part(part) for part in parts if len(run.force[part]) > 1]
 
 
 def parts_at_zero(force: np.ndarray) -> list[slice]:
@@ -152,4 +172,4 @@ def parts_at_zero(force: np.ndarray) -> list[slice]:
 
 def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
     """The runs' change since a reading (replicates, channels)."""
-    return tuple(Branch(run.force, run.samples - start) for run in runs)
+    return tuple(replace(run, samples=run.samples - start) for run in runs)

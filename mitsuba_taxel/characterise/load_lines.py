@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.units import FORCES
-from mitsuba_taxel.characterise.experiment import Branch, Experiment, parts_at_zero, since
+from mitsuba_taxel.characterise.experiment import Branch, Experiment, Tangents, parts_at_zero, since
 
 SAME_DIRECTION = 1e-4
 """One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, the forces being rounded."""
@@ -70,11 +70,30 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     power = study.replicate_power.isel({line.dim: line.positions})
     others = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
     power = power.transpose(*others, line.dim, "replicate", "taxel")
+    tangents = _tangents(study, line, others)
     for index in np.ndindex(power.shape[: len(others)]):
         where = {str(dim): _plain(study, dim, number) for dim, number in zip(others, index, strict=True)}
         samples = power.values[index]
         there = np.isfinite(samples).all(axis=(1, 2))
-        yield where, Branch(line.force[there], samples[there])
+        along = None if tangents is None else tangents.part(index).part(there)
+        known = along is not None and np.isfinite(along.slope).all()
+        yield where, Branch(line.force[there], samples[there], along if known else None)
+
+
+def _tangents(study: xr.Dataset, line: LoadLine, others: list[Any]) -> Tangents | None:
+    """Slopes along a line (others, points, taxels), None where the study has no derivatives by all of its forces."""
+    parts = {name: share for name, share in zip(FORCES, line.direction.tolist(), strict=True) if share}
+    if "derivative" not in study or not set(parts) <= set(study.parameter.values.tolist()):
+        return None
+    shares = xr.DataArray(list(parts.values()), dims="parameter", coords={"parameter": list(parts)})
+    by_force = study[["derivative", "derivative_error"]].sel(parameter=list(parts))
+    # Errors of the components, which all come from the same elements, are taken as fully correlated.
+    slope = (by_force.derivative * shares).sum("parameter", skipna=False)
+    error = (by_force.derivative_error * abs(shares)).sum("parameter", skipna=False)
+    order = [*others, line.dim, "taxel"]
+    return Tangents(
+        *(each.isel({line.dim: line.positions}).transpose(*order).values for each in (study.smooth_power, slope, error))
+    )
 
 
 def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:

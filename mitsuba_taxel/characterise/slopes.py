@@ -6,12 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.experiment import Branch, Tangents
 from mitsuba_taxel.characterise.replicates import at_largest, standard_error
+
+PLACES = 1001
+"""Of a run, evenly spread, where curves are looked at for their largest slope."""
 
 
 class Slopes(NamedTuple):
     """Slopes (channels,) in W/N or V/N with their standard errors; not a number where the run has none.
+
+    Where the run has tangents these are slopes of the cubic curves through values and slopes, with the errors of the
+    slopes. Else they are differences of readings:
 
     ``max_slope`` : between those neighbouring points where it is largest in magnitude, which the literature on this
     kind of sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle
@@ -36,10 +42,13 @@ class Slopes(NamedTuple):
 
 
 def slopes(run: Branch) -> Slopes:
-    """All slopes of a run, each formed replicate by replicate, so that noise which readings share drops out."""
+    """All slopes of a run: those of its tangents, or formed of readings replicate by replicate, so that noise which
+    these share drops out."""
     channels = run.samples.shape[2]
     if len(run.force) < 2:
         return Slopes(*np.full((len(Slopes._fields), channels), np.nan))
+    if run.tangents is not None:
+        return _of_tangents(run.force, run.tangents)
     steps = np.diff(run.samples, axis=0) / np.diff(run.force)[:, None, None]
     steepest = at_largest(steps)
     mean = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
@@ -54,6 +63,34 @@ def slopes(run: Branch) -> Slopes:
         zero.mean(axis=0),
         standard_error(zero),
     )
+
+
+def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
+    from scipy.interpolate import CubicHermiteSpline
+
+    order = np.argsort(force)
+    x, (value, slope, error) = force[order], tangents.part(order)
+    curve, channels = CubicHermiteSpline(x, value, slope).derivative(), np.arange(slope.shape[1])
+    places = np.union1d(np.linspace(x[0], x[-1], PLACES), x)
+    rates = curve(places)
+    most = np.abs(rates).argmax(axis=0)
+    errors = _between(places, x, error)
+    length = x[-1] - x[0]
+    zero = np.array([0.0 if max(x[0], -x[-1], 0.0) <= np.diff(x).min() else np.nan])
+    return Slopes(
+        rates[most, channels],
+        errors[most, channels],
+        places[most],
+        (value[-1] - value[0]) / length,
+        np.trapezoid(error, x, axis=0) / length,
+        curve(zero)[0],
+        _between(zero, x, error)[0],
+    )
+
+
+def _between(places: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(places, channels) on straight lines through values (x, channels), and level beyond them."""
+    return np.stack([np.interp(places, x, column) for column in values.T], axis=1)
 
 
 def _at_zero(run: Branch) -> tuple[np.ndarray, np.ndarray]:

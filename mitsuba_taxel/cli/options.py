@@ -87,6 +87,13 @@ seed_option = click.option(
     show_default=True,
     help="Seed of the randomisations.",
 )
+derivatives_option = click.option(
+    "--derivatives",
+    default="",
+    metavar="NAME,...",
+    callback=lambda ctx, param, names: [name.strip() for name in names.split(",") if name.strip()],
+    help="Also differentiate by parameters: fz,youngs_modulus,cell_size,spacing.",
+)
 points_option = click.option(
     "--points",
     type=click.IntRange(min=1),

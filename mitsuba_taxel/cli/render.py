@@ -10,6 +10,7 @@ import click
 from .options import (
     debug_option,
     defines_option,
+    derivatives_option,
     json_option,
     points_option,
     seed_option,
@@ -29,9 +30,7 @@ from .options import (
 @click.option("--audit", is_flag=True, help="Also account for the light: absorbed where, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @click.option("--explain", is_flag=True, help="Also say what this scene did not need, and was left out.")
-@click.option(
-    "--derivatives", metavar="NAME,...", help="Also differentiate by parameters: fz,youngs_modulus,cell_size,spacing."
-)
+@derivatives_option
 @json_option
 @debug_option
 def command(
@@ -45,7 +44,7 @@ def command(
     audit: bool,
     crosstalk: bool,
     explain: bool,
-    derivatives: str | None,
+    derivatives: list[str],
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
@@ -67,7 +66,7 @@ def command(
             time_budget=time_budget,
             seed=seed,
             irradiance=output is not None,
-            derivatives=[name.strip() for name in (derivatives or "").split(",") if name.strip()],
+            derivatives=derivatives,
         )
     matrix = book = lines = None
     if crosstalk:

@@ -11,6 +11,7 @@ from .options import (
     assignments,
     debug_option,
     defines_option,
+    derivatives_option,
     folder_option,
     json_option,
     points_option,
@@ -19,7 +20,9 @@ from .options import (
     time_budget_option,
 )
 
-OF_A_SCENE = ("vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps")
+OF_A_SCENE = (
+    "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives"
+)  # fmt: skip
 MOST_FAILURES_SHOWN = 10
 
 
@@ -27,7 +30,8 @@ MOST_FAILURES_SHOWN = 10
 @click.argument("source", metavar="SCENE|STUDY.toml")
 @click.option(
     "--vary", multiple=True, metavar="NAME=VALUES", callback=assignments,
-    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several make a product.",
+    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several make a product. "
+    "A force may do without the step: fz=0:-20.",
 )  # fmt: skip
 @click.option(
     "--together", multiple=True, metavar="NAME=VALUES", callback=assignments,
@@ -51,6 +55,7 @@ MOST_FAILURES_SHOWN = 10
 )
 @click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
+@derivatives_option
 @click.option("--parquet", is_flag=True, help="Also write readings.parquet.")
 @json_option
 @debug_option
@@ -71,6 +76,7 @@ def command(
     scheduler: str | None,
     retry_failed: bool,
     maps: bool,
+    derivatives: list[str],
     parquet: bool,
     as_json: bool,
 ) -> None:
@@ -101,6 +107,7 @@ def command(
                 "time_budget": time_budget,
                 "seed": seed,
                 "maps": maps,
+                "derivatives": derivatives,
             }
             rows = {**together, **(columns_of(steps) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)

@@ -7,9 +7,10 @@ what walls send back: dP = dP/dx . dx + dP/d(ends).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,15 +18,15 @@ from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ERROR_SHARE
-from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
 from mitsuba_taxel.sensing.scene_rates import Rates
 from mitsuba_taxel.transport.cell import Cell, Mesh
 
 if TYPE_CHECKING:
-    import xarray
-
+    from mitsuba_taxel.mechanics import LinearisedState
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 FINE, COARSE = 2, 1
@@ -35,92 +36,45 @@ LIGHT_SHARE = 0.25
 SMALL = 1e-4
 """Displacement, relative to the pad's size, of the state that tells how wrong rates are of a pad at rest."""
 TINY = np.finfo(float).tiny
+PARALLEL = 1e-8
+"""One minus the cosine up to which two changes of a load count as one."""
 MOST_HIDDEN = 1e-3
 """Share of a reading by ways that something stands in, which derivatives do not follow."""
 
 
-@dataclass(frozen=True, eq=False)
-class Derivatives:
-    """Derivatives of the readings of all taxels.
-
-    Attributes
-    ----------
-    parameters : tuple[str, ...]
-        Names, in the order of the columns.
-    units : tuple[str, ...]
-        Such as W/N.
-    values : (T, P) ndarray
-    standard_errors : (T, P) ndarray
-        What values are off by for patches of finite size, finite elements, and light that is blocked on its way, as one
-        standard deviation.
-    power : (T,) ndarray
-        Readings without random numbers, in W.
-    """
-
-    parameters: tuple[str, ...]
-    units: tuple[str, ...]
-    values: np.ndarray
-    standard_errors: np.ndarray
-    power: np.ndarray
-
-    @property
-    def taxel(self) -> np.ndarray:
-        """(T,) numbers of the taxels, from 1."""
-        return np.arange(1, len(self.values) + 1)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """``value``, ``standard_error`` and ``unit`` by ``taxel`` and ``parameter``."""
-        import xarray
-
-        dims = ("taxel", "parameter")
-        return xarray.Dataset(
-            {"value": (dims, self.values), "standard_error": (dims, self.standard_errors)},
-            {"taxel": self.taxel, "parameter": list(self.parameters), "unit": ("parameter", list(self.units))},
-        )
-
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """One derivative each: taxel, parameter, value, standard_error, unit."""
-        for parameter, unit, values, errors in zip(
-            self.parameters, self.units, self.values.T, self.standard_errors.T, strict=True
-        ):
-            for taxel, value, error in zip(self.taxel.tolist(), values.tolist(), errors.tolist(), strict=True):
-                yield {
-                    "taxel": taxel,
-                    "parameter": parameter,
-                    "value": value,
-                    "standard_error": error,
-                    "unit": unit,
-                }
-
-
-def derivatives_by(changes: list[Rates], live: Any) -> Derivatives:
+def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True) -> Derivatives:
     """Derivatives of the readings of a scene that is loaded, by the parameters whose :func:`rates` are given.
+
+    Without errors, which take most of the time, these are not a number.
 
     Raises
     ------
     InputError
-        if the scene has no derivative by one of them, or its light is not followed without random numbers, as that by
-        way of mirrors.
+        if the scene has no derivative by one of them; `NotDiffuse` if its light is not followed without random numbers,
+        as that by way of mirrors.
     ComputationError
         if there is no state of balance near by, or too much light is blocked on its way.
     """
     try:
         with stages.stage("derivatives"):
-            return _Linearised(DiffuseCells(live)).by(changes)
+            return _Linearised(DiffuseCells(live), with_errors).by(changes)
     except NotDiffuse as reason:
-        raise InputError(f"derivatives are not available: {reason}.") from reason
+        raise NotDiffuse(f"derivatives are not available: {reason}.") from reason
 
 
 class _Linearised:
     """A scene of diffuse cells, and how its readings change with the places of its walls."""
 
-    def __init__(self, cells: DiffuseCells) -> None:
-        from mitsuba_taxel.mechanics import linearise
-
-        self.cells = cells
+    def __init__(self, cells: DiffuseCells, with_errors: bool) -> None:
+        self.cells, self.with_errors = cells, with_errors
         self.state = cells.pad.state
         self.patches = [cells.patches(number) for number in range(len(cells.cells))]
-        self._linear = linearise(self.state)
+
+    @cached_property
+    def _linear(self) -> LinearisedState:
+        from mitsuba_taxel.mechanics import linearise
+
+        return linearise(self.state)
 
     def by(self, changes: list[Rates]) -> Derivatives:
         nodal = [self._nodal(change) for change in changes]
@@ -149,27 +103,34 @@ class _Linearised:
     def _nodal(self, change: Rates) -> _Nodal:
         from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
-        pad, linear, displacement = self.cells.pad, self._linear, np.zeros_like(self.state.displacement)
+        pad, displacement = self.cells.pad, np.zeros_like(self.state.displacement)
         moved = [
             (name, rate, mesh_velocity(replace(pad.pad), self.state.mesh, name)) for name, rate in change.pad.items()
         ]
         if change.load.any():
-            displacement += linear.by_value(change.load)
+            displacement += self._by_load(change.load)
         if not any(pad.value):  # nothing else displaces a pad at rest
             return _Nodal(displacement, moved, self._deviations_at_rest(change.load, displacement))
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
-            softer += rate * linear.by_material(name)
+            softer += rate * self._linear.by_material(name)
         displacement += softer
         for _, rate, velocity in moved:
-            displacement += rate * linear.by_shape(velocity)
+            displacement += rate * self._linear.by_shape(velocity)
         return _Nodal(displacement, moved, self._deviations_along(displacement, change.load, softer))
+
+    def _by_load(self, load: np.ndarray) -> np.ndarray:
+        """(N, 3) displacement for a change of the load, to first order; along the path it is known already."""
+        ahead = self.state.path_rate()
+        if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
+            return (load @ ahead.direction) * ahead.displacement
+        return self._linear.by_value(load)
 
     def _deviations_along(self, rate: np.ndarray, load: np.ndarray, softer: np.ndarray) -> np.ndarray | None:
         """(2, N, 3), what coarser elements would change of a rate: the share that they change of what goes along the
         displacement, and the rest of what they change, as far as a load goes along that of the state, or what the
         material does goes along its displacement."""
-        if self.state.deviations is None:
+        if not self.with_errors or self.state.deviations is None:
             return None
         along, rest = self.state.deviations
         value, displacement = np.array(self.cells.pad.value), self.state.displacement
@@ -185,6 +146,8 @@ class _Linearised:
         """(2, N, 3) likewise, from a state under a small load."""
         if not load.any():
             return np.zeros((1, *rate.shape))
+        if not self.with_errors:
+            return None
         size = SMALL * np.ptp(self.state.mesh.points) / np.abs(rate).max()
         (state,) = self.cells.pad.states([size * load])
         return None if state.deviations is None else state.deviations / size
@@ -221,12 +184,15 @@ class _OfCell:
         self._velocities = [self._velocity(each) for each in nodal]
         self._others = others
         self.fine = self._solved(FINE, self._at)
+        self.values = self._derivatives(self.fine, self.fine.gradient())
+        self.errors = self._errors() if whole.with_errors else np.full_like(self.values, np.nan)
+
+    def _errors(self) -> np.ndarray:
         cell = self._solved(COARSE, self._at)
         gradient = cell.gradient()
-        self.values = self._derivatives(self.fine, self.fine.gradient())
         coarse = self._derivatives(cell, gradient)
         light = LIGHT_SHARE * np.abs(self.values - coarse)
-        self.errors = np.hypot(light, ERROR_SHARE * self._mechanics(gradient, coarse))
+        return np.hypot(light, ERROR_SHARE * self._mechanics(gradient, coarse))
 
     def _solved(self, degree: int, places: np.ndarray) -> Cell:
         return self._whole.cells.solved(self._number, self._meshes[degree], places)

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, refusal, require
+from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, names_of, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
@@ -36,7 +36,7 @@ from mitsuba_taxel.sensing.targets import (
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.sensing.derivatives import Derivatives
+    from mitsuba_taxel.sensing.derivative_values import Derivatives
     from mitsuba_taxel.sensing.scene_rates import Rates
 
 LIGHT_ERROR = 0.005
@@ -148,16 +148,15 @@ def measured(
 
 def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
     """How the scene changes with some of its parameters."""
-    if not is_row(names, lambda name: isinstance(name, str)):
-        raise refusal("derivatives", names, "a row of names of parameters is needed")
-    if not len(names):
+    wanted = names_of("derivatives", names)
+    if not wanted:
         return []
     from mitsuba_taxel.sensing.scene_rates import rates  # a reading without derivatives does without
 
     scene = described(scene)
     if not isinstance(scene, Scene):
         raise InputError("derivatives need the description of a scene: a Scene, a path or a name.")
-    return [rates(scene, name) for name in names]
+    return [rates(scene, name) for name in wanted]
 
 
 def _derivatives(changes: list[Rates], live: Any, seconds: dict[str, float]) -> Derivatives:

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.display import Displayed
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
-    from mitsuba_taxel.sensing.derivatives import Derivatives
+    from mitsuba_taxel.sensing.derivative_values import Derivatives
 
 
 def standard_error(replicates: np.ndarray) -> np.ndarray:

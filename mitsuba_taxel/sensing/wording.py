@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mitsuba_taxel.sensing import Readings
-    from mitsuba_taxel.sensing.derivatives import Derivatives
+    from mitsuba_taxel.sensing.derivative_values import Derivatives
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:

@@ -100,3 +100,21 @@ def test_what_facets_change_is_in_the_error_of_a_slope():
     for name in ("max_slope", "mean_slope", "zero_slope"):
         assert found[f"{name}_error"].item() == pytest.approx(share.mean() * 4e-5)
         assert found[name].item() == pytest.approx(-4e-5)
+
+
+def test_slopes_along_a_diagonal_are_sums_of_derivatives():
+    """Along (0.6, 0, -0.8), with derivatives 3 and -2 by fx and fz: 0.6 x 3 + 0.8 x 2."""
+    way = np.linspace(0, 10, 5)
+    derivative = np.broadcast_to([3.0, -2.0], (5, 1, 2))
+    study = study_of(np.random.default_rng(4).normal(size=(5, 8, 1)), ["step", "replicate", "taxel"], taxel=[1])
+    study = study.assign_coords(fx=("step", 0.6 * way), fz=("step", -0.8 * way), parameter=["fx", "fz"]).assign(
+        smooth_power=(["step", "taxel"], 3.4 * way[:, None]),
+        derivative=(["step", "taxel", "parameter"], derivative),
+        derivative_error=(["step", "taxel", "parameter"], 0.01 * np.abs(derivative)),
+    )
+    found = sensitivity(study, "step").squeeze()
+    for name in ("max_slope", "mean_slope", "zero_slope"):
+        assert float(found[name]) == pytest.approx(3.4), name
+        assert float(found[f"{name}_error"]) == pytest.approx(0.034), name
+    by_one = study.sel(parameter=["fx"])  # not enough: slopes are differences of readings
+    assert abs(float(sensitivity(by_one, "step").mean_slope.squeeze()) - 3.4) > 1

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.characterise import slopes
+from mitsuba_taxel.characterise import Branch, slopes
+from mitsuba_taxel.characterise.experiment import Tangents
 
 STEPS = np.linspace(0, -20, 41)
 CURVES = {
@@ -105,3 +106,33 @@ def test_results_with_few_replicates(branch):
     assert np.isnan(slopes(branch(curve, STEPS, 1e-6, replicates=1)).max_slope_error[0])
     for count in (2, 3, 4):
         assert slopes(branch(curve, STEPS, 1e-6, replicates=count)).max_slope_error[0] > 0
+
+
+def tangents(curve, rate, force, error=1e-7):
+    """A branch whose readings are noise, and whose slopes are known."""
+    force = np.asarray(force, dtype=float)
+    value, slope = curve(force)[:, None], rate(force)[:, None]
+    noise = np.random.default_rng(0).normal(size=(len(force), 8, 1))
+    return Branch(force, noise, Tangents(value, slope, error * (1 + np.abs(force))[:, None]))
+
+
+@pytest.mark.parametrize("force", [[0, -3, -4, -9], [-9, -4, 0], [-6, -2, 1, 3]])
+def test_slopes_of_tangents_are_exact_for_a_cubic(force):
+    """v = 2 f - 0.3 f^2 - 0.05 f^3: its slope has its extremum, 2.6, at -2, and grows without bound beyond."""
+    found = slopes(tangents(lambda f: 2 * f - 0.3 * f**2 - 0.05 * f**3, lambda f: 2 - 0.6 * f - 0.15 * f**2, force))
+    rates = np.append(2 - 0.6 * np.array([force[0], force[-1]]) - 0.15 * np.square([force[0], force[-1]]), 2.6)
+    assert found.max_slope[0] == pytest.approx(rates[np.abs(rates).argmax()], rel=1e-6)
+    assert found.zero_slope[0] == pytest.approx(2) and 1e-7 <= found.zero_slope_error[0] < 2.4e-7
+    ends = np.polyval([-0.05, -0.3, 2, 0], [force[0], force[-1]])
+    assert found.mean_slope[0] == pytest.approx(np.diff(ends)[0] / (force[-1] - force[0]))
+
+
+def test_the_error_of_a_slope_is_that_of_the_tangents_there():
+    found = slopes(tangents(np.square, lambda f: 2 * f, [0, -2, -4]))
+    assert found.max_slope_at[0] == -4 and found.max_slope_error[0] == pytest.approx(5e-7)
+    assert found.mean_slope_error[0] == pytest.approx(3e-7)  # of one sign: errors of neighbours are not independent
+
+
+def test_slope_at_zero_of_tangents_needs_points_near_it():
+    assert slopes(tangents(np.square, lambda f: 2 * f, [-1, -2, -4])).zero_slope[0] == pytest.approx(0, abs=1e-9)
+    assert np.isnan(slopes(tangents(np.square, lambda f: 2 * f, [-3, -4, -5])).zero_slope[0])

@@ -46,3 +46,16 @@ def test_json_and_table_say_the_same(taxel):
 def test_what_has_no_derivative_is_refused_in_one_line(words, said, taxel):
     done = taxel("render", "pad.xml", "--points", 16, *words)
     assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_sweep_takes_its_slopes_from_derivatives(taxel, tmp_path):
+    words = "sweep", "pad.xml", "--vary", "fz=0:-0.5:-0.5", "--points", 16, "--derivatives", "fz,spacing", "-o", "out"
+    done = taxel(*words, "--json")
+    (row,) = json.loads(done.stdout)["sensitivity"]
+    from mitsuba_taxel import open_study
+
+    study = open_study(tmp_path / "out").squeeze("taxel")
+    at = study.derivative.sel(parameter="fz")
+    assert row["zero_slope_W_per_N"] == pytest.approx(float(at.sel(fz=0)))
+    assert abs(row["max_slope_W_per_N"]) >= float(abs(at).max()) and row["max_slope_error_W_per_N"] > 0
+    assert study.derivative_unit.values.tolist() == ["W/N", "W/mm"]

@@ -33,3 +33,26 @@ def test_plot(tmp_path, varied, curve, taxels):
     plot_curves(study, tmp_path / "plot.png")
     with Image.open(tmp_path / "plot.png") as image:
         assert image.width > 600 and image.height > 300 and len(image.getcolors(1 << 20)) > 10
+
+
+def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
+    """A cubic is drawn as what it is, from its ends alone."""
+    force, taxel = np.array([-4.0, 0.0]), [1, 2]
+    value, rate = np.polyval([0.1, 1, 0, 5], force), np.polyval([0.3, 2, 0], force)
+    both = {"fz": force, "taxel": taxel}
+    study = xr.Dataset(
+        {
+            "replicate_power": (["fz", "replicate", "taxel"], np.random.default_rng(0).normal(size=(2, 4, 2))),
+            "total_error": (["fz", "taxel"], np.full((2, 2), 0.05)),
+            "smooth_power": (["fz", "taxel"], np.stack([value, 2 * value], axis=1)),
+            "derivative": (["fz", "taxel", "parameter"], np.stack([rate, 2 * rate], axis=1)[:, :, None]),
+        },
+        coords={**both, "parameter": ["fz"]},
+        attrs={"curve": "fz", "scene": "scene.xml"},
+    )
+    drawn = []
+    monkeypatch.setattr("matplotlib.axes.Axes.plot", lambda ax, x, y, **style: drawn.append((x, y)))
+    plot_curves(study, tmp_path / "plot.png")
+    assert len(drawn) == 4  # and how both differ from their mean
+    for (x, y), factor in zip(drawn, (1, 2, -0.5, 0.5), strict=True):
+        np.testing.assert_allclose(y, factor * np.polyval([0.1, 1, 0, 5], x))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.arguments import is_number, table_of
+from mitsuba_taxel.base.arguments import is_number, names_of, table_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
@@ -23,7 +23,7 @@ except ModuleNotFoundError:  # Python 3.10
 
 TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
-RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps")
+RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives")
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
@@ -48,6 +48,8 @@ class Batch:
         As for ``sweep``; all scenes share them.
     maps : bool
         Whether irradiance maps are stored as well.
+    derivatives : tuple[str, ...]
+        Parameters to differentiate the readings by.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Batch:
     mesh_size: float | None
     seed: int
     maps: bool = False
+    derivatives: tuple[str, ...] = ()
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -78,6 +81,7 @@ class Batch:
             "seed": self.seed,
             **{name: value for name, value in chosen.items() if value is not None},
             **({"maps": True} if self.maps else {}),
+            **({"derivatives": list(self.derivatives)} if self.derivatives else {}),
             **{name: table for name, table in tables.items() if table},
         }
 
@@ -94,6 +98,7 @@ def make_batch(
     mesh_size: float | None = None,
     seed: int = 0,
     maps: bool = False,
+    derivatives: Sequence[str] = (),
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
@@ -121,7 +126,8 @@ def make_batch(
         raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
     if not isinstance(maps, bool):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
-    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps)
+    by = names_of("derivatives", derivatives)
+    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps, by)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 

@@ -32,10 +32,13 @@ class Axis(NamedTuple):
         Its name: that of its one parameter, or ``step``.
     values : dict[str, list[str]]
         By parameter, one word for each place along the dimension.
+    is_open : bool
+        Whether these are the ends of a range whose steps are still to be chosen.
     """
 
     dim: str
     values: dict[str, list[str]]
+    is_open: bool = False
 
     @property
     def size(self) -> int:
@@ -66,7 +69,7 @@ def make_axes(
     """
     vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
     rows = {name: parse_values(name, values, folder) for name, values in together.items()}
-    axes = [Axis(name, {name: _distinct(name, parse_values(name, values, folder))}) for name, values in vary.items()]
+    axes = [_axis(name, values, folder) for name, values in vary.items()]
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
@@ -84,6 +87,17 @@ def make_axes(
     if count > MOST_JOBS:
         raise InputError(f"the study holds {count} scenes: at most {MOST_JOBS} are allowed.")
     return tuple(axes)
+
+
+def _axis(name: str, values: str | Iterable[object], folder: Path) -> Axis:
+    """The dimension of one parameter; a force may have a range ``start:stop`` without a step."""
+    if not (isinstance(values, str) and name in FORCES and values.count(":") == 1 and not values.startswith("@")):
+        return Axis(name, {name: _distinct(name, parse_values(name, values, folder))})
+    start, _, stop = values.partition(":")
+    ends = [start.strip(), stop.strip()]
+    if as_numbers(ends) is None or float(start) == float(stop):
+        raise InputError(f"{name} = {values!r} is no range: start:stop, two numbers that differ, is needed.")
+    return Axis(name, {name: ends}, is_open=True)
 
 
 def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
@@ -152,7 +166,9 @@ def _range(name: str, text: str) -> list[str]:
     try:
         start, stop, step = (Decimal(part) for part in text.split(":"))
     except (ValueError, InvalidOperation):
-        raise InputError(f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed.") from None
+        raise InputError(
+            f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed (of fx, fy or fz, start:stop)."
+        ) from None
     if not all(map(_is_in_range, (start, stop, step))):
         raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
     if step == 0:

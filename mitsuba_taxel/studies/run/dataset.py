@@ -12,6 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.readings import (
     describe_mechanics,
     error_budget,
@@ -76,6 +77,7 @@ def assemble(
             **_responsivity(first),
             **_mechanics(dims, deviation, results),
             **_geometry(dims, geometry),
+            **_of_derivatives(dims, results, shape, curve_dimension(axes)),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -84,6 +86,7 @@ def assemble(
             **_coordinates(axes, about.get("units", {})),
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
+            **_parameters(results),
         },
         attrs={
             "scene": about["scene"],
@@ -205,6 +208,39 @@ def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, K
         "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
         "slope_error": (dims, slope, {"units": "degrees", "long_name": about.format("slope")}),
     }
+
+
+def _of_derivatives(
+    dims: list[str], results: Mapping[Place, Kept], shape: tuple[int, ...], curve: str
+) -> dict[str, Any]:
+    """Derivatives and the readings that they belong to; errors on straight lines between those known on a curve."""
+    found = _derivatives(results)
+    if not found:
+        return {}
+    one = next(iter(found.values()))
+    power = np.full((*shape, len(one.power)), math.nan)
+    values, errors = np.full((2, *shape, *one.values.shape), math.nan)
+    for place, each in found.items():
+        power[place], values[place], errors[place] = each.power, each.values, each.standard_errors
+    about = {"units": "W", "long_name": "optical power, without random numbers"}
+    error = xr.DataArray(errors, dims=[*dims, "taxel", "parameter"], attrs={"long_name": "1 sigma of derivative"})
+    return {
+        "smooth_power": ([*dims, "taxel"], power, about),
+        "derivative": ([*dims, "taxel", "parameter"], values, {"long_name": "derivative of smooth_power"}),
+        "derivative_error": error.interpolate_na(curve, use_coordinate=False),
+    }
+
+
+def _parameters(results: Mapping[Place, Kept]) -> dict[str, tuple]:
+    """By what there are derivatives, and their units."""
+    for each in _derivatives(results).values():
+        return {"parameter": ("parameter", list(each.parameters)), "derivative_unit": ("parameter", list(each.units))}
+    return {}
+
+
+def _derivatives(results: Mapping[Place, Kept]) -> dict[Place, Derivatives]:
+    found = ((place, result.readings.derivatives) for place, result in results.items())
+    return {place: each for place, each in found if each is not None}
 
 
 def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:

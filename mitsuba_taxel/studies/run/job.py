@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
@@ -48,6 +48,8 @@ class Job:
         As for ``measure``.
     meshes, maps : bool
         Whether the surfaces of its pads, and its irradiance map, are wanted.
+    derivatives : tuple[str, ...]
+        As for ``measure``; their errors are found out where that of the mechanics is.
     """
 
     number: int
@@ -60,6 +62,7 @@ class Job:
     mechanics_error: bool
     meshes: bool
     maps: bool
+    derivatives: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -147,10 +150,12 @@ def describe(values: Mapping[str, str]) -> str:
 @in_turn
 def _read(job: Job) -> Result:
     with stages.record() as seconds:
-        ready = prepare(Scene(job.file, job.parameters, job.mesh_size))
+        scene = Scene(job.file, job.parameters, job.mesh_size)
+        ready = prepare(scene)
         readings = measure(
             ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
         )
+        readings = _with_derivatives(readings, job, scene, ready.scene)
         errors = roof_errors(ready.scene)
         files = {}
         with stages.stage("files"):
@@ -159,6 +164,21 @@ def _read(job: Job) -> Result:
             if job.maps:
                 files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
     return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size, roof_errors=errors), seconds, files)
+
+
+def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
+    """With the derivatives that are wanted, or a remark why there are none."""
+    if not job.derivatives:
+        return readings
+    from mitsuba_taxel.sensing.derivatives import derivatives_by
+    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
+    from mitsuba_taxel.sensing.scene_rates import rates
+
+    try:
+        changes = [rates(scene, name) for name in job.derivatives]
+        return replace(readings, derivatives=derivatives_by(changes, live, job.mechanics_error))
+    except (NotDiffuse, ComputationError) as reason:
+        return replace(readings, remarks=[*readings.remarks, str(reason)])
 
 
 def _name(pad: object) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension
+from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.dataset import assemble
 from mitsuba_taxel.studies.run.job import Failure, Job, describe
 from mitsuba_taxel.studies.run.pilots import piloted_settings
@@ -56,6 +57,7 @@ def sweep(
     scheduler: str | None = None,
     retry_failed: bool = False,
     maps: bool = False,
+    derivatives: Sequence[str] = (),
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
@@ -71,7 +73,8 @@ def sweep(
         Path of a scene, or the name of a shipped one.
     vary : Mapping[str, str or Iterable[object]]
         By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
-        values themselves; each makes a dimension.
+        values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: it gets the steps that
+        its curves need, and the readings their derivatives by it.
     defines : Mapping[str, object], optional
         Values for other parameters of the scene.
     together : Mapping[str, str or Iterable[object]], optional
@@ -97,6 +100,9 @@ def sweep(
         Whether scenes that failed in an earlier call are computed again.
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR.
+    derivatives : Sequence[str]
+        Parameters to differentiate the readings by, as for :func:`measure`. Of a force, slopes are then taken from
+        them. Where the light is not diffuse there are none, and a note says so.
     parquet : bool
         Whether to write the readings to ``output`` as ``readings.parquet`` as well.
     progress : Callable[[Progress], None], optional
@@ -106,9 +112,10 @@ def sweep(
     -------
     Over the varied parameters and ``taxel``: ``power``, ``standard_error`` (light) and ``total_error`` in W, and
     ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
-    ``mesh``, the file of the pad. What failed is not a number, and the attribute ``failures`` says why, line by line.
-    Other attributes are seed, points, mesh size, versions, the other parameters, and the seconds of the pilot runs
-    that chose points and mesh.
+    ``mesh``, the file of the pad; ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` in W,
+    the readings without random numbers that they belong to. What failed is not a number, and the attribute ``failures``
+    says why, line by line. Other attributes are seed, points, mesh size, versions, the other parameters, and the
+    seconds of the pilot runs that chose points and mesh.
 
     Raises
     ------
@@ -124,6 +131,7 @@ def sweep(
         "mesh_size": mesh_size,
         "seed": seed,
         "maps": maps,
+        "derivatives": derivatives,
     }
     batch = make_batch(source, vary, defines, together=together, **what)
     folder = None if output is None else path_of("output", output)
@@ -142,6 +150,7 @@ def run_batch(
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
     """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
+    batch = with_chosen_steps(batch)
     origin = provenance(batch)
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress))
@@ -223,6 +232,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             seed=batch.seed,
             mesh_size=settings.mesh_size,
             mechanics_error=place[curve] in checked,
+            derivatives=batch.derivatives,
             meshes=stored,
             maps=stored and batch.maps,
         )

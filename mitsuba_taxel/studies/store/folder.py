@@ -27,6 +27,7 @@ from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -193,6 +194,8 @@ def keepable(result: Result) -> Kept:
     return Kept(result.readings, result.seconds, list(result.files))
 
 
+BY = "derivatives_"
+"""Before the names of the arrays of what `Derivatives` holds."""
 _OPTIONAL = ("responsivity", "deviation", "facets")
 
 
@@ -209,8 +212,23 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
         "files": kept.files,
     }
     optional = {name: getattr(readings, name) for name in _OPTIONAL}
-    arrays = {"replicates": readings.replicates, "words": np.array(json.dumps(words))}
-    return {**arrays, **{name: array for name, array in optional.items() if array is not None}}
+    arrays = {"replicates": readings.replicates, **_of_derivatives(readings.derivatives)}
+    arrays |= {name: array for name, array in optional.items() if array is not None}
+    return {**arrays, "words": np.array(json.dumps(words))}
+
+
+def _of_derivatives(derivatives: Derivatives | None) -> dict[str, np.ndarray]:
+    return {} if derivatives is None else {f"{BY}{name}": np.array(each) for name, each in vars(derivatives).items()}
+
+
+def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives | None:
+    found = {name.removeprefix(BY): array for name, array in arrays.items() if name.startswith(BY)}
+    if not found:
+        return None
+    names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
+    kept = Derivatives(names, units, **found)
+    _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)) and kept.power.shape == (taxels,))
+    return kept
 
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
@@ -228,6 +246,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         responsivity=arrays.get("responsivity"),
         deviation=arrays.get("deviation"),
         facets=arrays.get("facets"),
+        derivatives=_derivatives(arrays, replicates.shape[1]),
         roof_errors=errors,
         **words,
     )

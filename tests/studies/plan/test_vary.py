@@ -44,7 +44,7 @@ def test_lists():
         ("0:1:0", "endless"),
         ("0:1:-1", "empty"),
         ("0:1:0.3", "do not meet 1"),
-        ("0:1", "no range"),
+        ("0:0", "no range"),
         ("a:b:c", "no range"),
         ("0:nan:1", "finite"),
         ("0:1e999:1", "finite"),

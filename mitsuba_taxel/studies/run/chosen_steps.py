@@ -1,0 +1,109 @@
+"""Steps of a force that a study leaves open: as few as its curves and their slopes need.
+
+Between two steps a curve is the cubic through their readings and slopes. Where one in between is not as that says,
+it becomes a step, and both halves are looked at; else the cubics through all three are some sixteen times as close.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import Axis, combinations
+from mitsuba_taxel.studies.run.job import describe
+
+SLOPE_ERROR = 0.01
+"""Of the largest slope of a curve, where nobody asks for anything."""
+MOST_HALVINGS = 6
+MOST_CURVES = 4
+"""Of a study, spread evenly over it, whose steps are looked for; those of one are those of all."""
+
+
+@in_turn
+def with_chosen_steps(batch: Batch) -> Batch:
+    """The batch with values for the force that it leaves open, and with the derivatives by it.
+
+    Raises
+    ------
+    InputError
+        if readings have no derivative by it: where light goes by way of mirrors, a step has to be given.
+    ComputationError
+        if a pad cannot be loaded so far.
+    """
+    open_axes = [axis for axis in batch.axes if axis.is_open]
+    if not open_axes:
+        return batch
+    if len(open_axes) > 1:
+        names = " and ".join(axis.dim for axis in open_axes)
+        raise InputError(f"{names} have no step: only one force may do without.")
+    (axis,) = open_axes
+    others = [one for one in batch.axes if one is not axis]
+    curves = [values for _, values in combinations(others)]
+    chosen = np.unique(np.linspace(0, len(curves) - 1, MOST_CURVES).round().astype(int))
+    steps = sorted({step for number in chosen for step in _Curve(batch, axis, curves[number]).steps()})
+    start, stop = (float(word) for word in axis.values[axis.dim])
+    words = [f"{start + share * (stop - start):.10g}" for share in steps]
+    filled = tuple(Axis(axis.dim, {axis.dim: words}) if one is axis else one for one in batch.axes)
+    return replace(batch, axes=filled, derivatives=tuple(dict.fromkeys((*batch.derivatives, axis.dim))))
+
+
+class _Curve:
+    """Readings of all taxels along one force, all else being equal."""
+
+    def __init__(self, batch: Batch, axis: Axis, others: Mapping[str, str]) -> None:
+        self._batch, self._name, self._others = batch, axis.dim, others
+        self._ends = [float(word) for word in axis.values[axis.dim]]
+        self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def steps(self) -> list[float]:
+        """Places from 0 to 1."""
+        self._known = {share: self._read(share) for share in (0.0, 0.5, 1.0)}
+        left = [(0.0, 1.0)] if self._ends[0] != self._ends[1] else []
+        for _ in range(MOST_HALVINGS):
+            left = [half for ends in left if not self._follows(*ends) for half in _halves(*ends)]
+            for one, other in left:
+                self._known.setdefault((one + other) / 2, self._read((one + other) / 2))
+        return sorted(self._known)
+
+    def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """(T,) W, and slopes over the range's length."""
+        from mitsuba_taxel.sensing.derivatives import derivatives_by
+        from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
+        from mitsuba_taxel.sensing.scene_rates import rates
+
+        start, stop = self._ends
+        values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}
+        scene = self._batch.scene(values)
+        try:
+            found = derivatives_by([rates(scene, self._name)], prepare(scene).scene, with_errors=False)
+        except NotDiffuse as error:
+            raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
+        except (InputError, ComputationError) as error:
+            raise type(error)(f"{describe(values)}: {error}") from error
+        finally:
+            gc.collect()
+        return found.power, found.values[:, 0] * (stop - start)
+
+    def _follows(self, one: float, other: float) -> bool:
+        """Whether the reading between two is as the cubic through them says."""
+        (a, slope_a), (b, slope_b) = self._known[one], self._known[other]
+        value, slope = self._known[(one + other) / 2]
+        length = other - one
+        off = np.abs((a + b) / 2 + length * (slope_a - slope_b) / 8 - value)
+        slope_off = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slope)
+        steepest = max(np.abs(rate).max() for _, rate in self._known.values())
+        close = off <= (self._batch.target_error or LIGHT_ERROR) * np.abs(value)
+        return bool(np.all(close & (slope_off <= SLOPE_ERROR * steepest)))
+
+
+def _halves(one: float, other: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    middle = (one + other) / 2
+    return (one, middle), (middle, other)

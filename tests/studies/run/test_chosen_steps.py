@@ -1,0 +1,97 @@
+"""Steps that a study chooses itself: as many as curves and slopes need, the same in every run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import InputError, open_study, sweep
+from mitsuba_taxel.characterise import sensitivity
+from mitsuba_taxel.studies.plan.batch import make_batch
+from mitsuba_taxel.studies.run import chosen_steps
+from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
+
+PAD = """<scene version="3.9.0">
+    <default name="fx" value="0"/> <default name="fz" value="0"/> <default name="roof" value="lambertian"/>
+    <shape type="deformable_pad">
+        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="1.7"/>
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <vector name="force" value="$fx, 0, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="$roof"/> </bsdf>
+        </bsdf>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+
+
+@pytest.fixture
+def pad(tmp_path):
+    (tmp_path / "pad.xml").write_text(PAD)
+    return tmp_path / "pad.xml"
+
+
+def steps_of(pad, monkeypatch, curve, rate, text="0:-8"):
+    """The steps for readings along a known curve of the share of the way."""
+    monkeypatch.setattr(chosen_steps._Curve, "_read", lambda self, x: (np.array([curve(x)]), np.array([rate(x)])))
+    batch = with_chosen_steps(make_batch(pad, {"fz": text}, {"fx": "0.1"}))
+    assert batch.derivatives == ("fz",) and not batch.axes[0].is_open
+    return [float(word) for word in batch.axes[0].values["fz"]]
+
+
+def test_a_cubic_needs_its_ends_and_its_middle(pad, monkeypatch):
+    cubic, rate = (lambda x: 1 + x - x**2 + 2 * x**3), (lambda x: 1 - 2 * x + 6 * x**2)
+    assert steps_of(pad, monkeypatch, cubic, rate) == [0, -4, -8]
+
+
+@pytest.mark.parametrize("width", [0.3, 0.1, 0.03])
+def test_curves_between_the_steps_are_within_the_target(pad, monkeypatch, width):
+    """A bend that has some width: steps crowd there."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    curve, rate = (lambda x: 1 + width * np.log(np.cosh((x - 0.3) / width))), (lambda x: np.tanh((x - 0.3) / width))
+    x = np.array(steps_of(pad, monkeypatch, curve, rate)) / -8
+    assert len(x) < 40 and np.diff(x).min() < width and np.all(np.diff(x) > 0)
+    found, at = CubicHermiteSpline(x, curve(x), rate(x)), np.linspace(0, 1, 1000)
+    assert np.abs(found(at) / curve(at) - 1).max() < 0.005 and np.abs(found(at, 1) - rate(at)).max() < 0.01
+
+
+def test_a_sweep_without_a_step(pad, tmp_path, monkeypatch):
+    """The slope by derivatives is that of differences of readings without noise, and the same command goes on."""
+    study = sweep(pad, {"fz": "0:-1"}, points=64, output=tmp_path / "out")
+    assert study.fz.values.tolist() == [0, -0.5, -1] and study.derivative_unit.values.tolist() == ["W/N"]
+    assert np.isfinite(study.derivative_error).all() and (study.derivative_error > 0).all()
+    read = study.smooth_power.values[:, 0]
+    assert np.all(abs(study.power[:, 0] - read) < 5 * study.standard_error[:, 0])
+    slopes = study.derivative.values[:, 0, 0]
+    simpson = -(slopes[0] + 4 * slopes[1] + slopes[2]) / 6  # exact where the curve is of fourth degree
+    assert read[2] - read[0] == pytest.approx(simpson, rel=2e-3)
+    assert float(sensitivity(study, "fz").mean_slope.squeeze()) == pytest.approx(read[0] - read[2])
+    kept = open_study(tmp_path / "out")
+    np.testing.assert_array_equal(kept.derivative, study.derivative)
+    monkeypatch.setattr("mitsuba_taxel.studies.run.job.measure", None)  # nothing is left to do
+    np.testing.assert_array_equal(sweep(pad, {"fz": "0:-1"}, points=64, output=tmp_path / "out").power, study.power)
+
+
+def test_without_derivatives_a_sweep_says_why(pad):
+    study = sweep(pad, {"roof": "mirror,lambertian"}, {"fz": "-0.3"}, points=16, derivatives=["fz"])
+    assert "derivatives are not available: a wall is a mirror in part" in study.attrs["notes"]
+    assert np.isnan(study.derivative.sel(roof="mirror")).all() and (study.derivative.sel(roof="lambertian") != 0).all()
+
+
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        (
+            {"fz": "0:-1", "roof": "mirror"},
+            "fz needs a step, start:stop:step: derivatives are not available: a wall is",
+        ),
+        ({"fz": "0:-1", "fx": "0:1"}, "fz and fx have no step: only one force may do without"),
+        ({"fz": "0:0"}, "start:stop, two numbers that differ"),
+        ({"fz": "0:down"}, "start:stop, two numbers that differ"),
+        ({"roof": "0:1"}, "start:stop:step, three numbers, is needed"),
+    ],
+)
+def test_what_needs_a_step_is_refused(pad, vary, words):
+    with pytest.raises(InputError, match=words):
+        sweep(pad, vary, points=16)
