@@ -36,7 +36,7 @@ class GuidedEmission:
 
     def sample(self, taxel: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
         """A point of the unit square, and its density."""
-        leaf, rest = descend(self.shares, _DEPTH, taxel, sample)
+        leaf, rest = descend(self.shares, mi.UInt32(_DEPTH), taxel, sample)
         x, y = mi.UInt32(0), mi.UInt32(0)
         for level in range(_DEPTH):  # the bits of the leaf take turns
             bit = (leaf >> (_DEPTH - 1 - level)) & 1

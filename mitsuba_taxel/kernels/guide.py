@@ -75,7 +75,7 @@ class Guide:
         a, b, c = self._corners(mi.UInt32(numbers))
         areas = np.array(0.5 * dr.norm(dr.cross(b - a, c - a)), dtype=float)
         shares = trees.shares(areas)
-        self.depth = trees.depth
+        self.depth = dr.opaque(mi.UInt32, trees.depth)
         self.shares = mi.Float(shares.ravel())
         self.leaves = mi.UInt32(numbers[trees.leaves].ravel())
         self.owner = mi.Int32(owner)

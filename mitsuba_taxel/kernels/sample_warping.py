@@ -11,26 +11,31 @@ import mitsuba as mi
 import numpy as np
 
 
-def descend(shares: mi.Float, depth: int, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
+@dr.syntax
+def descend(shares: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
     """The leaf that a sample leads to, and what is left of the sample, uniform again.
 
     Parameters
     ----------
     shares : mi.Float
         (trees * 2**depth,) shares of the inner nodes, tree after tree.
+    depth : mi.UInt32
+        Of all trees; opaque, so that trees of every depth share a kernel.
     tree : mi.UInt32
         Number of the tree to walk down.
     """
-    rest = [sample.x, sample.y]
-    node = mi.UInt32(1)
-    for level in range(depth):
+    deciding, other = mi.Float(sample.x), mi.Float(sample.y)
+    node, level = mi.UInt32(1), mi.UInt32(0)
+    while level < depth:
         share = dr.gather(mi.Float, shares, (tree << depth) + node)
-        x = rest[level % 2]
-        right = x >= share
-        x = dr.select(right, (x - share) / (1 - share), x / share)
-        rest[level % 2] = dr.clip(x, 0, dr.one_minus_epsilon(mi.Float))
+        right = deciding >= share
+        left_over = dr.select(right, (deciding - share) / (1 - share), deciding / share)
+        deciding, other = other, dr.clip(left_over, 0, dr.one_minus_epsilon(mi.Float))
         node = 2 * node + dr.select(right, mi.UInt32(1), mi.UInt32(0))
-    return node - (1 << depth), mi.Point2f(*rest)
+        level += 1
+    even = (depth & 1) == 0
+    rest = mi.Point2f(dr.select(even, deciding, other), dr.select(even, other, deciding))
+    return node - (mi.UInt32(1) << depth), rest
 
 
 def shares_of_grid(weight: np.ndarray) -> np.ndarray:

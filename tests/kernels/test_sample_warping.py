@@ -42,7 +42,7 @@ def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono, sizes
     total = np.bincount(tree, weight)[tree]
     assert np.allclose(boxes[:, 2] * boxes[:, 3], weight / total, rtol=1e-4)
     middle = mi.Point2f(*(mi.Float(c.astype(np.float32)) for c in (boxes[:, :2] + 0.5 * boxes[:, 2:]).T))
-    leaf, rest = descend(mi.Float(shares.ravel()), trees.depth, mi.UInt32(tree), middle)
+    leaf, rest = descend(mi.Float(shares.ravel()), mi.UInt32(trees.depth), mi.UInt32(tree), middle)
     drawn = weight > 0
     assert np.array_equal(trees.leaves[tree, np.array(leaf)][drawn], np.flatnonzero(drawn))
     assert np.allclose(np.array(rest)[:, drawn], 0.5, atol=1e-3)
