@@ -136,8 +136,12 @@ class Elements:
 
 def in_turns(work: Callable[[int], Any], count: int) -> list[Any]:
     """What ``work`` gives for the first of each :data:`ELEMENTS_AT_ONCE` of so many elements."""
-    with ThreadPoolExecutor(thread_count()) as pool:  # numpy works outside Python's lock
-        return list(pool.map(work, range(0, count, ELEMENTS_AT_ONCE)))
+    starts = range(0, count, ELEMENTS_AT_ONCE)
+    threads = min(thread_count(), len(starts))
+    if threads < 2:
+        return [work(start) for start in starts]
+    with ThreadPoolExecutor(threads) as pool:  # numpy works outside Python's lock
+        return list(pool.map(work, starts))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
