@@ -45,14 +45,19 @@ def share_of_cores(sharing: int) -> int:
     return max(1, (os.cpu_count() or 1) // sharing)
 
 
-def _begin(sharing: int) -> None:
+def keep_to_share(sharing: int) -> None:
+    """Compute with the threads of one of so many processes: those of Dr.Jit that wait take time as well."""
     import drjit as dr
 
+    dr.set_thread_count(share_of_cores(sharing))
+    set_thread_count(share_of_cores(sharing))
+
+
+def _begin(sharing: int) -> None:
     for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent says when to end
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
-    dr.set_thread_count(share_of_cores(sharing))
-    set_thread_count(share_of_cores(sharing))
+    keep_to_share(sharing)
 
 
 def _follow(parent: BaseProcess) -> None:
