@@ -2,17 +2,21 @@
 
 python run_tutorial.py TUTORIAL.md
 
-Files shown under their name are written, `sh` blocks run by bash, `python` blocks by one interpreter, in their order.
-After each, the files that a comment `<!-- makes: a b -->` names must be there.
+Files shown under their name are written, `python` blocks run by one interpreter, `sh` blocks of nothing but `taxel` by
+the same, as each program of its own would import all that it needs again, and other `sh` blocks by bash, in their
+order. After each, the files that a comment `<!-- makes: a b -->` names must be there.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+
+from taxel_program import run_program
 
 STEP = re.compile(
     r"^```(?P<language>sh|python)\n(?P<code>.*?)^```$"
@@ -20,6 +24,8 @@ STEP = re.compile(
     r"|^<!-- makes: (?P<files>[^>]*) -->$",
     re.MULTILINE | re.DOTALL,
 )
+PLAIN = re.compile(r"(taxel [^|&;<>$`\\*?~#()]*\n)+")
+"""Commands of `taxel` that need no shell."""
 
 
 def run(tutorial: str) -> int:
@@ -35,7 +41,7 @@ def run(tutorial: str) -> int:
     steps = list(STEP.finditer(tutorial))
     for step in steps:
         if step["language"] == "sh":
-            subprocess.run(["bash", "-euo", "pipefail", "-c", step["code"]], check=True)
+            _run_commands(step["code"])
         elif step["language"] == "python":
             line = tutorial[: step.start("code")].count("\n")
             exec(compile("\n" * line + step["code"], "tutorial", "exec"), names)
@@ -45,6 +51,16 @@ def run(tutorial: str) -> int:
             missing = [file for file in step["files"].split() if not Path(file).stat().st_size]
             assert not missing, missing
     return len(steps)
+
+
+def _run_commands(code: str) -> None:
+    if not PLAIN.fullmatch(code):
+        subprocess.run(["bash", "-euo", "pipefail", "-c", code], check=True)
+        return
+    for command in code.splitlines():
+        done = run_program(Path.cwd(), *shlex.split(command)[1:])
+        print(done.stdout, done.stderr, sep="")
+        done.check_returncode()
 
 
 if __name__ == "__main__":

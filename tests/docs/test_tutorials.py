@@ -11,12 +11,13 @@ import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
 RUNNER = Path(__file__).with_name("run_tutorial.py")
+HELPERS = str(Path(__file__).parents[1] / "helpers")
 PAGES = [DOCS / "start.md", *sorted(page for page in (DOCS / "tutorials").glob("*.md") if page.stem != "index")]
 
 
 def run(page: Path, folder: Path, **settings: str) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(RUNNER), str(page)]
-    return subprocess.run(command, cwd=folder, env=os.environ | settings, capture_output=True, text=True, timeout=300)
+    command, surroundings = [sys.executable, str(RUNNER), str(page)], os.environ | {"PYTHONPATH": HELPERS} | settings
+    return subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300)
 
 
 @pytest.fixture(scope="module")
