@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from started_process import started
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process as apart
@@ -268,13 +269,13 @@ sys.argv = ["taxel", "bench", "stability", "--only", "? x ? cells, -", "--csv", 
 taxel_cli.main()
 """
     command = [sys.executable, "-c", code]
-    running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
-    assert running.stderr is not None
-    seen = b""
-    while b"2/" not in seen:
-        seen += os.read(running.stderr.fileno(), 1000) or pytest.fail(seen.decode())
-    running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=60)
+    with started(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stderr is not None
+        seen = b""
+        while b"2/" not in seen:
+            seen += os.read(running.stderr.fileno(), 1000) or pytest.fail(seen.decode())
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
     assert running.returncode == 130 and b"interrupted" in err
     assert [line.split()[:3] for line in out.decode().splitlines()[1:]] == [["1", "x", "1"]]
     assert (

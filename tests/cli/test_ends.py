@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 
 import pytest
+from started_process import started
 
 from mitsuba_taxel import InputError, open_study
 from mitsuba_taxel.sensing import Scene, find_scene
@@ -18,13 +20,14 @@ from mitsuba_taxel.sensing import Scene, find_scene
 LONG = ("sweep", "plate.xml", "--vary", "z=0.1:90:0.1", "--points", "4096", "-o", "out")
 
 
+@contextmanager
 def begun(command, folder, **how):
     """A sweep that has kept its first job."""
-    run = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how)
-    while not list(folder.glob("out/jobs/[0-9]*.npz")):
-        assert run.poll() is None, run.communicate()
-        time.sleep(0.05)
-    return run
+    with started(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how) as run:
+        while not list(folder.glob("out/jobs/[0-9]*.npz")):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.05)
+        yield run
 
 
 def session(leader):
@@ -42,12 +45,12 @@ def session(leader):
     ],
 )
 def test_signals_end_it_and_its_workers_in_one_line(program, tmp_path, number, workers, all_of_them):
-    run = begun([program, *LONG, *workers], tmp_path, start_new_session=True)
-    if all_of_them:
-        os.killpg(run.pid, number)  # as a terminal that is closed
-    else:
-        run.send_signal(number)
-    out, err = run.communicate(timeout=60)
+    with begun([program, *LONG, *workers], tmp_path, start_new_session=True) as run:
+        if all_of_them:
+            os.killpg(run.pid, number)  # as a terminal that is closed
+        else:
+            run.send_signal(number)
+        out, err = run.communicate(timeout=60)
     assert (run.returncode, out, err) == (128 + number, "", f"taxel: ended by {number.name}\n")
     deadline = time.monotonic() + 20
     while session(run.pid):  # Python's own that clears up ends by itself
@@ -58,12 +61,12 @@ def test_signals_end_it_and_its_workers_in_one_line(program, tmp_path, number, w
 
 
 def test_what_was_started_to_outlast_its_terminal_does(program, tmp_path):
-    run = begun(["nohup", program, *LONG], tmp_path)
-    run.send_signal(signal.SIGHUP)
-    time.sleep(0.5)
-    assert run.poll() is None
-    run.terminate()
-    run.communicate(timeout=60)
+    with begun(["nohup", program, *LONG], tmp_path) as run:
+        run.send_signal(signal.SIGHUP)
+        time.sleep(0.5)
+        assert run.poll() is None
+        run.terminate()
+        run.communicate(timeout=60)
     assert run.returncode == 128 + signal.SIGTERM
 
 
@@ -175,16 +178,13 @@ def test_a_scheduler_that_dies_is_one_line(program, tmp_path):
         "                     host='127.0.0.1', protocol='tcp', silence_logs=50)\n"
         "    print(c.scheduler_address, flush=True); time.sleep(600)\n"
     )
-    cluster = subprocess.Popen(
-        [sys.executable, "-c", code], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-    )
-    try:
+    how = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    with started([sys.executable, "-c", code], **how) as cluster:
         address = cluster.stdout.readline().strip()
-        run = begun([program, *LONG, "--scheduler", address], tmp_path)
-    finally:
-        cluster.kill()
-        cluster.communicate()
-    out, err = run.communicate(timeout=60)
+        with begun([program, *LONG, "--scheduler", address], tmp_path) as run:
+            cluster.kill()
+            cluster.communicate()
+            out, err = run.communicate(timeout=60)
     said = f"taxel: the Dask scheduler at {address} is gone: what came is kept, and the same call goes on.\n"
     assert (run.returncode, out, err) == (1, "", said)
 

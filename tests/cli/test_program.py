@@ -14,6 +14,7 @@ import warnings
 import click
 import pytest
 import taxel_cli
+from started_process import started
 
 PLATE = ("plate.xml", "-D", "scattering=lambertian", "-D", "hole=0")
 
@@ -184,24 +185,23 @@ def test_interrupt_ends_workers_too(program, tmp_path):
         "--workers",
         "2",
     ]
-    run = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    while not list(tmp_path.glob("out/jobs/*.npz")):
-        time.sleep(0.05)
-    os.killpg(run.pid, signal.SIGINT)  # as a terminal does
-    out, err = run.communicate(timeout=30)
+    how = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    with started(command, cwd=tmp_path, **how) as run:
+        while not list(tmp_path.glob("out/jobs/*.npz")):
+            time.sleep(0.05)
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does
+        out, err = run.communicate(timeout=30)
     assert run.returncode == 130 and out == "" and err.strip() == "taxel: interrupted"
 
 
 def test_interrupt_ends_cleanly(program, tmp_path):
     command = [program, "sweep", "plate.xml", "--vary", "z=0.1:90:0.1", "--points", "65536", "-o", "out"]
-    run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not (tmp_path / "out").exists():
-        time.sleep(0.05)
-    time.sleep(0.5)
-    run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=30)
+    with started(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        while not (tmp_path / "out").exists():
+            time.sleep(0.05)
+        time.sleep(0.5)
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=30)
     assert run.returncode == 130 and out == "" and err.strip() == "taxel: interrupted"
 
 

@@ -6,10 +6,12 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
+from started_process import started
 
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.mechanics.path import cache
@@ -123,10 +125,9 @@ def test_processes_may_solve_the_same_at_once(fresh):
         "s = load_path(Pad('cylindrical', rows=1, columns=1), NeoHookean(), [(0.1, 0, -0.5)], mesh_size=2.0)[0];"
         "print(hashlib.sha256(s.displacement.tobytes()).hexdigest())"
     )
-    runs = [
-        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=dict(os.environ), text=True)
-        for _ in range(3)
-    ]
-    digests = {run.communicate()[0] for run in runs}
+    with ExitStack() as stack:
+        command, how = [sys.executable, "-c", code], {"stdout": subprocess.PIPE, "env": dict(os.environ), "text": True}
+        runs = [stack.enter_context(started(command, **how)) for _ in range(3)]
+        digests = {run.communicate()[0] for run in runs}
     assert all(run.returncode == 0 for run in runs)
     assert len(digests) == 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -13,6 +12,7 @@ import time
 import numpy as np
 import pytest
 import xarray as xr
+from started_process import started
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.studies.run import job, provenance
@@ -105,13 +105,10 @@ def test_a_study_that_is_killed_loses_the_jobs_in_flight_at_most(tmp_path):
     call = f"sweep('plate.xml', {{'z': '{z}'}}, {{'hole': 0}}, points=64, seed=3, output=r'{folder}')"
     done = 0
     for _ in range(2):
-        process = subprocess.Popen(
-            [sys.executable, "-c", f"from mitsuba_taxel import sweep; {call}"], stderr=subprocess.DEVNULL
-        )
-        while process.poll() is None and len(list(folder.glob("jobs/*.npz"))) < done + 2:
-            time.sleep(0.002)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        command = [sys.executable, "-c", f"from mitsuba_taxel import sweep; {call}"]
+        with started(command, stderr=subprocess.DEVNULL) as process:
+            while process.poll() is None and len(list(folder.glob("jobs/*.npz"))) < done + 2:
+                time.sleep(0.002)
         left = len(list(folder.glob("jobs/*.npz")))
         assert left >= done
         done = left
@@ -131,9 +128,8 @@ with filelock.FileLock(r"{folder / ".lock"}"):
     print("held", flush=True)
     sys.stdin.read()
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", holder], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
+    command = [sys.executable, "-c", holder]
+    with started(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "held\n"
         with pytest.raises(InputError, match="another run is at work"):
             run(folder)
