@@ -5,13 +5,12 @@ Right is what quadrature says (`plate_power` and `image_power`), or Mitsuba's ``
 
 from __future__ import annotations
 
-import importlib.util
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from plate_reference import DETECTOR, image_power, plate_power
+from plate_scenes import moved, rectangles
 
 from mitsuba_taxel import ComputationError, InputError, Scene, measure
 
@@ -20,17 +19,6 @@ WHITE = {"type": "wall"}
 ISOTROPIC = {"type": "wall", "scattering": "isotropic"}
 OURS = ("taxel_tracer", "taxel_path", "analog_tracer")
 MEDIUM = {"type": "homogeneous"}
-
-
-def _extremes():
-    file = Path(__file__).with_name("test_extremes.py")
-    spec = importlib.util.spec_from_file_location("extremes", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-extremes = _extremes()
 
 
 def plate(integrator="taxel_tracer", *, z=0.7, at=(0, 0, 0), wall=None, led=None, sensor=None, more=None, **settings):
@@ -220,9 +208,9 @@ def test_a_rectangle_moved_in_a_loaded_scene_takes_its_led_along(llvm_mono):
     mi = llvm_mono
     readings = []
     for x in (-0.35, -0.6):
-        live = extremes.rectangles(x=0.35 - x).load()
+        live = rectangles(x=0.35 - x).load()
         readings.append(measure(live, points=256, seed=1).power)
-    live = extremes.rectangles(x=0.7).load()
+    live = rectangles(x=0.7).load()
     measure(live, points=256, seed=1)
     parameters = mi.traverse(live)
     half = [0.5 * DETECTOR[0], 0.5 * DETECTOR[1], 1]
@@ -254,7 +242,7 @@ def test_a_domed_cell_reads_the_same_where_it_is_allowed_to_be(llvm_mono, agree)
 
     source = PadSensor(pad=Pad("hemispheric", rows=1, columns=1), roof=Wall("lambertian", 0.5)).scene().source
     motion = llvm_mono.ScalarTransform4f().translate([-140, 150, 120])
-    here, away = (measure(scene, points=1 << 12, seed=1) for scene in (Scene(source), extremes.moved(source, motion)))
+    here, away = (measure(scene, points=1 << 12, seed=1) for scene in (Scene(source), moved(source, motion)))
     change = (away.replicates - here.replicates)[:, 0]
     error = change.std(ddof=1) / np.sqrt(len(change))
     assert abs(change.mean()) < 5e-4 * here.power[0] + 4 * error and error < 5e-4 * here.power[0]
