@@ -24,12 +24,12 @@ def share_of_the_cores():
 
 @pytest.fixture
 def llvm_mono():
-    """The default variant, whatever an earlier test has set."""
-    import mitsuba_taxel  # noqa: F401  (first: it chooses the LLVM)
+    """Mitsuba in the default variant (``MITSUBA_TAXEL_VARIANT``), whatever an earlier test has set."""
+    from mitsuba_taxel.backend import default_variant  # first: it chooses the LLVM
 
     import mitsuba as mi  # isort: skip
 
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(default_variant())
     return mi
 
 

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+
+from mitsuba_taxel.base.errors import InputError
 
 DEFAULT_VARIANT = "llvm_ad_mono"
 SUPPORTED_VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "cuda_ad_mono", "cuda_ad_rgb")
@@ -57,12 +60,21 @@ def register_for_every_variant() -> None:
         _register_plugins(mi.variant())
 
 
+def default_variant() -> str:
+    """The variant where the user has set none: ``MITSUBA_TAXEL_VARIANT``, or else :data:`DEFAULT_VARIANT`."""
+    variant = os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
+    if variant not in SUPPORTED_VARIANTS:
+        allowed = ", ".join(SUPPORTED_VARIANTS)
+        raise InputError(f"MITSUBA_TAXEL_VARIANT = {variant!r} is not allowed: one of {allowed} is needed.")
+    return variant
+
+
 def activate_variant() -> str:
-    """The variant in force; sets :data:`DEFAULT_VARIANT` where the user has set none."""
+    """The variant in force; sets the default where the user has set none."""
     import mitsuba as mi
 
     if mi.variant() is None:
-        mi.set_variant(DEFAULT_VARIANT)
+        mi.set_variant(default_variant())
     return mi.variant()
 
 

@@ -51,6 +51,19 @@ def test_other_variants_are_refused_with_a_clear_error(llvm_mono, variant):
         mi.set_variant("llvm_ad_mono")
 
 
+def test_the_environment_names_the_default(monkeypatch):
+    from mitsuba_taxel import InputError
+    from mitsuba_taxel.backend import default_variant
+
+    monkeypatch.setenv("MITSUBA_TAXEL_VARIANT", "cuda_ad_rgb")
+    assert default_variant() == "cuda_ad_rgb"
+    monkeypatch.setenv("MITSUBA_TAXEL_VARIANT", "scalar_rgb")
+    with pytest.raises(InputError, match="MITSUBA_TAXEL_VARIANT = 'scalar_rgb' is not allowed: one of llvm_ad_mono"):
+        default_variant()
+    monkeypatch.delenv("MITSUBA_TAXEL_VARIANT")
+    assert default_variant() == "llvm_ad_mono"
+
+
 def test_every_plugin_file_registers_its_name(llvm_mono):
     from mitsuba_taxel.backend import plugin_files
 

@@ -11,6 +11,7 @@ from PIL import Image
 from taxel_program import run_program
 
 from mitsuba_taxel import InputError, Pad, PadSensor, Scene
+from mitsuba_taxel.backend import default_variant
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.report.picture.drawing import GLOW, PICTURES, render_parts, write_picture
 from mitsuba_taxel.report.picture.sensor_parts import middle_row, shown_parts
@@ -24,7 +25,7 @@ def sensor():
     """A loaded sensor of two rows."""
     import mitsuba as mi
 
-    mi.set_variant("llvm_ad_mono")
+    mi.set_variant(default_variant())
     return PadSensor(pad=Pad(cell="hemispheric", rows=2, columns=1)).scene().load()
 
 
