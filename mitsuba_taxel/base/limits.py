@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 
 
-def address_space(most: int) -> int:
+def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
     """Bytes of memory for a new process: ``most``, or less where this process is under a lower limit itself."""
-    own = [limit for limit in resource.getrlimit(resource.RLIMIT_AS) if limit != resource.RLIM_INFINITY]
+    own = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
     return min([most, *own])

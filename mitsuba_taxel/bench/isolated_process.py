@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
 from typing import Any, Protocol
 
-from mitsuba_taxel.base.limits import address_space
+from mitsuba_taxel.base.limits import memory_limit
 
 
 class Measurable(Protocol):
@@ -24,12 +25,12 @@ class Measurable(Protocol):
 
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes of address space."""
+"""Bytes that a process writes to."""
 
 
 def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
     """The row of a case, measured in another process with an empty cache, within limits of time and memory [bytes]."""
-    command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(address_space(memory))]
+    command = [sys.executable, "-m", "mitsuba_taxel.bench.worker", str(memory_limit(memory, resource.RLIMIT_DATA))]
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}
         try:

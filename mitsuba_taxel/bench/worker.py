@@ -15,7 +15,8 @@ import sys
 
 
 def main(memory: int) -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    # Not addresses: the driver of a graphics card reserves more of them than the machine has memory.
+    resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     # Of a parent that is killed outright nothing is heard.
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

@@ -256,7 +256,7 @@ def _gain(guide: Guide, scene: mi.Scene, pair: Any) -> float:
         local = mi.warp.square_to_cosine_hemisphere(sample)
         scattered = dr.inv_pi * local.z
     d = mi.Frame3f(n).to_world(local)
-    si = scene.ray_intersect(leave(mi.Point3f(p), n, d, clearance_of(pair)))
+    si = scene.ray_intersect(leave(mi.Point3f(p), n, d, clearance_of(scene, pair)))
     seen = guide.contains(taxel, si, si.is_valid())
     scattered *= dr.abs(dr.dot(si.n, d)) / dr.square(si.t)
     drawn = guide.density(taxel, from_, guide.place(si, seen))

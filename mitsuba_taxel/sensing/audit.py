@@ -191,9 +191,9 @@ def _trace(
         dr.scatter_add(sums, unseen, lost, unseen != 0)
         dr.scatter_add(sums, mi.Float64(step.onward), unfinished, step.hit & (step.depth >= most_reflections))
 
-    _, ray = emit(pair, index, sampler)
+    _, ray = emit(scene, pair, index, sampler)
     power = mi.Float(pair.led.power) + dr.zeros(mi.Float, dr.width(sequence))
-    follow(scene, ray, power, clearance_of(pair), sampler, limit, _WEIGHTED_REFLECTIONS, book)
+    follow(scene, ray, power, clearance_of(scene, pair), sampler, limit, _WEIGHTED_REFLECTIONS, book)
 
 
 class _Surfaces:

@@ -65,8 +65,10 @@ def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
     def count(step: Step) -> None:
         dr.scatter(left, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
 
-    _, ray = emit(pair, index, sampler)
-    follow(scene, ray, mi.Float(1) + dr.zeros(mi.Float, _PATHS), clearance_of(pair), sampler, _REFLECTIONS, 0, count)
+    _, ray = emit(scene, pair, index, sampler)
+    follow(
+        scene, ray, mi.Float(1) + dr.zeros(mi.Float, _PATHS), clearance_of(scene, pair), sampler, _REFLECTIONS, 0, count
+    )
     return float(np.mean(left.numpy()))
 
 
@@ -74,7 +76,7 @@ def _refuse_narrow_gaps(scene: mi.Scene) -> None:
     for pair in taxels_of(scene):
         places, sources = pair.sensor.faces.centres, pair.led.faces.centres
         normal = pair.sensor.normal
-        gap = scene.ray_intersect(release(places, normal, normal, clearance_of(pair))).t
+        gap = scene.ray_intersect(release(places, normal, normal, clearance_of(scene, pair))).t
         share = np.array(gap / dr.norm(sources - places), dtype=float)
         if pair.coplanar and np.any(share < NARROWEST_GAP):
             taxel = int(np.argmin(share)) + 1

@@ -45,11 +45,11 @@ class Step(NamedTuple):
     weight: mi.Float
 
 
-def emit(pair: TaxelPair, index: mi.UInt32, sampler: Any) -> tuple[mi.Point3f, mi.Ray3f]:
+def emit(scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: Any) -> tuple[mi.Point3f, mi.Ray3f]:
     """A point on each LED of ``index``, and the ray that leaves from there."""
     source = pair.led.sample_point(index, sampler.next_2d())
     direction = pair.led.sample_direction_of_emission(sampler.next_2d())
-    return source, release(source, pair.led.faces.frame.n, direction, clearance_of(pair))
+    return source, release(source, pair.led.faces.frame.n, direction, clearance_of(scene, pair))
 
 
 @dr.syntax
@@ -217,10 +217,10 @@ def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list
         here, nearest = landed(pair, step)
         dr.scatter(reached, mi.UInt32(1), lane, step.active & here & (nearest == index))
 
-    source, ray = emit(pair, dr.opaque(mi.UInt32, index, _BATCH), sampler)
+    source, ray = emit(scene, pair, dr.opaque(mi.UInt32, index, _BATCH), sampler)
     dr.scatter(positions, source, lane * MOST_VERTICES)
     power = mi.Float(1) + dr.zeros(mi.Float, _BATCH)
-    follow(scene, ray, power, clearance_of(pair), sampler, MOST_VERTICES - 2, 0, record)
+    follow(scene, ray, power, clearance_of(scene, pair), sampler, MOST_VERTICES - 2, 0, record)
     table = positions.numpy().reshape(_BATCH, MOST_VERTICES, 3)
     lengths = counts.numpy()
     return [table[i, : lengths[i]].astype(float) for i in range(_BATCH)], reached.numpy() > 0

@@ -52,7 +52,7 @@ class AnalogTracer(mi.CppADIntegrator):
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one ray from each LED of ``led_index`` lands on the phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
-        clearance = clearance_of(pair)
+        clearance = clearance_of(scene, pair)
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
         random = mi.PCG32()  # given its width it would add the lane's number, and a run could not go on

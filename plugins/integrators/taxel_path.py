@@ -67,7 +67,7 @@ class TaxelPath(mi.CppADIntegrator):
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power [W] that one path brings from the LED of ``led_index`` to each phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
-        clearance = clearance_of(pair)
+        clearance = clearance_of(scene, pair)
         carrier = mi.ShapePtr(led.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Radiance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)

@@ -65,7 +65,7 @@ class TaxelTracer(mi.CppADIntegrator):
     def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission):
         """As :meth:`sample_paths`, with the directions of emission drawn from ``emission``, if there is one."""
         led, sensor = pair.led, pair.sensor
-        clearance = clearance_of(pair)
+        clearance = clearance_of(scene, pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 

@@ -132,7 +132,7 @@ def test_a_process_that_ends_badly_is_a_row_that_says_so(worker, program, verdic
 
 
 def test_memory_beyond_the_limit_is_refused_to_the_process():
-    row = apart.measure_isolated(SMALL, memory=2**28)
+    row = apart.measure_isolated(SMALL, memory=2**26)
     assert row.wrong == "no answer" and re.match("out of memory|died: ", row.verdict)
 
 

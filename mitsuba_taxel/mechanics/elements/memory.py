@@ -28,16 +28,17 @@ def free_memory() -> float:
 
 
 def _left_by_limit() -> float:
-    """What a limit on addresses (``ulimit -v``) leaves; what allocators have reserved and not filled is free."""
+    """What limits on addresses and data (``ulimit -v``, ``-d``) leave; what is reserved and not filled is free."""
     try:
         import resource
 
-        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-        if limit == resource.RLIM_INFINITY:
-            return math.inf
+        addresses, written = (
+            math.inf if limit == resource.RLIM_INFINITY else limit
+            for limit, _ in map(resource.getrlimit, (resource.RLIMIT_AS, resource.RLIMIT_DATA))
+        )
         taken = dict(line.split(":") for line in _PROCESS.read_text().splitlines())
         size, data, filled = (1024 * float(taken[name].split()[0]) for name in ("VmSize", "VmData", "RssAnon"))
-        return limit - size + max(data - filled, 0.0)
+        return min(addresses - size, written - data) + max(data - filled, 0.0)
     except (ImportError, OSError, KeyError):
         return math.inf
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.limits import address_space
+from mitsuba_taxel.base.limits import memory_limit
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")
@@ -34,7 +34,7 @@ def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarra
         in one line, if the process crashes, fails, or goes beyond :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; what it
         wrote is in the exception's cause.
     """
-    memory = address_space(int(MOST_MEMORY))
+    memory = memory_limit(int(MOST_MEMORY))
     command = [sys.executable, str(WORKER), task, str(memory), str(int(MOST_SECONDS))]
     try:
         done = subprocess.run(command, input=_packed(arrays), capture_output=True, timeout=MOST_SECONDS)
