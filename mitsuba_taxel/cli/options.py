@@ -87,6 +87,12 @@ seed_option = click.option(
     show_default=True,
     help="Seed of the randomisations.",
 )
+target_slope_option = click.option(
+    "--target-slope",
+    type=_Share(),
+    help="Error of slopes by the forces that are varied, as 1% or 0.01, relative to the steepest taxel's: takes them "
+    "from derivatives, and chooses the mesh. Where it is not reached, the exit code is 3.",
+)
 derivatives_option = click.option(
     "--derivatives",
     default="",

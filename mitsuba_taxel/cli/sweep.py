@@ -17,11 +17,13 @@ from .options import (
     points_option,
     seed_option,
     target_error_option,
+    target_slope_option,
     time_budget_option,
 )
 
 OF_A_SCENE = (
-    "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives"
+    "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives",
+    "target_slope",
 )  # fmt: skip
 MOST_FAILURES_SHOWN = 10
 
@@ -56,6 +58,7 @@ MOST_FAILURES_SHOWN = 10
 @click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
 @derivatives_option
+@target_slope_option
 @click.option("--parquet", is_flag=True, help="Also write readings.parquet.")
 @json_option
 @debug_option
@@ -77,6 +80,7 @@ def command(
     retry_failed: bool,
     maps: bool,
     derivatives: list[str],
+    target_slope: float | None,
     parquet: bool,
     as_json: bool,
 ) -> None:
@@ -108,6 +112,7 @@ def command(
                 "seed": seed,
                 "maps": maps,
                 "derivatives": derivatives,
+                "target_slope": target_slope,
             }
             rows = {**together, **(columns_of(steps) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -33,8 +34,8 @@ def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> 
 
 
 def end_beyond_target(notes: Iterable[str]) -> None:
-    """End the program with exit code 3 if notes say that a target error was not reached, and repeat them on stderr."""
-    missed = [note for note in notes if "target error" in note and "not reached" in note]
+    """End the program with exit code 3 if notes say that a target was not reached, and repeat them on stderr."""
+    missed = [note for note in notes if re.search("target (error|slope) .* not reached", note)]
     for note in missed:
         click.echo(f"taxel: {note}", err=True)
     if missed:

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
+MOST_FACES = 400
+"""Of elements, on the walls of a cell: time and memory grow with their square, and are some 20 s and 4 GB there."""
 PROBES = 4096
 """Rays from each LED that show whether it lights its own cell only."""
 
@@ -77,6 +79,8 @@ class DiffuseCells:
     ------
     NotDiffuse
         with the reason, where that is not so, or other surfaces send light back.
+    ComputationError
+        if elements are too small for it.
     """
 
     def __init__(self, scene: mi.Scene) -> None:
@@ -116,6 +120,11 @@ class DiffuseCells:
         faces = np.flatnonzero((mesh.face_cell == number) & np.isin(mesh.face_region, scatter))
         if not len(faces):
             raise NotDiffuse("no wall of a cell sends light back")
+        if len(faces) > MOST_FACES:
+            raise ComputationError(
+                f"light without random numbers takes too long between {len(faces)} faces of elements in a cell: "
+                f"a larger mesh_size, with {MOST_FACES} of them at most, is needed."
+            )
         each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
         return CellWalls(faces, *each.T)
 

@@ -41,6 +41,6 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
 def refuse_derivatives(integrator: Any, *_: Any, **__: Any) -> None:
     """What `dr.forward` and `dr.backward` come to through the image of one of our integrators; raises `InputError`."""
     raise InputError(
-        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take differences of "
-        "readings of the same seed, which share their random numbers."
+        f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take "
+        "measure(scene, derivatives=[...]), or differences of readings of the same seed, which share random numbers."
     )

@@ -187,8 +187,8 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed, tolerance=traced[1])
     tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
-        tried.append((_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
-        finer = _finer(scene, ready, tried, target_error)
+        tried.append((smallest_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
+        finer = finer_mesh(scene, ready, tried, target_error)
         if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
             break
         candidate = scene.with_mesh_size(finer)
@@ -219,12 +219,12 @@ def _refinable(ready: Prepared) -> list[Any]:
     return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
 
 
-def _mesh_size(ready: Prepared) -> float:
+def smallest_mesh_size(ready: Prepared) -> float:
     """mm, the smallest of all pads; infinite where there are none."""
     return min((float(pad.mesh_size or pad.pad.default_mesh_size) for pad in _refinable(ready)), default=math.inf)
 
 
-def _finer(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:
+def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:
     """Next mesh size in mm; None where the shape is good enough, or its mesh is not to be chosen.
 
     Parameters

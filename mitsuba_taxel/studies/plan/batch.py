@@ -10,6 +10,7 @@ from typing import Any
 
 from mitsuba_taxel.base.arguments import is_number, names_of, table_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
@@ -23,7 +24,9 @@ except ModuleNotFoundError:  # Python 3.10
 
 TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
-RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives")
+RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives", "target_slope")
+CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
+"""Those of them that may be left out."""
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
@@ -50,6 +53,8 @@ class Batch:
         Whether irradiance maps are stored as well.
     derivatives : tuple[str, ...]
         Parameters to differentiate the readings by.
+    target_slope : float or None
+        Relative error of slopes by the forces that are varied.
     """
 
     name: str
@@ -63,6 +68,7 @@ class Batch:
     seed: int
     maps: bool = False
     derivatives: tuple[str, ...] = ()
+    target_slope: float | None = None
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -74,7 +80,7 @@ class Batch:
         together = {
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
         }
-        chosen = {name: getattr(self, name) for name in ("target_error", "points", "time_budget", "mesh_size")}
+        chosen = {name: getattr(self, name) for name in CHOSEN}
         tables = {"define": self.defines, "vary": vary, "together": together}
         return {
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
@@ -99,6 +105,7 @@ def make_batch(
     seed: int = 0,
     maps: bool = False,
     derivatives: Sequence[str] = (),
+    target_slope: float | None = None,
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
@@ -127,9 +134,21 @@ def make_batch(
     if not isinstance(maps, bool):
         raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
     by = names_of("derivatives", derivatives)
-    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps, by)
+    if target_slope is not None:
+        by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes))))
+    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps, by, target_slope)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
+
+
+def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:
+    """The forces that are varied, whose slopes have a target."""
+    if not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
+        raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
+    forces = [name for axis in axes if axis.size > 1 for name in axis.values if name in FORCES]
+    if not forces:
+        raise InputError(f"target_slope = {target_slope!r} is not allowed: fx, fy or fz must be varied.")
+    return forces
 
 
 def read_study(file: str | Path) -> dict[str, Any]:

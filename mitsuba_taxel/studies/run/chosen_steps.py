@@ -100,8 +100,9 @@ class _Curve:
         off = np.abs((a + b) / 2 + length * (slope_a - slope_b) / 8 - value)
         slope_off = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slope)
         steepest = max(np.abs(rate).max() for _, rate in self._known.values())
+        slope_error = self._batch.target_slope or SLOPE_ERROR
         close = off <= (self._batch.target_error or LIGHT_ERROR) * np.abs(value)
-        return bool(np.all(close & (slope_off <= SLOPE_ERROR * steepest)))
+        return bool(np.all(close & (slope_off <= slope_error * steepest)))
 
 
 def _halves(one: float, other: float) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.readings import (
@@ -37,8 +38,8 @@ def assemble(
     results, failures : Mapping[Place, Kept] and Mapping[Place, Failure]
         By place along the axes; where there is no result, readings are not a number.
     about : Mapping[str, Any]
-        ``scene``, ``seed``, ``target_error``, ``points``, ``mesh_size``, ``parameters``, ``units``, ``versions``,
-        ``pilot_seconds``.
+        ``scene``, ``seed``, ``target_error``, ``target_slope``, ``points``, ``mesh_size``, ``parameters``, ``units``,
+        ``versions``, ``pilot_seconds``.
 
     Raises
     ------
@@ -68,6 +69,9 @@ def assemble(
     notes = _notes(results)
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
+    rates = _of_derivatives(dims, results, shape, curve_dimension(axes))
+    if about["target_slope"] is not None and (missed := missed_slope(about["target_slope"], rates, results)):
+        notes.insert(0, missed)
     return xr.Dataset(
         {
             "power": ([*dims, "taxel"], power, {"units": "W", "long_name": "optical power"}),
@@ -77,7 +81,7 @@ def assemble(
             **_responsivity(first),
             **_mechanics(dims, deviation, results),
             **_geometry(dims, geometry),
-            **_of_derivatives(dims, results, shape, curve_dimension(axes)),
+            **rates,
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -93,7 +97,7 @@ def assemble(
             "curve": curve_dimension(axes),
             "seed": about["seed"],
             "points": about["points"],
-            **{name: about[name] for name in ("target_error", "mesh_size") if about[name] is not None},
+            **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
             **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
             "units": json.dumps(about.get("units", {})),
             "notes": "\n".join(notes),
@@ -253,6 +257,18 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
         return ""
     worst = "unknown" if np.isnan(shares).any() else f"{shares.max():.2g}"
     return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
+
+
+def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place, Kept]) -> str:
+    """What to say of slopes whose error, relative to the steepest, is beyond a target, or unknown; empty if none is."""
+    names = next((each.parameters for each in _derivatives(results).values()), ())
+    if not names:
+        return f"target slope {target:g} not reached: there are no derivatives"
+    by_force = [number for number, name in enumerate(names) if name in FORCES]
+    steepest = np.nanmax(np.abs(rates["derivative"][1][..., by_force]), axis=-2)
+    shares = rates["derivative_error"].values[..., by_force].max(axis=-2) / steepest
+    worst = shares[np.isfinite(steepest)].max(initial=0.0)
+    return "" if worst <= target else f"target slope {target:g} not reached: the worst has an error of {worst:.2g}"
 
 
 def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:

@@ -20,6 +20,7 @@ from mitsuba_taxel.studies.run.job import Failure, Job, describe
 from mitsuba_taxel.studies.run.pilots import piloted_settings
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.provenance import provenance
+from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
 from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
 from mitsuba_taxel.studies.store.opening import open_study
 
@@ -58,6 +59,7 @@ def sweep(
     retry_failed: bool = False,
     maps: bool = False,
     derivatives: Sequence[str] = (),
+    target_slope: float | None = None,
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
@@ -103,6 +105,9 @@ def sweep(
     derivatives : Sequence[str]
         Parameters to differentiate the readings by, as for :func:`measure`. Of a force, slopes are then taken from
         them. Where the light is not diffuse there are none, and a note says so.
+    target_slope : float, optional
+        Error wanted for the slopes by the forces that are varied, relative to that of the steepest taxel: pads whose
+        mesh the scene leaves open get one that is fine enough at the end of some curves.
     parquet : bool
         Whether to write the readings to ``output`` as ``readings.parquet`` as well.
     progress : Callable[[Progress], None], optional
@@ -132,6 +137,7 @@ def sweep(
         "seed": seed,
         "maps": maps,
         "derivatives": derivatives,
+        "target_slope": target_slope,
     }
     batch = make_batch(source, vary, defines, together=together, **what)
     folder = None if output is None else path_of("output", output)
@@ -174,7 +180,8 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
         index, failure = next(iter(failures.items()))
         values = dict(combinations(batch.axes))[index]
         raise type(failure.error())(f"{describe(values)}: {failure.message}")
-    about = {"scene": batch.file.name, "seed": batch.seed, "target_error": batch.target_error}
+    about = {"scene": batch.file.name, "seed": batch.seed}
+    about |= {"target_error": batch.target_error, "target_slope": batch.target_slope}
     run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
     return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
 
@@ -242,13 +249,15 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
     """Points and mesh size for every scene: those asked for, those of an earlier run, or those that pilot runs say."""
-    if batch.points is not None:
+    if batch.points is not None and batch.target_slope is None:
         return Settings(batch.points, batch.mesh_size), {}
     choice = store.choice if store else None
     if choice is not None:
         return choice
     with stages.record() as seconds, stages.stage("optics"):
-        settings = piloted_settings(batch, machines)
+        settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
+        if batch.target_slope is not None:
+            settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
     if store:
         store.keep_choice(settings, seconds)
     return settings, seconds

@@ -57,7 +57,8 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
         raise InputError(f"study {folder} holds no result yet: run it first.")
     failures = {places[number][0]: failure for number, failure in store.failures().items() if number in places}
     settings, pilot_seconds = store.choice or (Settings(study.get("points", 0), None), {})
-    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"], "target_error": study.get("target_error")}
+    about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
+    about |= {name: study.get(name) for name in ("target_error", "target_slope")}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
     opened = assemble(axes, results, failures, {**origin, **about, **run})
     if origin.get("code") != own_code():

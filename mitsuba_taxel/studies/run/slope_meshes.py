@@ -1,0 +1,76 @@
+"""How fine a mesh the slopes of a batch's curves need."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.targets import MOST_MESHES, finer_mesh, smallest_mesh_size
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
+from mitsuba_taxel.studies.run.job import describe
+
+MOST_CURVES = 4
+"""Of a study, spread evenly over it, the last scenes of which are looked at."""
+
+
+@in_turn
+def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
+    """In mm: ``mesh_size``, or a smaller one with which slopes by the force reach the batch's target.
+
+    Raises
+    ------
+    InputError, ComputationError
+        if there is no derivative, or a pad cannot be loaded so far.
+    """
+    assert batch.target_slope is not None
+    forces = [name for name in batch.derivatives if name in FORCES]
+    curve = next(axis for axis in batch.axes if axis.dim == curve_dimension(batch.axes))
+    last = {name: words[-1] for name, words in curve.values.items()}
+    others = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]
+    for number in np.unique(np.linspace(0, len(others) - 1, MOST_CURVES).round().astype(int)):
+        values = {**others[number], **last}
+        try:
+            mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
+        except (InputError, ComputationError) as error:
+            raise type(error)(f"{describe(values)}: {error}") from error
+        finally:
+            gc.collect()
+    return mesh_size
+
+
+def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
+    from mitsuba_taxel.sensing.derivatives import derivatives_by
+    from mitsuba_taxel.sensing.scene_rates import rates
+
+    tried: list[tuple[float, float]] = []
+    size = scene.mesh_size
+    for _ in range(MOST_MESHES):
+        try:
+            ready = prepare(scene)
+            found = derivatives_by([rates(scene, name) for name in forces], ready.scene)
+        except ComputationError:
+            if not tried:
+                raise
+            break  # elements are too small, or the load path ends a little earlier
+        size = scene.mesh_size
+        tried.append((smallest_mesh_size(ready), slope_share(found)))
+        finer = finer_mesh(scene, ready, tried, target)
+        if finer is None:
+            break
+        scene = scene.with_mesh_size(finer)
+    return size
+
+
+def slope_share(derivatives: Derivatives) -> float:
+    """Largest error of a derivative, relative to the largest of those by the same parameter."""
+    steepest = np.abs(derivatives.values).max(axis=0)
+    errors = derivatives.standard_errors.max(axis=0)
+    return float((errors / np.where(steepest > 0, steepest, np.inf)).max(initial=0.0))

@@ -1,0 +1,86 @@
+"""A target for slopes: what a mesh takes for it, and what is said where it is not reached."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import click
+import numpy as np
+import pytest
+from taxel_cli.tables import end_beyond_target
+
+from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
+from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.studies.run import slope_meshes
+
+PAD = """<scene version="3.9.0">
+    <default name="fz" value="0"/> <default name="size" value="1.7"/>
+    <shape type="deformable_pad">
+        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="$size"/>
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <vector name="force" value="0, 0, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="lambertian"/> </bsdf>
+        </bsdf>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+
+
+@pytest.fixture
+def pad(tmp_path):
+    (tmp_path / "pad.xml").write_text(PAD)
+    return tmp_path / "pad.xml"
+
+
+def test_the_error_is_relative_to_the_steepest_slope_by_the_same_force():
+    values, errors = np.array([[10.0, 0.1], [0.0, -0.2]]), np.array([[0.1, 0.0], [0.2, 0.01]])
+    found = Derivatives(("fx", "fz"), ("W/N", "W/N"), values, errors, np.ones(2))
+    assert slope_meshes.slope_share(found) == pytest.approx(max(0.2 / 10, 0.01 / 0.2))
+
+
+@pytest.mark.parametrize(("target", "sizes"), [(0.5, 1), (0.01, 3), (1e-6, 3)])
+def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monkeypatch, target, sizes):
+    """Errors fall with the square of the size; the third mesh is too fine for the light."""
+    tried = []
+
+    def read(changes, size):
+        tried.append(size)
+        if size < 0.4:
+            raise ComputationError("too fine")
+        return Derivatives(("fz",), ("W/N",), np.ones((1, 1)), np.full((1, 1), 0.1 * size**2), np.ones(1))
+
+    def finer(scene, ready, known, wanted):
+        return None if known[-1][1] <= wanted else known[-1][0] / 2
+
+    monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.derivatives_by", read)
+    monkeypatch.setattr("mitsuba_taxel.sensing.scene_rates.rates", lambda scene, name: name)
+    monkeypatch.setattr(slope_meshes, "prepare", lambda scene: SimpleNamespace(scene=scene.mesh_size or 1.2))
+    monkeypatch.setattr(slope_meshes, "smallest_mesh_size", lambda ready: ready.scene)
+    monkeypatch.setattr(slope_meshes, "finer_mesh", finer)
+    chosen = slope_meshes._mesh_size(Scene(pad), ["fz"], target)
+    assert tried == [1.2, 0.6, 0.3][:sizes] and chosen == (None if sizes == 1 else 0.6)
+
+
+def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
+    study = sweep(pad, {"fz": "0:-0.4:-0.4"}, points=16, target_slope=1e-5, output=tmp_path / "out")
+    (note, *_) = study.attrs["notes"].splitlines()
+    assert note.startswith("target slope 1e-05 not reached: the worst has an error of 0.0")
+    assert open_study(tmp_path / "out").attrs["notes"] == study.attrs["notes"]
+    with pytest.raises(click.exceptions.Exit) as end:
+        end_beyond_target([note])
+    assert end.value.exit_code == 3
+
+
+def test_a_target_that_is_reached_is_not(pad):
+    study = sweep(pad, {"fz": "0:-0.4:-0.4"}, points=16, target_slope=0.5)
+    assert study.parameter.values.tolist() == ["fz"] and "target" not in study.attrs["notes"]
+    assert study.attrs["target_slope"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("vary", "target"), [({"fz": "0:-1:-1"}, 2), ({"fz": "0:-1:-1"}, "1%"), ({"size": "1,2"}, 0.1)]
+)
+def test_what_is_no_target_is_refused(pad, vary, target):
+    with pytest.raises(InputError, match="target_slope = .* is not allowed"):
+        sweep(pad, vary, points=16, target_slope=target)
