@@ -48,8 +48,8 @@ def measure(case: Case) -> Row:
     """The row of a case. It takes the solutions that the cache has: a fresh one makes the seconds honest."""
     began = time.process_time()
     outcome = _in_one_step(case) if case.in_one_step else _along_path(case)
+    figures = outcome.figures | _looked_at(outcome.state)  # among them the state's error, computed when it is asked for
     seconds, megabytes = time.process_time() - began, peak_memory()
-    figures = outcome.figures | _looked_at(outcome.state)
     if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
         figures["finer_change"] = _finer_change(case, outcome.state)
     row = Row(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
