@@ -85,22 +85,21 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
     if min(counts) < 2:
         return np.zeros(samples.shape[2])
     random = np.random.default_rng(0)
-    found = []
-    for _ in range(DRAWS):
-        weights = [random.multinomial(count, np.full(count, 1 / count)) / count for count in counts]
-        one, other = (np.einsum("prc,r->pc", part, weight) for part, weight in zip(parts, weights, strict=True))
-        halves = [_read(one, other), _read(other, one)]
-        found.append(np.average(halves, axis=0, weights=counts))
+    even = [(count, np.full(count, 1 / count)) for count in counts]
+    drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]
+    weights = map(np.array, zip(*drawn, strict=True))
+    one, other = (np.tensordot(weight, part, axes=(1, 1)) for part, weight in zip(parts, weights, strict=True))
+    found = np.average([_read(one, other), _read(other, one)], axis=0, weights=counts)
     variance = np.var(found, axis=0, ddof=1) * np.mean([count / (count - 1) for count in counts])
     return np.sqrt(np.maximum(variance - standard_error(magnitude) ** 2, 0.0))
 
 
 def _read(values: np.ndarray, guide: np.ndarray) -> np.ndarray:
-    """(channels,) values (places, channels) where a guide is largest in magnitude, times its sign there."""
-    place = np.abs(guide).argmax(axis=0)
+    """(..., channels) values (..., places, channels) where a guide is largest in magnitude, times its sign there."""
+    place = np.abs(guide).argmax(axis=-2)
     return _at(values, place) * np.sign(_at(guide, place))
 
 
 def _at(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(channels,) values (places, channels), each at its channel's place."""
-    return values[place, np.arange(len(place))]
+    """(..., channels) values (..., places, channels), each at its channel's place."""
+    return np.take_along_axis(values, place[..., None, :], axis=-2)[..., 0, :]
