@@ -75,7 +75,7 @@ class _Curve:
 
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
         """(T,) W, and slopes over the range's length."""
-        from mitsuba_taxel.sensing.derivatives import derivatives_by
+        from mitsuba_taxel.sensing.derivatives import COARSE, derivatives_by
         from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
         from mitsuba_taxel.sensing.scene_rates import rates
 
@@ -83,7 +83,7 @@ class _Curve:
         values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}
         scene = self._batch.scene(values)
         try:
-            found = derivatives_by([rates(scene, self._name)], prepare(scene).scene, with_errors=False)
+            found = derivatives_by([rates(scene, self._name)], prepare(scene).scene, False, COARSE)
         except NotDiffuse as error:
             raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
         except (InputError, ComputationError) as error:
