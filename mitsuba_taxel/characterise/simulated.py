@@ -18,6 +18,9 @@ ERROR = (
 )
 
 
+SLOPES = "Slopes: from derivatives, without random numbers; their error is that of the derivatives."
+
+
 class Simulated(NamedTuple):
     """``experiments``; ``off``, the same as ``characteristics`` takes them; ``maps``; and ``notes``, in words."""
 
@@ -40,4 +43,7 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree) -> Simulated:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
     off = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
-    return Simulated(experiments(study), [experiments(one) for one in off], maps, notes)
+    found = experiments(study)
+    if any(run.tangents is not None for one in found for run in one.runs):
+        notes.insert(1, SLOPES)
+    return Simulated(found, [experiments(one) for one in off], maps, notes)

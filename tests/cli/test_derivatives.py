@@ -58,4 +58,6 @@ def test_a_sweep_takes_its_slopes_from_derivatives(taxel, tmp_path):
     at = study.derivative.sel(parameter="fz")
     assert row["zero_slope_W_per_N"] == pytest.approx(float(at.sel(fz=0)))
     assert abs(row["max_slope_W_per_N"]) >= float(abs(at).max()) and row["max_slope_error_W_per_N"] > 0
+    said = taxel("characterise", "out", "-o", "figures").stdout
+    assert "Slopes: from derivatives, without random numbers" in said
     assert study.derivative_unit.values.tolist() == ["W/N", "W/mm"]
