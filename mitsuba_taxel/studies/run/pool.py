@@ -187,17 +187,20 @@ class _Cluster:
         self._client, self._address = client, address
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
-        from distributed import as_completed
+        from distributed import CancelledError, as_completed
+        from distributed.comm import CommClosedError
 
         submit: Callable = self._client.submit
         jobs = chain.from_iterable(curves)
         given = {submit(run, job, pure=False, key=f"taxel-{id(self)}-{job.number}"): job for job in jobs}
         for future in as_completed(list(given), loop=self._client.loop):
             job = given.pop(future)
-            if future.cancelled():
+            try:
+                error = future.exception()
+                outcome = future.result() if error is None else failure_of(error)
+            except (CancelledError, CommClosedError) as error:  # at once, or on its way here
                 raise ComputationError(
                     f"the Dask scheduler at {self._address} is gone: what came is kept, and the same call goes on."
-                )
-            error = future.exception()
-            yield job, future.result() if error is None else failure_of(error)
+                ) from error
+            yield job, outcome
             future.release()
