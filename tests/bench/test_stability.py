@@ -7,7 +7,6 @@ import json
 import math
 import os
 import re
-import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from started_process import started
+from started_process import interrupted, started
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process as apart
@@ -274,8 +273,7 @@ taxel_cli.main()
         seen = b""
         while b"2/" not in seen:
             seen += os.read(running.stderr.fileno(), 1000) or pytest.fail(seen.decode())
-        running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=60)
+        out, err = interrupted(running)
     assert running.returncode == 130 and b"interrupted" in err
     assert [line.split()[:3] for line in out.decode().splitlines()[1:]] == [["1", "x", "1"]]
     assert (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,3 +17,13 @@ def started(command: Sequence[object], **how: Any) -> Iterator[subprocess.Popen]
             yield process
         finally:
             process.kill()
+
+
+def interrupted(process: subprocess.Popen, seconds: float = 30.0) -> tuple[bytes, bytes]:
+    """What a process says that is interrupted: again, if need be, as Python loses an interrupt amid a finaliser."""
+    process.send_signal(signal.SIGINT)
+    try:
+        return process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGINT)
+        return process.communicate(timeout=seconds)
