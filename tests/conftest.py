@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from importlib import import_module
 
 import numpy as np
@@ -10,16 +9,6 @@ import pytest
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""
-
-
-@pytest.fixture(autouse=True, scope="session")
-def share_of_the_cores():
-    """Processes that run the tests side by side keep to their share of the cores."""
-    sharing = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    if sharing > 1:
-        from mitsuba_taxel.studies.run.processes import keep_to_share
-
-        keep_to_share(sharing)
 
 
 @pytest.fixture

@@ -74,13 +74,19 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
     """Write linear pixels (H, W, 3), as they are to OpenEXR, with the curve of sRGB to PNG."""
-    import mitsuba as mi
-
-    bitmap = mi.Bitmap(np.ascontiguousarray(pixels, dtype=np.float32))
+    numbers = np.ascontiguousarray(pixels, dtype=np.float32)
     if file.suffix.lower() == ".png":
-        bitmap = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, srgb_gamma=True)
-    with replacing(file) as temporary:
-        bitmap.write(str(temporary))
+        import mitsuba as mi
+
+        bitmap = mi.Bitmap(numbers).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, srgb_gamma=True)
+        with replacing(file) as temporary:
+            bitmap.write(str(temporary))
+        return
+    import OpenEXR  # Mitsuba's own writer waits for ever where Dr.Jit has one thread
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with replacing(file) as temporary, OpenEXR.File(header, {"RGB": numbers}) as image:
+        image.write(str(temporary))
 
 
 @in_turn
