@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import OpenEXR
@@ -177,3 +179,17 @@ def test_program(tmp_path):
 def test_program_refuses(tmp_path, words):
     done = run_program(tmp_path, "picture", "plate.xml", *words)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", ["exr", "png"])
+def test_files_are_written_by_one_thread(tmp_path, suffix):
+    """Mitsuba's own writer of OpenEXR would wait for ever."""
+    code = (
+        "import sys, drjit as dr, numpy as np, mitsuba_taxel\n"
+        "from pathlib import Path\n"
+        "from mitsuba_taxel.backend import activate_variant\n"
+        "from mitsuba_taxel.report.picture.drawing import write_picture\n"
+        "activate_variant(); dr.set_thread_count(1); write_picture(np.ones((10, 16, 3)), Path(sys.argv[1]))\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / f"a.{suffix}")], check=True, timeout=60)
+    assert (tmp_path / f"a.{suffix}").stat().st_size > 0
