@@ -18,7 +18,10 @@ ERROR = (
 )
 
 
-SLOPES = "Slopes: from derivatives, without random numbers; their error is that of the derivatives."
+SLOPES = (
+    "Slopes: from derivatives, without random numbers; their error is that of the derivatives, without that of the "
+    "cubic curves between the forces."
+)
 
 
 class Simulated(NamedTuple):

@@ -36,7 +36,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
     InputError
         if readings have no derivative by it: where light goes by way of mirrors, a step has to be given.
     ComputationError
-        if a pad cannot be loaded so far.
+        if a pad cannot be loaded so far, or a curve has a kink.
     """
     open_axes = [axis for axis in batch.axes if axis.is_open]
     if not open_axes:
@@ -70,7 +70,13 @@ class _Curve:
         for _ in range(MOST_HALVINGS):
             left = [half for ends in left if not self._follows(*ends) for half in _halves(*ends)]
             for one, other in left:
-                self._known.setdefault((one + other) / 2, self._read((one + other) / 2))
+                self._known[(one + other) / 2] = self._read((one + other) / 2)
+        for one, other in left:
+            if not self._follows(one, other):
+                near = self._ends[0] + (one + other) / 2 * (self._ends[1] - self._ends[0])
+                raise ComputationError(
+                    f"{self._name} needs a step, start:stop:step: {MOST_HALVINGS} halvings do not resolve {near:.4g}."
+                )
         return sorted(self._known)
 
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:

@@ -265,10 +265,16 @@ def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place
     if not names:
         return f"target slope {target:g} not reached: there are no derivatives"
     by_force = [number for number, name in enumerate(names) if name in FORCES]
-    steepest = np.nanmax(np.abs(rates["derivative"][1][..., by_force]), axis=-2)
-    shares = rates["derivative_error"].values[..., by_force].max(axis=-2) / steepest
-    worst = shares[np.isfinite(steepest)].max(initial=0.0)
-    return "" if worst <= target else f"target slope {target:g} not reached: the worst has an error of {worst:.2g}"
+    shares = []
+    for place in results:
+        values, errors = (
+            np.asarray(each)[place][:, by_force] for each in (rates["derivative"][1], rates["derivative_error"].values)
+        )
+        steepest = np.abs(values).max(axis=0)
+        shares.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
+    worst = "unknown" if np.isnan(shares).any() else f"{np.max(shares):.2g}"
+    reached = np.all(np.array(shares) <= target)
+    return "" if reached else f"target slope {target:g} not reached: the worst error is {worst}"
 
 
 def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:

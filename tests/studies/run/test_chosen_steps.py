@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel import InputError, open_study, sweep
+from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.characterise import sensitivity
 from mitsuba_taxel.studies.plan.batch import make_batch
 from mitsuba_taxel.studies.run import chosen_steps
@@ -54,6 +54,11 @@ def test_curves_between_the_steps_are_within_the_target(pad, monkeypatch, width)
     assert len(x) < 40 and np.diff(x).min() < width and np.all(np.diff(x) > 0)
     found, at = CubicHermiteSpline(x, curve(x), rate(x)), np.linspace(0, 1, 1000)
     assert np.abs(found(at) / curve(at) - 1).max() < 0.005 and np.abs(found(at, 1) - rate(at)).max() < 0.01
+
+
+def test_a_kink_is_told(pad, monkeypatch):
+    with pytest.raises(ComputationError, match="fz needs a step, .* 6 halvings do not resolve -2.4"):
+        steps_of(pad, monkeypatch, lambda x: 1 + abs(x - 0.3), lambda x: np.sign(x - 0.3))
 
 
 def test_a_sweep_without_a_step(pad, tmp_path, monkeypatch):

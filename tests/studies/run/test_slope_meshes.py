@@ -12,6 +12,7 @@ from taxel_cli.tables import end_beyond_target
 from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
+from mitsuba_taxel.studies.run.dataset import missed_slope
 
 PAD = """<scene version="3.9.0">
     <default name="fz" value="0"/> <default name="size" value="1.7"/>
@@ -65,11 +66,26 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
 def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
     study = sweep(pad, {"fz": "0:-0.4:-0.4"}, points=16, target_slope=1e-5, output=tmp_path / "out")
     (note, *_) = study.attrs["notes"].splitlines()
-    assert note.startswith("target slope 1e-05 not reached: the worst has an error of 0.0")
+    assert note.startswith("target slope 1e-05 not reached: the worst error is 0.0")
     assert open_study(tmp_path / "out").attrs["notes"] == study.attrs["notes"]
     with pytest.raises(click.exceptions.Exit) as end:
         end_beyond_target([note])
     assert end.value.exit_code == 3
+
+
+def test_slopes_that_are_not_known_do_not_reach_a_target(tmp_path):
+    mirrors = PAD.replace('value="lambertian"', 'value="$roof"').replace(
+        '<default name="size"', '<default name="roof" value="lambertian"/> <default name="size"'
+    )
+    (tmp_path / "pad.xml").write_text(mirrors)
+    how = {"fz": "0:-0.2:-0.2", "roof": "lambertian,mirror"}
+    study = sweep(tmp_path / "pad.xml", how, points=16, derivatives=["fz"])
+    rates = {"derivative": (None, study.derivative.values), "derivative_error": study.derivative_error}
+    known = SimpleNamespace(readings=SimpleNamespace(derivatives=SimpleNamespace(parameters=("fz",))))
+    results = {place: known for place in np.ndindex(2, 2)}
+    assert missed_slope(0.9, rates, results).endswith("the worst error is unknown")
+    lit = {place: one for place, one in results.items() if place[1] == 0}
+    assert missed_slope(0.9, rates, lit) == ""
 
 
 def test_a_target_that_is_reached_is_not(pad):
