@@ -5,6 +5,12 @@ from .base.errors import (
     InputError as InputError,
 )
 from .check import check_scene as check_scene
+from .electronics import (
+    Circuit as Circuit,
+)
+from .electronics import (
+    read_circuit as read_circuit,
+)
 from .mechanics import (
     Grooves as Grooves,
 )

@@ -55,3 +55,4 @@ from .tangential import (
 from .tangential import (
     tangential_maps as tangential_maps,
 )
+from .volts import volts_table as volts_table

@@ -62,6 +62,15 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
     return lines
 
 
+def loading_lines(study: xr.Dataset) -> list[LoadLine]:
+    """The lines of growing force; of a path that goes back and forth along a line, the first run."""
+    first: dict[tuple, LoadLine] = {}
+    for line in load_lines(study):
+        if line.loading:
+            first.setdefault((line.dim, line.name, *line.constant.items()), line)
+    return list(first.values())
+
+
 def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Branch]]:
     """For each combination of the other varied parameters: their values, and the readings in W along the line.
 
@@ -116,13 +125,19 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
             where = {**where, **line.constant}
             _, _, together = found.setdefault((line.dim, line.name, *where.items()), (line, where, []))
             together.append(run)
+    unit = unit_of(study)
     return [
         Experiment(
-            line.name, line.direction, where, "W", study.taxel.values, _since_least_force(together), line.ordered
+            line.name, line.direction, where, unit, study.taxel.values, _since_least_force(together), line.ordered
         )
         for line, where, together in found.values()
         if any(len(run.force) for run in together)
     ]
+
+
+def unit_of(study: xr.Dataset) -> str:
+    """Of its readings: ``W``, or ``V`` where a circuit shows them."""
+    return study.replicate_power.attrs.get("units", "W")
 
 
 def _since_least_force(together: list[Branch]) -> tuple[Branch, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, runs
+from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import Slopes, slopes
 
@@ -34,8 +34,8 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 
     Returns
     -------
-    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, each
-    with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them.
+    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N of
+    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them.
 
     Raises
     ------
@@ -59,14 +59,10 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     """
     import pandas
 
-    first: dict[tuple, LoadLine] = {}
-    for line in load_lines(study):
-        if line.loading:
-            first.setdefault((line.dim, line.name, *line.constant.items()), line)
-    tables = []
-    for line in first.values():
+    tables, unit = [], unit_of(study)
+    for line in loading_lines(study):
         result = _slopes_along(study, line)
-        names = {name: f"{name}_{'N' if name == 'max_slope_at' else 'W_per_N'}" for name in Slopes._fields}
+        names = {name: f"{name}_{'N' if name == 'max_slope_at' else f'{unit}_per_N'}" for name in Slopes._fields}
         table = result.to_dataframe().reset_index().rename(columns=names).assign(force=line.name, **line.constant)
         others = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
         tables.append(table[["force", *others, *names.values()]])
@@ -89,12 +85,12 @@ def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
     return xr.Dataset(
         {
-            name: ([*others, "taxel"], found[:, number].reshape(shape), {"units": _unit(name)})
+            name: ([*others, "taxel"], found[:, number].reshape(shape), {"units": _unit(study, name)})
             for number, name in enumerate(Slopes._fields)
         },
         coords=coordinates,
     )
 
 
-def _unit(name: str) -> str:
-    return "N" if name == "max_slope_at" else "W/N"
+def _unit(study: xr.Dataset, name: str) -> str:
+    return "N" if name == "max_slope_at" else f"{unit_of(study)}/N"

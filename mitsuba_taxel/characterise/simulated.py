@@ -11,6 +11,7 @@ from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.shape_error import off_by_shape, scenes_off_by_shape
 from mitsuba_taxel.characterise.tangential import TangentialMap, tangential_maps
+from mitsuba_taxel.electronics import Circuit, in_volts
 
 ERROR = (
     "Error: 1 sigma of the light, from the random numbers that all scenes share, and what the errors of mechanics and "
@@ -33,8 +34,11 @@ class Simulated(NamedTuple):
     notes: list[str]
 
 
-def simulated_experiments(study: xr.Dataset | xr.DataTree) -> Simulated:
-    """The experiments of a study, as ``open_study`` returns it; none where no force is varied."""
+def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | None = None) -> Simulated:
+    """The experiments of a study, as ``open_study`` returns it; none where no force is varied.
+
+    With a circuit, they come in watts and in volts, told apart by ``reading``.
+    """
     scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]
     notes = [ERROR, *dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())]
     missing = sum(int(scene.replicate_power.isnull().any(("replicate", "taxel")).sum()) for scene in scenes)
@@ -46,7 +50,19 @@ def simulated_experiments(study: xr.Dataset | xr.DataTree) -> Simulated:
         maps = []
         notes.append(f"No map of tangential loads: {error}")
     off = scenes_off_by_shape(study) if isinstance(study, xr.DataTree) else off_by_shape(study)
-    found = experiments(study)
+    found, moved = experiments(study), [experiments(one) for one in off]
+    if circuit is not None:
+        found, *moved = (_in_both(*pair, circuit) for pair in zip([study, *off], [found, *moved], strict=True))
     if any(run.tangents is not None for one in found for run in one.runs):
         notes.insert(1, SLOPES)
-    return Simulated(found, [experiments(one) for one in off], maps, notes)
+    return Simulated(found, moved, maps, notes)
+
+
+def _in_both(study: xr.Dataset | xr.DataTree, watts: list[Experiment], circuit: Circuit) -> list[Experiment]:
+    """The experiments of a study in watts and in volts."""
+
+    def shown(leaf: xr.Dataset) -> xr.Dataset:
+        return in_volts(leaf, circuit) if "replicate_power" in leaf else leaf
+
+    volts = shown(study) if isinstance(study, xr.Dataset) else study.map_over_datasets(shown)
+    return [one.labelled(reading=one.unit) for one in (*watts, *experiments(volts))]

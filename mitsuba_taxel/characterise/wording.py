@@ -71,6 +71,13 @@ def table_rows(
     ]
 
 
+def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
+    """A table of characteristics in parts, by the unit of the readings where it has several; else whole, by ``""``."""
+    if "reading" not in table:
+        return {"": table}
+    return {unit: table[table.reading == unit] for unit in table.reading.unique()}
+
+
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a table of symmetric pairs, one per pair."""
     if not len(pairs):
@@ -81,6 +88,12 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
         [*(as_word(record[name]) for name in keys), with_error(record["difference"], record["error"], latex)]
         for record in pairs.to_dict("records")
     ]
+
+
+def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of a table of what a circuit shows: numbers with four digits."""
+    cells = table.map(lambda value: f"{value:.4g}" if isinstance(value, float) else str(value))
+    return list(table.columns), cells.values.tolist()
 
 
 def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option
+from .options import circuit_option, debug_option, json_option
 
 
 @click.command(short_help="Sensitivity, nonlinearity, hysteresis, repeatability.")
@@ -16,9 +16,10 @@ from .options import debug_option, json_option
     "-o", "--output", "folder", type=click.Path(path_type=Path), metavar="DIR",
     help="Folder for the results, in place of the study's or the file's.",
 )  # fmt: skip
+@circuit_option
 @json_option
 @debug_option
-def command(source: Path, folder: Path | None, as_json: bool) -> None:
+def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bool) -> None:
     """Characterise the study in DIR, or what a bench has measured.
 
     FILE.csv holds time, force and one voltage per taxel, under headings such as time_s,force_N,v1_V,v2_V. Tables and
@@ -26,22 +27,34 @@ def command(source: Path, folder: Path | None, as_json: bool) -> None:
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError
-    from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
+    from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
+    from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.plots.characteristics import write_characteristics
     from mitsuba_taxel.studies.plan.files import make_folder
 
+    from .tables import circuit_in
+
     measured = os.path.isfile(source) or (source.suffix.lower() == ".csv" and not os.path.isdir(source))
-    experiments, off, maps, notes = _measured(source) if measured else simulated_experiments(open_study(source))
+    if measured and circuit is not None:
+        raise click.UsageError("--circuit is not allowed with a measurement, which is in volts.")
+    volts, electronics = None, circuit_in(circuit)
+    if measured:
+        experiments, off, maps, notes = _measured(source)
+    else:
+        study = open_study(source)
+        electronics = electronics or circuit_of_study(study)
+        experiments, off, maps, notes = simulated_experiments(study, electronics)
+        volts = None if electronics is None else volts_table(study, electronics)
     if not experiments:
         raise InputError(f"{source} holds no readings along a force: a study that varies fx, fy or fz is needed.")
     folder = folder or (source.parent if measured else source)
     make_folder(folder)
     table, pairs = characteristics(experiments, off), symmetric_pairs(maps)
-    files = write_characteristics(folder, experiments, maps, table, pairs)
+    files = write_characteristics(folder, experiments, maps, table, pairs, volts)
     if as_json:
-        click.echo(_as_json(table, pairs, notes, files))
+        click.echo(_as_json(table, pairs, notes, files, volts))
         return
-    _show(table, pairs)
+    _show(table, pairs, volts)
     for note in notes:
         print(note)
     print(f"Results: {', '.join(map(str, files))}")
@@ -56,7 +69,7 @@ def _measured(file: Path) -> tuple[list, list, list, list[str]]:
     return [experiment], [], [], [f"{len(experiment.runs)} runs. Error: {error}."]
 
 
-def _as_json(table, pairs, notes: list[str], files: list[Path]) -> str:
+def _as_json(table, pairs, notes: list[str], files: list[Path], volts) -> str:
     import json
 
     def records(frame) -> list[dict]:
@@ -69,20 +82,24 @@ def _as_json(table, pairs, notes: list[str], files: list[Path]) -> str:
             "notes": notes,
             "files": [str(file) for file in files],
         }
+        | ({} if volts is None else {"volts": records(volts)})
     )
 
 
-def _show(table, pairs) -> None:
+def _show(table, pairs, volts) -> None:
     from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
-    from mitsuba_taxel.characterise.wording import pair_rows, table_rows
+    from mitsuba_taxel.characterise.wording import by_reading, figure_rows, pair_rows, table_rows
 
     from .tables import print_table
 
-    titles = {
-        "Sensitivities": table_rows(table, SLOPES),
-        "Largest deviations, in percent of the largest change": table_rows(table, DEVIATIONS),
-        "Symmetric pairs under a tangential load": pair_rows(pairs),
-    }
+    titles = {}
+    for unit, part in by_reading(table).items():
+        of = f" of readings in {unit}" if unit else ""
+        titles[f"Sensitivities{of}"] = table_rows(part, SLOPES)
+        titles[f"Largest deviations{of}, in percent of the largest change"] = table_rows(part, DEVIATIONS)
+    titles["Symmetric pairs under a tangential load"] = pair_rows(pairs)
+    if volts is not None:
+        titles["As the circuit shows it"] = figure_rows(volts)
     for title, (headings, rows) in titles.items():
         if rows:
             print(f"{title}:")

@@ -9,12 +9,12 @@ import click
 from .options import debug_option
 
 
-@click.command(short_help="A commented scene, study or table of steps to start from.")
-@click.argument("kind", type=click.Choice(["scene", "study", "steps"]))
+@click.command(short_help="A commented scene, study, table of steps or circuit to start from.")
+@click.argument("kind", type=click.Choice(["scene", "study", "steps", "circuit"]))
 @click.argument("file", type=click.Path(path_type=Path), required=False)
 @debug_option
 def command(kind: str, file: Path | None) -> None:
-    """Write a commented file to start from: scene.xml, study.toml or steps.csv, or FILE.
+    """Write a commented file to start from: scene.xml, study.toml, steps.csv or circuit.toml, or FILE.
 
     A file that is there already is left as it is, and refused.
     """

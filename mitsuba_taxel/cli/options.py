@@ -110,6 +110,12 @@ time_budget_option = click.option(
     type=_Duration(),
     help="Time for it all, as 60s, 500ms or 2min: what would not end in time is not begun.",
 )
+circuit_option = click.option(
+    "--circuit",
+    type=click.Path(path_type=Path),
+    metavar="CIRCUIT.toml",
+    help="Also tell volts and counts, as this circuit shows them; `taxel new circuit` writes one.",
+)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(
     "-o",

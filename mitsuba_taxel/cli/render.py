@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    circuit_option,
     debug_option,
     defines_option,
     derivatives_option,
@@ -31,6 +32,7 @@ from .options import (
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @click.option("--explain", is_flag=True, help="Also say what this scene did not need, and was left out.")
 @derivatives_option
+@circuit_option
 @json_option
 @debug_option
 def command(
@@ -45,6 +47,7 @@ def command(
     crosstalk: bool,
     explain: bool,
     derivatives: list[str],
+    circuit: Path | None,
     as_json: bool,
 ) -> None:
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
@@ -56,6 +59,7 @@ def command(
 
     if output is not None:
         check_new_file(output, ".exr")
+    electronics = tables.circuit_in(circuit)
     began = time.time()
     description = sensing.Scene.from_file(scene, **defines)
     with tables.progress_bar("pads and light"):
@@ -68,6 +72,11 @@ def command(
             irradiance=output is not None,
             derivatives=derivatives,
         )
+    volts = None
+    if electronics is not None:
+        from mitsuba_taxel.electronics import shown
+
+        volts = shown(electronics, readings)
     matrix = book = lines = None
     if crosstalk:
         with tables.progress_bar("crosstalk"):
@@ -87,12 +96,14 @@ def command(
     if as_json:
         import json
 
-        answer = readings_as_json(readings) | crosstalk_as_json(matrix) | audit_as_json(book)
+        answer = readings_as_json(readings, volts) | crosstalk_as_json(matrix) | audit_as_json(book)
         click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
     else:
         tables.print_readings(readings)
         if readings.derivatives is not None:
             tables.print_derivatives(readings.derivatives)
+        if volts is not None:
+            tables.print_volts(readings.taxel, volts)
         if matrix is not None:
             tables.print_crosstalk(matrix)
         if book is not None:
@@ -103,7 +114,7 @@ def command(
         tables.end_beyond_target(readings.notes)
 
 
-def readings_as_json(readings) -> dict[str, object]:
+def readings_as_json(readings, volts=None) -> dict[str, object]:
     """The object that ``--json`` prints."""
     from .tables import known
 
@@ -117,15 +128,21 @@ def readings_as_json(readings) -> dict[str, object]:
     }
     if readings.photocurrent is not None:
         columns["photocurrent_A"] = readings.photocurrent
+    if volts is not None:
+        columns |= volts.columns
     rows = zip(*([known(value) for value in column.tolist()] for column in columns.values()), strict=True)
-    return {
-        "readings": [dict(zip(columns, row, strict=True)) for row in rows],
-        "error_budget": {source: known(share) for source, share in readings.error_budget.items()},
-        "mesh_size_mm": readings.mesh_size,
-        "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
-        "parameters": dict(readings.parameters),
-        "notes": readings.notes,
-    } | derivatives_as_json(readings.derivatives)
+    return (
+        {
+            "readings": [dict(zip(columns, row, strict=True)) for row in rows],
+            "error_budget": {source: known(share) for source, share in readings.error_budget.items()},
+            "mesh_size_mm": readings.mesh_size,
+            "seconds": {stage: float(seconds) for stage, seconds in readings.seconds.items()},
+            "parameters": dict(readings.parameters),
+            "notes": readings.notes,
+        }
+        | derivatives_as_json(readings.derivatives)
+        | volts_as_json(volts)
+    )
 
 
 def derivatives_as_json(derivatives) -> dict[str, object]:
@@ -136,6 +153,15 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
 
     errors = ({**row, "standard_error": known(row["standard_error"])} for row in derivatives.rows())
     return {"derivatives": list(errors)}
+
+
+def volts_as_json(volts) -> dict[str, object]:
+    """What ``--circuit`` adds to it, besides columns of the readings."""
+    if volts is None:
+        return {}
+    step = {"volts_per_count": volts.step}
+    derivatives = derivatives_as_json(volts.derivatives).get("derivatives")
+    return step if derivatives is None else {**step, "derivatives_in_volts": derivatives}
 
 
 def crosstalk_as_json(matrix) -> dict[str, object]:

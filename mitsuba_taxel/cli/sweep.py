@@ -9,6 +9,7 @@ import click
 
 from .options import (
     assignments,
+    circuit_option,
     debug_option,
     defines_option,
     derivatives_option,
@@ -23,7 +24,7 @@ from .options import (
 
 OF_A_SCENE = (
     "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives",
-    "target_slope",
+    "target_slope", "circuit",
 )  # fmt: skip
 MOST_FAILURES_SHOWN = 10
 
@@ -59,6 +60,7 @@ MOST_FAILURES_SHOWN = 10
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
 @derivatives_option
 @target_slope_option
+@circuit_option
 @click.option("--parquet", is_flag=True, help="Also write readings.parquet.")
 @json_option
 @debug_option
@@ -81,6 +83,7 @@ def command(
     maps: bool,
     derivatives: list[str],
     target_slope: float | None,
+    circuit: Path | None,
     parquet: bool,
     as_json: bool,
 ) -> None:
@@ -92,7 +95,7 @@ def command(
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of
 
-    from .tables import end_beyond_target, study_bar
+    from .tables import circuit_in, end_beyond_target, study_bar
 
     how: dict[str, Any] = {
         "workers": workers,
@@ -113,6 +116,7 @@ def command(
                 "maps": maps,
                 "derivatives": derivatives,
                 "target_slope": target_slope,
+                "circuit": circuit_in(circuit),
             }
             rows = {**together, **(columns_of(steps) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
@@ -140,14 +144,20 @@ def _refuse_options_of_a_scene(ctx: click.Context) -> None:
 
 def _as_json(study) -> dict[str, object]:
     from mitsuba_taxel.studies import stage_totals, study_error_budget
+    from mitsuba_taxel.studies.store.tables import summary_table
 
     from .tables import known
 
     budget = {source: known(share) for source, share in study_error_budget(study).items()}
-    return {"sensitivity": _sensitivities(study), "error_budget": budget, "seconds": stage_totals(study)}
+    rows = summary_table(study).to_dict("records")
+    sensitivity = [{name: known(value) for name, value in row.items()} for row in rows]
+    return {"sensitivity": sensitivity, "error_budget": budget, "seconds": stage_totals(study)}
 
 
 def _show(name: str, study) -> None:
+    from mitsuba_taxel.characterise import sensitivity_table, volts_table
+    from mitsuba_taxel.characterise.wording import figure_rows
+    from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.sensing.wording import budget_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
@@ -155,10 +165,12 @@ def _show(name: str, study) -> None:
 
     if name:
         print(f"\n{name}:")
-    rows = _sensitivities(study)
+    rows = sensitivity_table(study).to_dict("records")
     if rows:
         names = list(rows[0])
         print_table(names, ([_cell(row[name]) for name in names] for row in rows))
+    if rows and (circuit := circuit_of_study(study)):
+        print_table(*figure_rows(volts_table(study, circuit)))
     points, replicates = study.attrs["points"], study.sizes["replicate"]
     count = int(study.power.notnull().sum())
     print(f"{count} readings, each from {replicates} randomisations of {points} points.")
@@ -177,12 +189,6 @@ def _end(failures: list[str], folder: Path) -> None:
     if failures:
         click.echo("The same command with --retry-failed does again what failed.", err=True)
         raise click.exceptions.Exit(1)
-
-
-def _sensitivities(study) -> list[dict[str, object]]:
-    from mitsuba_taxel.characterise import sensitivity_table
-
-    return sensitivity_table(study).to_dict("records")
 
 
 def _cell(value: object) -> str:

@@ -70,6 +70,35 @@ def print_derivatives(derivatives) -> None:
     print_table(list(columns), list(zip(*columns.values(), strict=True)))
 
 
+def circuit_in(file):
+    """The circuit in a file, None where none is given."""
+    if file is None:
+        return None
+    from mitsuba_taxel.electronics import read_circuit
+
+    return read_circuit(file)
+
+
+def print_volts(taxels: Iterable[int], volts) -> None:
+    """What a circuit shows of each taxel, and its derivatives in volts."""
+    noise = volts.equivalent_noise()
+    print("\nAs the circuit shows it; noise: 1 sigma of the electronics")
+    rows = zip(
+        map(str, taxels),
+        (f"{voltage:.6f}" for voltage in volts.voltage),
+        (f"{error:.1e}" for error in volts.error),
+        (f"{value:.2e}" for value in volts.noise),
+        map(str, volts.counts),
+        *([f"{value:.2e}" for value in values] for values in noise.values()),
+        strict=True,
+    )
+    names = [f"noise as {name}" for name in noise]
+    print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts", *names), rows)
+    print(f"One count: {volts.step:.4g} V")
+    if volts.derivatives is not None:
+        print_derivatives(volts.derivatives)
+
+
 def print_crosstalk(crosstalk) -> None:
     """The power that each LED brings to each phototransistor, each with its standard error."""
     taxels = [str(taxel) for taxel in range(1, len(crosstalk.power) + 1)]

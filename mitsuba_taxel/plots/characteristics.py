@@ -17,7 +17,7 @@ from mitsuba_taxel.characterise.equations import from_line
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
 from mitsuba_taxel.characterise.replicates import standard_error
 from mitsuba_taxel.characterise.tangential import TangentialMap
-from mitsuba_taxel.characterise.wording import as_word, latex_table, pair_rows, table_rows, with_error
+from mitsuba_taxel.characterise.wording import as_word, by_reading, latex_table, pair_rows, table_rows, with_error
 from mitsuba_taxel.plots.curves import COLOURS, MARKERS, MOST_PANELS
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def write_characteristics(
     maps: Sequence[TangentialMap],
     table: pandas.DataFrame,
     pairs: pandas.DataFrame,
+    volts: pandas.DataFrame | None = None,
 ) -> list[Path]:
     """Write the figures of merit into a folder.
 
@@ -40,16 +41,20 @@ def write_characteristics(
     ----------
     table, pairs : pandas.DataFrame
         As ``characteristics(experiments)`` and ``symmetric_pairs(maps)`` return them.
+    volts : pandas.DataFrame, optional
+        As ``volts_table`` returns it.
 
     Returns
     -------
-    The files: ``characteristics.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they apply,
-    ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``; pictures as SVG too.
+    The files: ``characteristics.csv``, ``volts.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they
+    apply, ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``; pictures as SVG too.
     """
     writers: dict[str, Callable[[Path], Any]] = {
         "characteristics.csv": lambda file: table.to_csv(file, index=False),
         "characteristics.tex": lambda file: file.write_text(_latex(table, pairs), encoding="utf-8"),
     }
+    if volts is not None:
+        writers["volts.csv"] = lambda file: volts.to_csv(file, index=False)
     plots: dict[str, Callable[..., None]] = {"sensitivity": partial(plot_sensitivity, experiments)}
     if len(table[table.figure.isin(DEVIATIONS)]):
         plots["nonlinearity"] = partial(plot_deviations, experiments)
@@ -218,5 +223,6 @@ def _draw(
 
 
 def _latex(table: pandas.DataFrame, pairs: pandas.DataFrame) -> str:
-    tables = [table_rows(table, figures, latex=True) for figures in (SLOPES, DEVIATIONS)]
+    parts = list(by_reading(table).values())
+    tables = [table_rows(part, figures, latex=True) for figures in (SLOPES, DEVIATIONS) for part in parts]
     return "\n".join(latex_table(*parts) for parts in (*tables, pair_rows(pairs, latex=True)) if parts[1])

@@ -17,6 +17,7 @@ from mitsuba_taxel import InputError
         (("scene",), "scene.xml"),
         (("study",), "study.toml"),
         (("steps",), "steps.csv"),
+        (("circuit",), "circuit.toml"),
         (("scene", "mine.xml"), "mine.xml"),
     ],
 )

@@ -12,6 +12,7 @@ import pytest
 import mitsuba_taxel
 from mitsuba_taxel import (
     AnnularLed,
+    Circuit,
     ComputationError,
     Grooves,
     InputError,
@@ -37,6 +38,7 @@ from mitsuba_taxel import (
     measure,
     mesh_velocity,
     open_study,
+    read_circuit,
     run_study,
     show,
     silicone,
@@ -81,6 +83,7 @@ def calls(there):
     """By name: what is called, where its parameters are listed, and arguments with which it goes well."""
     return {
         "AnnularLed": (lambda **k: sensor(photo_reflector=PhotoReflector(led=AnnularLed(**k))), AnnularLed, {}),
+        "Circuit": (Circuit, Circuit, {"supply": 3.3, "load_resistance": 22e3, "transfer": 8.0}),
         "Grooves": (Grooves, Grooves, {"pitch": 0.1, "depth": 0.1}),
         "LayerSteps": (LayerSteps, LayerSteps, {"layer_height": 0.1}),
         "MooneyRivlin": (MooneyRivlin, MooneyRivlin, {"c10": 0.1, "c01": 0.1}),
@@ -116,6 +119,7 @@ def calls(there):
             {"pad": SMALL, "mesh": there["state"].mesh, "parameter": "wall"},
         ),
         "open_study": (open_study, open_study, {}),
+        "read_circuit": (read_circuit, read_circuit, {}),
         "run_study": (run_study, run_study, {"file": "study/study.toml", "output": "study/study.toml"}),
         "show": (show, show, {}),
         "silicone": (silicone, silicone, {}),

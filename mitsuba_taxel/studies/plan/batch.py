@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.arguments import is_number, names_of, table_of
+from mitsuba_taxel.base.arguments import is_number, names_of, require, table_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.electronics import Circuit
+from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
@@ -24,7 +26,10 @@ except ModuleNotFoundError:  # Python 3.10
 
 TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
-RUN_KEYS = ("target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives", "target_slope")
+RUN_KEYS = (
+    "target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives", "target_slope",
+    "circuit",
+)  # fmt: skip
 CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
 """Those of them that may be left out."""
 WRITTEN_KEYS = ("provenance",)
@@ -55,6 +60,8 @@ class Batch:
         Parameters to differentiate the readings by.
     target_slope : float or None
         Relative error of slopes by the forces that are varied.
+    circuit : Circuit or None
+        Whose volts stand beside the powers.
     """
 
     name: str
@@ -69,6 +76,7 @@ class Batch:
     maps: bool = False
     derivatives: tuple[str, ...] = ()
     target_slope: float | None = None
+    circuit: Circuit | None = None
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -81,7 +89,8 @@ class Batch:
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
         }
         chosen = {name: getattr(self, name) for name in CHOSEN}
-        tables = {"define": self.defines, "vary": vary, "together": together}
+        circuit = self.circuit.as_table() if self.circuit else {}
+        tables = {"circuit": circuit, "define": self.defines, "vary": vary, "together": together}
         return {
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
             "seed": self.seed,
@@ -106,6 +115,7 @@ def make_batch(
     maps: bool = False,
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
+    circuit: Circuit | None = None,
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
@@ -136,7 +146,10 @@ def make_batch(
     by = names_of("derivatives", derivatives)
     if target_slope is not None:
         by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes))))
-    batch = Batch(name, file, fixed, axes, target_error, points, time_budget, mesh_size, seed, maps, by, target_slope)
+    if circuit is not None:
+        require("circuit", circuit, Circuit, "a Circuit")
+    asked = (target_error, points, time_budget, mesh_size, seed, maps, by, target_slope, circuit)
+    batch = Batch(name, file, fixed, axes, *asked)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 
@@ -212,6 +225,8 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     if "steps" in scene:
         together.update(columns_of(folder / str(scene["steps"])))
     run = {name: study[name] for name in RUN_KEYS if name in study}
+    if "circuit" in run:
+        run["circuit"] = circuit_of(run["circuit"])
     return make_batch(
         str(scene["scene"]),
         {name: _listed(values) for name, values in tables["vary"].items()},

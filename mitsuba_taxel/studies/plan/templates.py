@@ -1,4 +1,4 @@
-"""Files to start from: a scene, a study and a table of steps, with comments that say what may stand where."""
+"""Files to start from: scenes, studies, tables of steps, circuits, with comments that say what may stand where."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.plan.files import check_new_file
 
-SUFFIXES = {"scene": ".xml", "study": ".toml", "steps": ".csv"}
+SUFFIXES = {"scene": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml"}
 
 _SCENE = """\
 <!-- A silicone pad of hollow cells on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
@@ -154,7 +154,39 @@ fx,fy,fz
 4,0,-8
 """
 
-_TEXTS = {"scene": _SCENE, "study": _STUDY, "steps": _STEPS}
+_CIRCUIT = """\
+# taxel render pad.xml --circuit circuit.toml
+# A phototransistor as emitter follower, a buffer, a converter. The numbers are an example: take those of your parts.
+# The table [circuit] may stand in a study file as well.
+
+[circuit]
+supply = 3.3                # V
+load_resistance = 22e3      # Ohm, from the emitter to ground; inf for an open emitter
+transfer = 8                # A/W, photocurrent per light that reaches the phototransistor, its gain included
+
+# With a current the LEDs' power in the scene is a factor, 1 for all alike; without, it is what they emit.
+led_current = 0.005         # A
+led_efficiency = 0.2        # W/A, light per current
+
+saturation_voltage = 0.1    # V, between collector and emitter, where half of the photocurrent passes
+dark_current = 1e-9         # A, at 25 degrees C
+dark_decade = 23            # K, for ten times as much
+temperature = 25            # degrees C
+transfer_drift = 0.004      # 1/K, relative
+led_drift = -0.005          # 1/K, relative
+
+buffer_gain = 1
+adc_bits = 12               # 1 to 24
+# adc_reference = 3.3       # V, of the full scale; without, the supply
+bandwidth = 1000            # Hz, low pass before the converter
+
+current_gain = 0            # of the phototransistor: amplifies the shot noise of its base current
+flicker_noise = 0           # V at 1 Hz, in 1 Hz; goes with 1/f
+flicker_from = 0.1          # Hz, the lowest frequency of it that counts
+other_noise = 4e-4          # V, of supply, buffer and converter
+"""
+
+_TEXTS = {"scene": _SCENE, "study": _STUDY, "steps": _STEPS, "circuit": _CIRCUIT}
 
 
 def write_template(kind: str, file: str | Path) -> None:
@@ -163,7 +195,7 @@ def write_template(kind: str, file: str | Path) -> None:
     Parameters
     ----------
     kind : str
-        ``scene`` (Mitsuba XML), ``study`` (TOML) or ``steps`` (CSV).
+        ``scene`` (Mitsuba XML), ``study`` (TOML), ``steps`` (CSV) or ``circuit`` (TOML).
     file : str or Path
         A new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``.
 

@@ -11,6 +11,7 @@ import xarray as xr
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.electronics import Circuit, with_volts
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension
@@ -60,6 +61,7 @@ def sweep(
     maps: bool = False,
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
+    circuit: Circuit | None = None,
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
@@ -108,6 +110,8 @@ def sweep(
     target_slope : float, optional
         Error wanted for the slopes by the forces that are varied, relative to that of the steepest taxel: pads whose
         mesh the scene leaves open get one that is fine enough at the end of some curves.
+    circuit : Circuit, optional
+        Whose volts and counts are told beside the powers.
     parquet : bool
         Whether to write the readings to ``output`` as ``readings.parquet`` as well.
     progress : Callable[[Progress], None], optional
@@ -117,10 +121,11 @@ def sweep(
     -------
     Over the varied parameters and ``taxel``: ``power``, ``standard_error`` (light) and ``total_error`` in W, and
     ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
-    ``mesh``, the file of the pad; ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` in W,
-    the readings without random numbers that they belong to. What failed is not a number, and the attribute ``failures``
-    says why, line by line. Other attributes are seed, points, mesh size, versions, the other parameters, and the
-    seconds of the pilot runs that chose points and mesh.
+    ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``;
+    ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` in W, the readings without random
+    numbers that they belong to. What failed is not a number, and the attribute ``failures`` says why, line by line.
+    Other attributes are seed, points, mesh size, versions, the other parameters, and the seconds of the pilot runs that
+    chose points and mesh.
 
     Raises
     ------
@@ -138,6 +143,7 @@ def sweep(
         "maps": maps,
         "derivatives": derivatives,
         "target_slope": target_slope,
+        "circuit": circuit,
     }
     batch = make_batch(source, vary, defines, together=together, **what)
     folder = None if output is None else path_of("output", output)
@@ -183,7 +189,8 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
     about = {"scene": batch.file.name, "seed": batch.seed}
     about |= {"target_error": batch.target_error, "target_slope": batch.target_slope}
     run = {**computed.settings._asdict(), "pilot_seconds": computed.pilot_seconds}
-    return assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
+    study = assemble(batch.axes, computed.results, failures, {**origin, **about, **run})
+    return with_volts(study, batch.circuit)
 
 
 class _Computed(NamedTuple):

@@ -9,6 +9,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.electronics import with_volts
+from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing.scene import hindrance_to, is_file
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import read_study
@@ -60,7 +62,8 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     about = {"scene": Path(scene["scene"]).name, "seed": study["seed"]}
     about |= {name: study.get(name) for name in ("target_error", "target_slope")}
     run = {**settings._asdict(), "pilot_seconds": pilot_seconds}
-    opened = assemble(axes, results, failures, {**origin, **about, **run})
+    circuit = circuit_of(study["circuit"]) if "circuit" in study else None
+    opened = with_volts(assemble(axes, results, failures, {**origin, **about, **run}), circuit)
     if origin.get("code") != own_code():
         opened.attrs["notes"] = "\n".join(filter(None, [opened.attrs["notes"], OF_OTHER_CODE]))
     return opened

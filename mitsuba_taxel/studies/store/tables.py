@@ -10,7 +10,8 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise import sensitivity_table
+from mitsuba_taxel.characterise import sensitivity_table, volts_table
+from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.plots.curves import plot_curves
 
 if TYPE_CHECKING:
@@ -33,10 +34,16 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
     for form in ("png", "svg"):
         with replacing(folder / f"power.{form}") as file:
             plot_curves(study, file, form)
-    slopes = sensitivity_table(study)
+    slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
             slopes.to_csv(file, index=False)
+
+
+def summary_table(study: xr.Dataset) -> pandas.DataFrame:
+    """Slopes by every force that is varied, in W/N and, with a circuit, beside them what it shows."""
+    table, circuit = sensitivity_table(study), circuit_of_study(study)
+    return table if circuit is None or not len(table) else table.merge(volts_table(study, circuit), how="left")
 
 
 def check_parquet() -> None:
@@ -53,7 +60,7 @@ def _head(study: xr.Dataset) -> list[str]:
 
 def _readings(study: xr.Dataset) -> pandas.DataFrame:
     """One row per scene and taxel."""
-    names = ["power", "standard_error", "total_error", *(["mesh"] if "mesh" in study else [])]
+    names = ["power", "standard_error", "total_error", *(name for name in (*VOLTS, "mesh") if name in study)]
     dims = [str(dim) for dim in study.power.dims]
     together = [str(name) for name in study.power.coords if name not in dims]
     table = study[names].to_dataframe().reset_index()[[*dims[:-1], *together, dims[-1], *names]]

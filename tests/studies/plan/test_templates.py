@@ -23,7 +23,7 @@ except ModuleNotFoundError:  # Python 3.10
 def template(tmp_path_factory):
     """The path of a template of some kind, by kind."""
     folder = tmp_path_factory.mktemp("templates")
-    files = {kind: folder / f"my{suffix}" for kind, suffix in SUFFIXES.items()}
+    files = {kind: folder / f"{kind}{suffix}" for kind, suffix in SUFFIXES.items()}
     for kind, file in files.items():
         write_template(kind, file)
     return files

@@ -1,0 +1,186 @@
+"""The circuit that reads a phototransistor, as a table of numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, values_of, whole
+from mitsuba_taxel.parameters.parameter import stated
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+ROOM_TEMPERATURE = 25.0
+"""In degrees C: that of the figures of datasheets."""
+ZERO_CELSIUS = 273.15
+BOLTZMANN = 1.380649e-23
+"""In J/K."""
+CHARGE = 1.602176634e-19
+"""Of an electron, in A s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Resistance(Number):
+    """A number of Ohm; infinite for what is not connected."""
+
+    def checked(self, value: Any) -> float:
+        return math.inf if isinstance(value, float) and value == math.inf else super().checked(value)
+
+
+@dataclass(frozen=True)
+class Circuit(Checked):
+    """A phototransistor as emitter follower on a load resistor, a buffer and an analogue-digital converter.
+
+    All taxels have the same. The figures of datasheets are those at 25 degrees C.
+
+    Raises
+    ------
+    InputError
+        for a value that is not allowed, or a circuit that cannot work.
+    """
+
+    supply: float = number(REQUIRED, "V", "Supply voltage of phototransistor, buffer and converter.", above=0)
+    load_resistance: float = stated(
+        _Resistance(
+            default=REQUIRED, unit="Ohm", doc="From the emitter to ground; `inf` for an open emitter.", minimum=0
+        )
+    )
+    transfer: float = number(
+        REQUIRED, "A/W", "Photocurrent per optical power that reaches the phototransistor, its gain included.", above=0
+    )
+    led_current: float | None = number(
+        None,
+        "A",
+        "Of each LED. The power of a scene's LEDs is then only a factor, 1 for all alike.",
+        minimum=0,
+        default_words="none: LEDs emit the power that the scene says",
+    )
+    led_efficiency: float | None = number(
+        REQUIRED, "W/A", "Optical power per current of an LED.", above=0, needs="led_current"
+    )
+    led_drift: float = number(0.0, "1/K", "Relative change of the LED's power with temperature.")
+    transfer_drift: float = number(0.0, "1/K", "Relative change of `transfer` with temperature.")
+    saturation_voltage: float = number(
+        0.1,
+        "V",
+        "Between collector and emitter, where the phototransistor passes half of its photocurrent; 0 for one that "
+        "passes all of it down to 0 V.",
+        minimum=0,
+    )
+    dark_current: float = number(0.0, "A", "Of the phototransistor without light.", minimum=0)
+    dark_decade: float = number(23.0, "K", "Rise of the temperature that makes the dark current tenfold.", above=0)
+    temperature: float = number(ROOM_TEMPERATURE, "degrees C", "Of all parts.", minimum=-200, maximum=500)
+    buffer_gain: float = number(1.0, "", "Voltage gain of the buffer, whose output ends at the supply.", above=0)
+    adc_bits: int = whole(12, 1, 24, "Resolution of the converter.")
+    adc_reference: float | None = number(
+        None, "V", "Voltage of the converter's full scale.", above=0, default_words="the supply"
+    )
+    bandwidth: float = number(1000.0, "Hz", "Of a low pass of first order before the converter, -3 dB.", above=0)
+    current_gain: float = number(
+        0.0,
+        "",
+        "Of the phototransistor: shot noise of its base current is amplified by it. 0 counts that of the photocurrent "
+        "alone.",
+        minimum=0,
+    )
+    flicker_noise: float = number(0.0, "V", "At 1 Hz and in 1 Hz, at the converter; it goes with 1/f.", minimum=0)
+    flicker_from: float = number(
+        0.1, "Hz", "Lowest frequency of such noise that counts: one over the time of a recording.", above=0
+    )
+    other_noise: float = number(
+        0.0, "V", "At the converter, of supply, buffer and converter besides; one standard deviation.", minimum=0
+    )
+
+    def _check(self) -> None:
+        if self.saturation_voltage >= self.supply:
+            raise InputError(
+                f"saturation_voltage = {self.saturation_voltage:g} is not allowed: less than supply = {self.supply:g} "
+                "is needed, or the circuit cannot work."
+            )
+        for name in ("led_drift", "transfer_drift"):
+            if self._grown(getattr(self, name)) <= 0:
+                raise InputError(
+                    f"{name} = {getattr(self, name):g} is not allowed at temperature = {self.temperature:g}: nothing "
+                    "would be left."
+                )
+
+    def _grown(self, drift: float) -> float:
+        return 1 + drift * (self.temperature - ROOM_TEMPERATURE)
+
+    @property
+    def current_per_power(self) -> float:
+        """Photocurrent per power of a reading, in A/W, with LED current and temperature."""
+        emitted = 1.0 if self.led_current is None else self.led_current * (self.led_efficiency or 0.0)
+        return emitted * self._grown(self.led_drift) * self.transfer * self._grown(self.transfer_drift)
+
+    @property
+    def leakage(self) -> float:
+        """Dark current at the temperature, in A."""
+        return self.dark_current * 10 ** ((self.temperature - ROOM_TEMPERATURE) / self.dark_decade)
+
+    @property
+    def thermal_voltage(self) -> float:
+        """k T / q, in V."""
+        return BOLTZMANN * self.kelvin / CHARGE
+
+    @property
+    def kelvin(self) -> float:
+        """The temperature, in K."""
+        return self.temperature + ZERO_CELSIUS
+
+    @property
+    def full_scale(self) -> float:
+        """Voltage that the converter's counts end at, in V."""
+        return self.supply if self.adc_reference is None else self.adc_reference
+
+    @property
+    def step(self) -> float:
+        """Voltage of one count, in V."""
+        return self.full_scale / 2**self.adc_bits
+
+    @property
+    def limit(self) -> float:
+        """Output in V from which the circuit counts as saturated: that of the converter or the buffer, or where the
+        phototransistor passes but half of its photocurrent."""
+        return min(self.full_scale, self.supply, self.buffer_gain * (self.supply - self.saturation_voltage))
+
+    def as_table(self) -> dict[str, Any]:
+        """What the circuit is, as a study file says it."""
+        return values_of(self)
+
+
+def circuit_of(table: object) -> Circuit:
+    """The circuit that a table of a TOML file describes; raises `InputError`."""
+    if not isinstance(table, Mapping):
+        raise InputError("circuit is not allowed as it stands: a table [circuit] of numbers is needed.")
+    allowed = [field.name for field in fields(Circuit)]
+    for name in table:
+        if name not in allowed:
+            raise InputError(f"circuit: {name} is not known: allowed are {', '.join(sorted(allowed))}.")
+    return Circuit(**table)
+
+
+def read_circuit(file: str | Path) -> Circuit:
+    """The circuit in a TOML file, of such entries or with a table ``[circuit]`` of them, as a study file has.
+
+    Raises
+    ------
+    InputError
+        if it cannot be read, or describes no circuit.
+    """
+    file = path_of("circuit", file)
+    try:
+        content = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"circuit {str(file)!r} cannot be read: {error.strerror}.") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"circuit {str(file)!r} is no TOML: {error}.") from error
+    return circuit_of(content.get("circuit", content))

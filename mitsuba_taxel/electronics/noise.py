@@ -1,0 +1,49 @@
+"""Noise of a circuit, as standard deviations of the voltage at the converter."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.electronics.circuit import BOLTZMANN, CHARGE, Circuit
+from mitsuba_taxel.electronics.response import respond
+
+
+def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
+    """Standard deviations in V for optical powers in W, by their source.
+
+    ``shot`` of the photocurrent, 2 q I (1 + 2 b): with a current gain b, the currents that feed its base and recombine
+    there, each I / b, are amplified by b. ``thermal`` of the load, 4 k T R, beside the resistance of the
+    phototransistor. Both in the noise bandwidth of a low pass of first order, pi / 2 of its own. ``flicker``, K^2 / f,
+    from ``flicker_from`` on: K^2 / 2 ln(1 + (bandwidth / flicker_from)^2). ``other`` as given. ``quantisation`` of the
+    converter, a step / sqrt(12), as if all places within a step were equally likely: where a signal stays within one
+    step it is all or nothing.
+    """
+    shown = respond(circuit, power)
+    width = math.pi / 2 * circuit.bandwidth
+    per_current = circuit.buffer_gain * shown.resistance
+    amplified = 1 + 2 * circuit.current_gain
+    shot = 2 * CHARGE * shown.photocurrent * amplified * width
+    with np.errstate(divide="ignore", invalid="ignore"):
+        through_load = np.divide(shown.resistance, circuit.load_resistance)
+        thermal = 4 * BOLTZMANN * circuit.kelvin * width * shown.resistance * through_load
+    flicker = circuit.flicker_noise * math.sqrt(math.log1p((circuit.bandwidth / circuit.flicker_from) ** 2) / 2)
+    alike = np.ones_like(shown.voltage)
+    free = shown.rate > 0
+    with np.errstate(invalid="ignore"):
+        parts = {
+            "shot": np.where(free, shown.passed * per_current * np.sqrt(shot), 0.0),
+            "thermal": np.where(free, circuit.buffer_gain * np.sqrt(np.nan_to_num(thermal)), 0.0),
+        }
+    return parts | {
+        "flicker": flicker * alike,
+        "other": circuit.other_noise * alike,
+        "quantisation": circuit.step / math.sqrt(12) * alike,
+    }
+
+
+def total_noise(circuit: Circuit, power: Any) -> np.ndarray:
+    """All noise together, as one standard deviation in V, for optical powers in W."""
+    return np.sqrt(sum(part**2 for part in noise_parts(circuit, power).values()))

@@ -1,0 +1,132 @@
+"""What a circuit makes of optical power: photocurrent, volts, counts. Nothing is linearised.
+
+A phototransistor with a floating base, after Ebers and Moll, passes
+
+    I = I_L (1 - e^-u) / (1 - 2 e^-u + e^(a - u)),    u = V_CE / V_T,  a = V_half / V_T,  V_T = k T / q
+
+of its photocurrent I_L at a voltage V_CE between collector and emitter: all of it far above V_half, half of it there
+(the ratio of its gains forward and backward is e^a - 2). On a load R from emitter to ground, V_CE = V_supply - R I.
+(J. J. Ebers, J. L. Moll, Proc. IRE 42, 1954, with the photocurrent in the base.)
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.electronics.circuit import Circuit
+
+BISECTIONS = 80
+"""Halvings of the range that the voltage lies in: beyond double precision."""
+LARGEST_EXPONENT = 700.0
+
+
+class Response(NamedTuple):
+    """What a circuit shows for some optical powers; all arrays have their shape.
+
+    Attributes
+    ----------
+    photocurrent : ndarray
+        I_L in A, dark current included.
+    voltage : ndarray
+        At the converter, in V.
+    rate : ndarray
+        Its derivative by the power, in V/W.
+    counts : ndarray of int
+        From 0 to the converter's largest.
+    resistance : ndarray
+        Of the emitter's node for small signals, in Ohm: the load beside the phototransistor; 0 for an open emitter
+        without any current, which stays at 0 V.
+    passed : ndarray
+        Share of the photocurrent that the phototransistor passes.
+    """
+
+    photocurrent: np.ndarray
+    voltage: np.ndarray
+    rate: np.ndarray
+    counts: np.ndarray
+    resistance: np.ndarray
+    passed: np.ndarray
+
+
+def respond(circuit: Circuit, power: Any) -> Response:
+    """What a circuit shows for optical powers in W, an array of any shape or a number.
+
+    Raises
+    ------
+    InputError
+        if a power is below 0.
+    """
+    power = np.asarray(power, dtype=float)
+    if (power < 0).any():
+        raise InputError(f"power = {power.min():g} is not allowed: at least 0 W is needed.")
+    current = circuit.current_per_power * power + circuit.leakage
+    with np.errstate(divide="ignore"):
+        conductance = np.divide(1.0, circuit.load_resistance)
+    u = _excess(circuit, current, conductance)
+    passed, steepness = _passed(circuit, u)
+    emitter = _emitter_voltage(circuit, current, conductance, u, passed)
+    known = conductance + current * steepness / circuit.thermal_voltage
+    resistance = np.divide(1.0, known, out=np.zeros_like(known), where=known > 0)
+    voltage = circuit.buffer_gain * emitter
+    free = (emitter < circuit.supply) & (voltage < circuit.supply)
+    rate = np.where(free, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)
+    voltage = np.minimum(voltage, circuit.supply)
+    return Response(current, voltage, rate, counts_of(circuit, voltage), resistance, passed)
+
+
+def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
+    """Counts of the converter for voltages in V; not a number counts as 0."""
+    steps = np.floor(np.nan_to_num(np.asarray(voltage, dtype=float)) / circuit.step)
+    return np.clip(steps, 0, 2**circuit.adc_bits - 1).astype(int)
+
+
+def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
+    """Optical power in W that brings the converter to voltages in V, from 0 to below the supply.
+
+    Negative where the dark current alone brings more; not a number where no power does.
+    """
+    voltage = np.asarray(voltage, dtype=float)
+    emitter = voltage / circuit.buffer_gain
+    possible = (voltage >= 0) & (voltage < circuit.supply) & (emitter < circuit.supply)
+    u = np.where(possible, (circuit.supply - emitter) / circuit.thermal_voltage, np.nan)
+    passed, _ = _passed(circuit, u)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (np.divide(emitter, circuit.load_resistance) / passed - circuit.leakage) / circuit.current_per_power
+
+
+def _excess(circuit: Circuit, current: np.ndarray, conductance: float) -> np.ndarray:
+    """V_CE / V_T, by bisection: what the phototransistor passes rises with it, what the load takes falls."""
+    low = np.zeros_like(current)
+    high = np.full_like(current, circuit.supply / circuit.thermal_voltage)
+    if np.isinf(conductance):
+        return high
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        load = conductance * (circuit.supply - circuit.thermal_voltage * middle)
+        beyond = current * _passed(circuit, middle)[0] > load
+        low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
+    return high
+
+
+def _passed(circuit: Circuit, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Share of the photocurrent that the phototransistor passes, and its derivative by u."""
+    half = circuit.saturation_voltage / circuit.thermal_voltage
+    rest, forward = np.exp(-u), -np.expm1(-u)
+    backward = np.exp(np.minimum(half - u, LARGEST_EXPONENT)) - rest
+    total = forward + backward
+    return forward / total, backward / total / total
+
+
+def _emitter_voltage(
+    circuit: Circuit, current: np.ndarray, conductance: float, u: np.ndarray, passed: np.ndarray
+) -> np.ndarray:
+    """In V; from the current where it is small, from what is left of the supply where that is."""
+    if np.isinf(conductance):
+        return np.zeros_like(current)
+    across = circuit.thermal_voltage * u
+    with np.errstate(divide="ignore", invalid="ignore"):
+        small = np.where(current > 0, current * passed / conductance, 0.0)
+    return np.where((current > 0) & (across < circuit.supply / 2), circuit.supply - across, small)

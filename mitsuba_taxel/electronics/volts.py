@@ -1,0 +1,69 @@
+"""A study in volts: its readings as a circuit shows them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
+from mitsuba_taxel.electronics.noise import total_noise
+from mitsuba_taxel.electronics.response import respond
+
+VOLTS = ("voltage", "voltage_error", "counts", "noise")
+"""What a circuit adds to a study."""
+
+
+def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
+    """A study with ``voltage``, its ``voltage_error`` by the total error of the power, ``counts`` and ``noise`` beside
+    the power, and the circuit as the attribute ``circuit``; as it is where there is no circuit."""
+    if circuit is None:
+        return study
+    power = study.power.values
+    known = np.isfinite(power)
+    lit = _lit(power)
+    shown = respond(circuit, lit)
+    dims = study.power.dims
+
+    def column(values: np.ndarray, unit: str, name: str) -> tuple:
+        return dims, np.where(known, values, np.nan), {"units": unit, "long_name": name}
+
+    return study.assign(
+        voltage=column(shown.voltage, "V", "voltage at the converter"),
+        voltage_error=column(shown.rate * study.total_error.values, "V", "error of voltage by that of power"),
+        counts=column(shown.counts, "1", "counts of the converter"),
+        noise=column(total_noise(circuit, lit), "V", "1 sigma of voltage by the electronics"),
+    ).assign_attrs(circuit=json.dumps(circuit.as_table()))
+
+
+def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
+    """The circuit that a study has, the same for all of its scenes; None where it has none."""
+    attributes = study.leaves[0].attrs if isinstance(study, xr.DataTree) else study.attrs
+    return circuit_of(json.loads(attributes["circuit"])) if "circuit" in attributes else None
+
+
+def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
+    """A study whose readings and derivatives are volts in place of watts, for figures of merit.
+
+    Voltages of the mean powers are exact; those of the replicates are off from these to first order.
+    """
+    mean = study.replicate_power.mean("replicate")
+    shown = respond(circuit, _lit(mean.values))
+    voltage = mean.copy(data=np.where(np.isfinite(mean), shown.voltage, np.nan))
+    rate = mean.copy(data=shown.rate)
+    converted = {"replicate_power": voltage + rate * (study.replicate_power - mean)}
+    if "smooth_power" in study:
+        shown = respond(circuit, _lit(study.smooth_power.values))
+        rate = study.smooth_power.copy(data=shown.rate)
+        converted["smooth_power"] = study.smooth_power.copy(data=shown.voltage)
+        converted["derivative"] = study.derivative * rate
+        converted["derivative_error"] = study.derivative_error * rate
+    for name, values in converted.items():
+        converted[name] = values.transpose(*study[name].dims).assign_attrs(units="V")
+    return study.assign(converted)
+
+
+def _lit(power: np.ndarray) -> np.ndarray:
+    """Powers that a circuit can be asked of: 0 for those that are missing, or less than 0 by their error."""
+    return np.maximum(np.nan_to_num(power), 0.0)

@@ -1,0 +1,53 @@
+"""What a circuit shows along a line of load, where power goes linearly with the force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel import Circuit
+from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_table
+from mitsuba_taxel.electronics import in_volts, power_at, total_noise
+
+CIRCUIT = Circuit(supply=3.3, load_resistance=22e3, transfer=8.0, saturation_voltage=0.1)
+FORCES = np.linspace(0, -10, 21)
+
+
+@pytest.fixture
+def study():
+    """Three taxels: one far from saturation, one that saturates on the way, one that does so at rest."""
+    power = np.array([1e-6, 1e-5, 1e-3]) + np.array([2e-7, 4e-6, 1e-6]) * -FORCES[:, None]
+    samples = np.repeat(power[:, None], 32, axis=1)
+    data = {
+        "replicate_power": (("fz", "replicate", "taxel"), samples, {"units": "W"}),
+        "power": (("fz", "taxel"), power),
+    }
+    return xr.Dataset(data, {"fz": FORCES, "taxel": [1, 2, 3]}, {"curve": "fz", "notes": ""})
+
+
+def test_closed_forms(study):
+    table = volts_table(study, CIRCUIT).set_index("taxel")
+    slope = 22e3 * 8 * 2e-7
+    assert table.mean_slope_V_per_N[1] == pytest.approx(-slope) and table.rest_V[1] == pytest.approx(0.176)
+    assert table.mean_slope_counts_per_N[1] == pytest.approx(-slope / (3.3 / 4096)) and table.rest_counts[1] == 218
+    noise = total_noise(CIRCUIT, 1e-6)
+    assert table.noise_V[1] == pytest.approx(noise)
+    assert table.noise_force_N[1] == pytest.approx(noise / slope, rel=1e-3)
+    limit = power_at(CIRCUIT, CIRCUIT.limit)
+    assert np.isnan(table.saturation_N[1]) and table.saturation_N[3] == 0
+    assert table.saturation_N[2] == pytest.approx(-(limit - 1e-5) / 4e-6, rel=1e-6)
+    assert table.least_noise_force_N[2] < table.noise_force_N[3]
+
+
+def test_experiments_come_in_watts_and_volts(study):
+    both = simulated_experiments(study, CIRCUIT).experiments
+    assert [(one.unit, one.where) for one in both] == [("W", {"reading": "W"}), ("V", {"reading": "V"})]
+    (alone,) = experiments(in_volts(study, CIRCUIT))
+    np.testing.assert_array_equal(both[1].runs[0].samples, alone.runs[0].samples)
+
+
+def test_studies_of_several_scenes(study):
+    table = volts_table(xr.DataTree.from_dict({"flat": study, "round": study}), CIRCUIT)
+    assert list(table.scene.unique()) == ["flat", "round"] and len(table) == 6
+    assert len(volts_table(study.isel(fz=[0]), CIRCUIT)) == 0

@@ -1,0 +1,77 @@
+"""`--circuit` of `taxel render`, `sweep` and `characterise`, and `[circuit]` of study files."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from mitsuba_taxel import open_study, write_template
+
+PLATE = """<scene version="3.9.0">
+    <default name="fz" value="0.7"/>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+    <shape type="rectangle">
+        <transform name="to_world">
+            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
+        </transform>
+        <bsdf type="wall"/>
+    </shape>
+    <integrator type="taxel_tracer"/>
+</scene>"""
+"""No pad: the plate's height stands for a force, which costs nothing."""
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path):
+    (tmp_path / "plate.xml").write_text(PLATE)
+    write_template("circuit", tmp_path / "circuit.toml")
+    circuit = (tmp_path / "circuit.toml").read_text()
+    study = f'scene = "plate.xml"\npoints = 64\n{circuit}\n[vary]\nfz = "0.6:1:0.1"\n'
+    (tmp_path / "study.toml").write_text(study)
+    (tmp_path / "dead.toml").write_text("load_resistance = 1e3\ntransfer = 1\n")
+
+
+def test_render(taxel):
+    told = taxel("render", "plate.xml", "--points", 64, "--circuit", "circuit.toml")
+    assert told.returncode == 0 and "voltage [V]" in told.stdout and "One count: 0.0008057 V" in told.stdout
+    answer = json.loads(taxel("render", "plate.xml", "--points", 64, "--circuit", "circuit.toml", "--json").stdout)
+    (reading,) = answer["readings"]
+    assert reading["voltage_V"] == pytest.approx(22e3 * (8e-3 * reading["power_W"] + 1e-9), rel=1e-3)
+    assert reading["counts"] == int(reading["voltage_V"] * 4096 / 3.3) and answer["volts_per_count"] == 3.3 / 4096
+
+
+def test_a_study_file_and_another_circuit(taxel, tmp_path):
+    told = taxel("sweep", "study.toml", "-o", "out")
+    assert told.returncode == 0 and "mean_slope_counts_per_N" in told.stdout, told.stderr
+    study = open_study(tmp_path / "out")
+    assert study.voltage.dims == ("fz", "taxel") and study.attrs["circuit"]
+    lines = (tmp_path / "out" / "readings.csv").read_text().splitlines()
+    head = next(line for line in lines if not line.startswith("#"))
+    assert {"voltage_V", "voltage_error_V", "counts", "noise_V"} <= set(head.split(","))
+    again = taxel("sweep", tmp_path / "out" / "study.toml", "-o", "again", "--json")
+    assert again.returncode == 0 and json.loads(again.stdout)["sensitivity"][0]["rest_V"] > 0
+
+    own = json.loads(taxel("characterise", "out", "--json").stdout)
+    assert {row["reading"] for row in own["characteristics"]} == {"W", "V"} and own["volts"][0]["saturation_N"] is None
+    (tmp_path / "other.toml").write_text("supply = 3.3\nload_resistance = 220e3\ntransfer = 8e-3\n")
+    other = taxel("characterise", "out", "--circuit", "other.toml", "-o", "other")
+    assert other.returncode == 0 and "Sensitivities of readings in V:" in other.stdout
+    assert "As the circuit shows it:" in other.stdout and (tmp_path / "other" / "volts.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "culprit"),
+    [
+        (("render", "plate.xml", "--circuit", "none.toml"), "none.toml"),
+        (("render", "plate.xml", "--circuit", "dead.toml"), "supply is missing"),
+        (("render", "plate.xml", "--circuit", "plate.xml"), "is no TOML"),
+        (("sweep", "study.toml", "-o", "x", "--circuit", "circuit.toml"), "circuit is not allowed"),
+        (("sweep", "broken.toml", "-o", "x"), "a table [circuit] of numbers is needed"),
+    ],
+)
+def test_bad_input_is_one_line(taxel, tmp_path, words, culprit):
+    (tmp_path / "broken.toml").write_text('scene = "plate.xml"\ncircuit = 5\n[vary]\nfz = [1, 2]\n')
+    done = taxel(*words)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2 and done.stdout == "" and culprit in line

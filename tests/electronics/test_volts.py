@@ -1,0 +1,66 @@
+"""Readings and studies as a circuit shows them: the chain rule, and what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel.electronics import in_volts, respond, shown, total_noise, with_volts
+from mitsuba_taxel.electronics.volts import circuit_of_study
+from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.derivative_values import Derivatives
+
+POWER = np.array([[1e-6, 5e-6], [1.5e-5, 3e-5], [1e-4, np.nan]])
+
+
+@pytest.fixture
+def study():
+    samples = POWER[:, None] * (1 + 1e-3 * np.linspace(-1, 1, 4)[:, None])
+    dims = ("fz", "taxel")
+    return xr.Dataset(
+        {
+            "power": (dims, POWER),
+            "total_error": (dims, 0.01 * POWER),
+            "replicate_power": (("fz", "replicate", "taxel"), samples, {"units": "W"}),
+        },
+        {"fz": [0.0, -1.0, -2.0], "taxel": [1, 2]},
+    )
+
+
+def test_a_study_beside_its_powers(circuit, study):
+    one = circuit(dark_current=1e-9)
+    told = with_volts(study, one)
+    np.testing.assert_allclose(told.voltage.values[:2], respond(one, POWER[:2]).voltage)
+    np.testing.assert_allclose(told.voltage_error.values[0], 0.01 * POWER[0] * 22e3 * 8, rtol=1e-9)
+    np.testing.assert_allclose(told.noise.values[:2], total_noise(one, POWER[:2]))
+    for name in ("voltage", "voltage_error", "counts", "noise"):
+        assert np.isnan(told[name].values[2, 1]) and np.isfinite(told[name].values[2, 0])
+    assert circuit_of_study(told) == one and circuit_of_study(study) is None and with_volts(study, None) is study
+
+
+def test_a_study_in_volts_has_the_voltage_of_its_mean_power(circuit, study):
+    volts = in_volts(study, circuit())
+    mean = volts.replicate_power.mean("replicate")
+    np.testing.assert_allclose(mean.values[:2], respond(circuit(), POWER[:2]).voltage, rtol=1e-12)
+    assert volts.replicate_power.attrs["units"] == "V" and volts.replicate_power.dims == study.replicate_power.dims
+    assert np.isnan(mean.values[2, 1])
+
+
+def test_derivatives_follow_the_chain_rule(circuit):
+    """Of powers that go with the force as P0 + a F + b F^2, at a point where the phototransistor saturates."""
+    one, force, step = circuit(), 2.0, 1e-6
+
+    def power(at):
+        return np.array([1e-5 + 3e-6 * at + 1e-7 * at**2, 1.5e-5 + 1e-6 * at])
+
+    slope = np.array([[3e-6 + 2e-7 * force], [1e-6]])
+    derivatives = Derivatives(("fz", "x"), ("W/N", "W"), slope * [1, 2], 0.1 * slope * [1, 2], power(force))
+    told = shown(one, Readings(np.tile(power(force), (32, 1)), 64, 0, derivatives=derivatives))
+    ends = [respond(one, power(force + sign * step)).voltage for sign in (1, -1)]
+    np.testing.assert_allclose(told.derivatives.values[:, 0], (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+    assert told.derivatives.units == ("V/N", "V")
+    np.testing.assert_allclose(told.derivatives.standard_errors, 0.1 * told.derivatives.values)
+    noise = told.equivalent_noise()
+    assert list(noise) == ["fz [N]", "x [1]"]
+    np.testing.assert_allclose(noise["fz [N]"] * told.derivatives.values[:, 0], told.noise)
