@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import CENTRE, write_scene
+from mitsuba_taxel.reproduce.slopes import curves
 from mitsuba_taxel.sensing import Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -129,5 +130,6 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
 
 def emulated(study: xr.Dataset, force: str) -> Emulated:
     """The paper's procedure on a study's curves of all taxels, with 60 000 rays for each reading."""
-    power = study.power.transpose(force, "taxel").values
-    return summary(max_slopes(study[force].values, binomial(power, paper.RAYS, REPETITIONS)))
+    along = curves(study, force)
+    forces = np.arange(along.force[0], along.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)
+    return summary(max_slopes(forces, binomial(along.power(forces), paper.RAYS, REPETITIONS)))

@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.equations import Deviation, nonlinearity
-from mitsuba_taxel.characterise.experiment import Branch
-from mitsuba_taxel.characterise.replicates import standard_error
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated, emulated
 from mitsuba_taxel.reproduce.comparison import Fit, common_scale
-from mitsuba_taxel.reproduce.slopes import Sensitivity, sensitivity
+from mitsuba_taxel.reproduce.slopes import Sensitivity, change, curves, sensitivity
 
 Paths = Mapping[str, xr.Dataset]
 PUBLISHED = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
 """Table 1 by kind of force."""
+PLACES = 201
+"""Forces at which a curve is set against a straight line."""
 
 
 def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
@@ -92,7 +91,7 @@ def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> Fit:
 
 
 class Difference(NamedTuple):
-    """A difference of readings in W with its standard error."""
+    """A difference of readings in W with its error."""
 
     value: float
     error: float
@@ -104,23 +103,32 @@ def skewness(study: xr.Dataset) -> dict[str, Difference]:
     ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
     from their mean on the main diagonal, where there should be little.
     """
-    shown = study.replicate_power.sel(resultant=paper.SHOWN_TANGENTIAL_FORCE)
-    change = shown - study.replicate_power.sel(resultant=0, drop=True)
-    at = {taxel: change.sel(taxel=taxel).values for taxel in range(1, 10)}
-    middle = (at[1] + at[5] + at[9]) / 3
-    apart = max((at[taxel] - middle for taxel in (1, 5, 9)), key=lambda one: abs(one.mean()))
-    parts = {"3 - 7": at[3] - at[7], "(2 + 6 - 4 - 8) / 2": (at[2] + at[6] - at[4] - at[8]) / 2, "1, 5, 9": apart}
-    return {name: Difference(float(one.mean()), float(standard_error(one))) for name, one in parts.items()}
+    taxels = np.eye(9)
+    middle = (taxels[0] + taxels[4] + taxels[8]) / 3
+    sums = {
+        "3 - 7": [taxels[2] - taxels[6]],
+        "(2 + 6 - 4 - 8) / 2": [(taxels[1] + taxels[5] - taxels[3] - taxels[7]) / 2],
+        "1, 5, 9": [taxels[taxel] - middle for taxel in (0, 4, 8)],
+    }
+    found = {
+        name: [Difference(*change(study, "resultant", paper.SHOWN_TANGENTIAL_FORCE, each)) for each in weights]
+        for name, weights in sums.items()
+    }
+    return {name: max(each, key=lambda one: abs(one.value)) for name, each in found.items()}
 
 
 def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
-    """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error."""
-    pressed = study.sortby("fz", ascending=False).sel(fz=slice(0, -paper.MEASURED_FORCE))
-    samples = pressed.replicate_power.transpose("fz", "replicate", "taxel").values
-    branch = Branch(pressed.fz.values, samples - samples[0])
-    furthest = np.abs(branch.value).argmax(axis=0)
-    every = np.arange(samples.shape[2])
-    largest = branch.samples[furthest, :, every].T * np.sign(branch.value[furthest, every])
-    found: Deviation = nonlinearity(branch, largest)
-    taxel = int(np.abs(branch.value[-1]).argmax())
-    return float(found.percent[taxel]), float(found.error[taxel])
+    """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error.
+
+    The error is what slopes make of it that are off by theirs, one way at no force and the other way at the end.
+    """
+    along = curves(study, "fz")
+    force = np.linspace(0, -paper.MEASURED_FORCE, PLACES)
+    power = along.power(force)
+    values = power - power[0]
+    taxel = int(np.abs(values[-1]).argmax())
+    largest = np.abs(values[:, taxel]).max()
+    line = values[-1, taxel] * force / force[-1]
+    slope_error = np.interp(force[::-1], along.force, along.slope_error[:, taxel]).mean()
+    off = slope_error * paper.MEASURED_FORCE / 4
+    return float(100 * np.abs(values[:, taxel] - line).max() / largest), float(100 * off / largest)

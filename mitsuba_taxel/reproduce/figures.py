@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.replicates import standard_error
-from mitsuba_taxel.plots.curves import COLOURS, MARKERS
+from mitsuba_taxel.plots.curves import COLOURS, MARKERS, PLACES
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated
 from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER
-from mitsuba_taxel.reproduce.slopes import Sensitivity
+from mitsuba_taxel.reproduce.slopes import Sensitivity, curves
 
 TICKS = (5, 10, 20, 50, 100, 200, 500, 1000)
 DASHES = ("-", "--", ":", "-.")
@@ -38,6 +37,13 @@ def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **op
         figure.savefig(file, dpi=130, format="png")
     finally:
         pyplot.close(figure)
+
+
+def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Forces, and readings (forces, taxels) there."""
+    along = curves(study, path)
+    places = np.linspace(along.force[0], along.force[-1], PLACES)
+    return places, along.power(places)
 
 
 def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, label: str, file: Path) -> None:
@@ -87,20 +93,12 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
     """Fig. 9 for all shapes: power of the nine taxels against normal force."""
     with _figure(file, 2, 2, (10, 7), sharex=True) as axes:
         for ax, (cell, study) in zip(axes.flat, studies.items(), strict=True):
+            places, smooth = _curves(study, "fz")
             for number, taxel in enumerate(study.taxel.values):
-                one = study.sel(taxel=taxel)
-                ax.errorbar(
-                    study.fz.values,
-                    one.power.values,
-                    one.standard_error.values,
-                    label=str(taxel),
-                    color=COLOURS[number],
-                    marker=MARKERS[number],
-                    linestyle=DASHES[number // 3],
-                    markersize=3,
-                    linewidth=0.8,
-                    elinewidth=0.6,
-                )
+                one, style = study.sel(taxel=taxel), {"color": COLOURS[number], "linestyle": DASHES[number // 3]}
+                ax.plot(places, smooth[:, number], linewidth=0.8, label=str(taxel), **style)
+                marks = {"color": COLOURS[number], "marker": MARKERS[number], "linestyle": "none", "markersize": 3}
+                ax.errorbar(study.fz.values, one.power.values, one.standard_error.values, elinewidth=0.6, **marks)
             ax.set_title(cell, fontsize=10)
             ax.grid(alpha=0.3)
         for ax in axes[:, 0]:
@@ -119,16 +117,15 @@ def tangential_curves(
         for column, (cell, studies) in enumerate(nominal.items()):
             for row, path in enumerate(paths):
                 ax = axes[row, column]
-                for number, taxel in enumerate((CORNER, CENTRE)):
-                    start = studies[path].replicate_power.sel(taxel=taxel).isel({path: 0}, drop=True)
-                    runs = [(studies[path], "-"), *([(beyond[cell][path], "--")] if beyond else [])]
-                    for study, dash in runs:
-                        change = study.replicate_power.sel(taxel=taxel) - start
-                        y = change.mean("replicate").values
-                        bar = standard_error(change.transpose("replicate", path).values)
-                        style = {"color": COLOURS[number], "linestyle": dash, "marker": MARKERS[number]}
+                runs = [(studies[path], "-"), *([(beyond[cell][path], "--")] if beyond else [])]
+                for study, dash in runs:
+                    places, power = _curves(study, path)
+                    if dash == "-":
+                        start = power[0]
+                    for number, taxel in enumerate((CORNER, CENTRE)):
+                        style = {"color": COLOURS[number], "linestyle": dash, "linewidth": 0.9}
                         label = f"taxel {taxel}" if dash == "-" else None
-                        ax.errorbar(study[path], y, bar, label=label, markersize=2.5, linewidth=0.9, **style)
+                        ax.plot(places, (power - start)[:, taxel - 1], label=label, **style)
                 ax.grid(alpha=0.3)
                 ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
                 ax.set_xlabel(ABSCISSAE[path])
@@ -143,8 +140,8 @@ def diagonal_maps(nominal: Mapping[str, Mapping[str, xr.Dataset]], roofs: Mappin
     with _figure(file, 2, len(nominal), (12, 5.4)) as axes:
         for column, (cell, studies) in enumerate(nominal.items()):
             tops = 1e3 * (roofs[cell].diagonal - roofs[cell].normal).values
-            power = studies["resultant"].power
-            change = 1e6 * (power.sel(resultant=paper.SHOWN_TANGENTIAL_FORCE) - power.sel(resultant=0)).values
+            power = curves(studies["resultant"], "resultant").power(np.array([0.0, paper.SHOWN_TANGENTIAL_FORCE]))
+            change = 1e6 * (power[1] - power[0])
             for row, (values, unit) in enumerate(((tops, "µm"), (change, "µW"))):
                 ax, largest = axes[row, column], np.abs(values).max()
                 image = ax.imshow(values.reshape(3, 3), cmap="PuOr", vmin=-largest, vmax=largest)

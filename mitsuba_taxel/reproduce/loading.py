@@ -16,8 +16,8 @@ from mitsuba_taxel.reproduce.scenes import POISSON_RATIO, YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 SCENE = "pad.xml"
-TARGET_ERROR = 0.005
-DIAGONAL_STEP = 1.0
+TARGET_ERROR, TARGET_SLOPE = 0.005, 0.02
+DIAGONAL_POINTS = 5
 FURTHEST = 30.0
 """Tangential force in N that no shape here bears at -8 N."""
 PATHS = ("fz", "fx", "fy", "resultant")
@@ -30,28 +30,34 @@ def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
 
 
 def normal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under normal forces; mesh and number of light paths are those which they need for the target error."""
-    vary = {"fz": f"0:{-paper.NORMAL_FORCE}:{-paper.FORCE_STEP}"}
+    """Readings under normal forces; forces, mesh and number of light paths are those which the targets need."""
+    targets: dict[str, Any] = {"target_error": TARGET_ERROR, "target_slope": TARGET_SLOPE}
+    vary = {"fz": f"0:{-paper.NORMAL_FORCE}"}
     return store.study(
-        f"nominal/{cell}_fz",
-        {"vary": vary, "target_error": TARGET_ERROR},
-        lambda: sweep(SCENE, vary, {"cell": cell}, target_error=TARGET_ERROR),
+        f"nominal/{cell}_fz", {"vary": vary, **targets}, lambda: sweep(SCENE, vary, {"cell": cell}, **targets)
     )
 
 
 def along_sides(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """Readings under tangential forces along x and y, with the mesh and the light paths of :func:`normal`."""
-    return {path: _nominal_tangential(store, cell, path, paper.FORCE_STEP) for path in ("fx", "fy")}
+    settings = settings_of(normal(store, cell))
+    return {path: _along_side(store, cell, path, settings) for path in ("fx", "fy")}
+
+
+def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, Any]) -> xr.Dataset:
+    vary = {path: f"0:{paper.TANGENTIAL_LIMIT[cell]}"}
+    return store.study(
+        f"nominal/{cell}_{path}",
+        {"vary": vary, **settings},
+        lambda: sweep(SCENE, vary, _pressed(cell), **settings),
+    )
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """The same along the secondary diagonal, by the resultant."""
-    return {"resultant": _nominal_tangential(store, cell, "resultant", DIAGONAL_STEP)}
-
-
-def _nominal_tangential(store: PaperStudies, cell: str, path: str, step: float) -> xr.Dataset:
-    forces = np.arange(0, paper.TANGENTIAL_LIMIT[cell] + step / 2, step)
-    return _tangential(store, f"nominal/{cell}_{path}", cell, path, forces, settings_of(normal(store, cell)))
+    forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
+    name, settings = f"nominal/{cell}_resultant", settings_of(normal(store, cell))
+    return {"resultant": _tangential(store, name, cell, "resultant", forces, settings)}
 
 
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
@@ -79,18 +85,20 @@ def _tangential(
     store: PaperStudies, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any]
 ) -> xr.Dataset:
     """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
-    defines = {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
-    request = {"forces": forces.tolist(), **settings}
 
     def compute() -> xr.Dataset:
         if path != "resultant":
-            return sweep(SCENE, {path: forces.tolist()}, defines, **settings)
+            return sweep(SCENE, {path: forces.tolist()}, _pressed(cell), derivatives=(path,), **settings)
         components = (forces / math.sqrt(2)).tolist()
         rows = {"fx": components, "fy": components}
-        study = sweep(SCENE, {}, defines, together=rows, **settings)
+        study = sweep(SCENE, {}, _pressed(cell), together=rows, derivatives=tuple(rows), **settings)
         return study.assign_coords(resultant=("step", forces, {"units": "N"})).swap_dims(step="resultant")
 
-    return store.study(name, request, compute)
+    return store.study(name, {"forces": forces.tolist(), **settings}, compute)
+
+
+def _pressed(cell: str) -> dict[str, Any]:
+    return {"cell": cell, "fz": -paper.CONSTANT_NORMAL_FORCE}
 
 
 def roof_heights(store: PaperStudies, cell: str) -> xr.Dataset:

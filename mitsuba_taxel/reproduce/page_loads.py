@@ -48,9 +48,9 @@ paper's solver went.
 
 {markdown_table(head, rows)}
 
-The maximum slope is that of all nine curves over steps of 0.5 N, of polynomials through them that leave no
-significant term out (of degree {_degrees(table)}); what one term more would change is part of its error.
-Tangential: the steeper of x and y.
+The maximum slope is that of all nine curves, which are cubics through readings without random numbers and their
+derivatives by the force; its error is that of the derivatives (light, mechanics and geometry). Tangential: the steeper
+of x and y.
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 
@@ -58,11 +58,6 @@ Tangential: the steeper of x and y.
 
 {_cost(nominal)}
 """
-
-
-def _degrees(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
-    degrees = [one.degree for kind in PUBLISHED for one in table[kind].values()]
-    return f"{min(degrees)} to {max(degrees)}"
 
 
 def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:

@@ -18,6 +18,7 @@ from mitsuba_taxel.reproduce.analysis import (
     table_one,
 )
 from mitsuba_taxel.reproduce.page_words import Found, micro, steepest
+from mitsuba_taxel.reproduce.slopes import curves, sensitivity
 
 
 def analog(found: Found, pictures: Path) -> str:
@@ -26,10 +27,10 @@ def analog(found: Found, pictures: Path) -> str:
     for cell, study in counted.items():
         force, power = study.fz.values, study.power.values
         centre = nominal[cell]["fz"].sel(taxel=[5])
-        reading = centre.power.transpose("fz", "taxel").values
+        reading = curves(centre, "fz").power(force)
         binomial = counting.binomial(reading, counting.RAYS, counting.REPETITIONS)
         slopes[cell], drawn[cell] = (counting.max_slopes(force, samples) for samples in (power, binomial))
-        one = table_one({cell: {"fz": centre, "fx": centre.rename(fz="fx"), "fy": centre.rename(fz="fy")}})["fz"][cell]
+        one = sensitivity(centre, "fz")
         true[cell] = one.max_slope
         answer, test = counting.summary(slopes[cell]), counting.counting_test(power, counting.RAYS)
         rows.append(

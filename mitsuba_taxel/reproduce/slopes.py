@@ -1,36 +1,28 @@
-"""Slopes of readings over force, free of most of the noise: of smooth curves through them."""
+"""Slopes of readings over force, and smooth curves of them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.characterise.replicates import Largest, at_largest, standard_error
-
-HIGHEST_DEGREE = 8
-SIGNIFICANT = 4.0
-"""Standard errors, from 32 replicates, by which a coefficient must differ from zero: by chance 4 in 10 000 do so, and
-some of the 72 of nine taxels in one study of 40."""
+from mitsuba_taxel import characterise
+from mitsuba_taxel.characterise.experiment import Branch
+from mitsuba_taxel.characterise.load_lines import load_lines, runs
 
 
 class Sensitivity(NamedTuple):
-    """Slopes of the readings of one study along one force, in W/N, with standard errors.
-
-    These are of the light and of the smoothing: what the first term that was left out would change is part of them.
+    """Slopes of the readings of one study along one force, in W/N, with their total errors (1 sigma).
 
     Attributes
     ----------
     max_slope : float
-        Largest in magnitude of all taxels and force steps, its sign dropped; ``at`` is the middle of that step in N,
-        ``taxel`` the number of the taxel.
+        Largest in magnitude of all taxels and forces, its sign dropped; ``at`` is that force in N, ``taxel`` the number
+        of the taxel.
     mean_slope : float
         From the first force to the last of the taxel for which that is largest in magnitude, with its sign.
-    degree : int
-        Of the polynomials whose slopes these are.
-    raw_max_slope : float
-        Without smoothing, noise included.
     """
 
     max_slope: float
@@ -39,78 +31,69 @@ class Sensitivity(NamedTuple):
     taxel: int
     mean_slope: float
     mean_slope_error: float
-    degree: int
-    raw_max_slope: float
 
 
 def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     """What the paper calls sensitivity, the maximum slope of all curves, and the mean slope.
 
-    Slopes over steps of 0.5 N hold far more noise than signal where the curve is flat. Hence each curve is replaced by
-    the polynomial of the lowest degree that leaves nothing significant out (see :func:`smooth`), and the steps
-    are taken of that. What is largest is chosen by one half of the replicates and read from the other.
+    Of the cubic curves through readings without random numbers and their derivatives; where there are none, between
+    the forces of the study.
     """
-    ordered = study.sortby(force)
-    x = ordered[force].values
-    samples = ordered.replicate_power.transpose(force, "replicate", "taxel").values
-    smoothed, finer, degree = smooth(x, samples)
-    steepest = _steepest(x, smoothed)
-    finer_steepest = _steepest(x, finer)
-    change = finer_steepest.magnitude.mean() - steepest.magnitude.mean()
-    step, taxel = divmod(int(steepest.place[0]), samples.shape[2])
-    mean = at_largest(_mean_slope(x, smoothed).T[:, :, None])
-    mean_change = (_mean_slope(x, finer) - _mean_slope(x, smoothed)).mean(axis=0)[mean.place[0]]
+    found = characterise.sensitivity(study, force)
+    steepest = found.isel(taxel=int(np.abs(found.max_slope.values).argmax()))
+    mean = found.isel(taxel=int(np.abs(found.mean_slope.values).argmax()))
     return Sensitivity(
-        float(steepest.magnitude.mean()),
-        float(np.hypot(steepest.error_of(steepest.magnitude)[0], change)),
-        float(x[step] + x[step + 1]) / 2,
-        int(study.taxel.values[taxel]),
-        float(mean.value[0]),
-        float(np.hypot(mean.error_of(mean.magnitude)[0], mean_change)),
-        degree,
-        float(np.abs(_steps(x, samples).mean(axis=1)).max()),
+        abs(steepest.max_slope.item()),
+        steepest.max_slope_error.item(),
+        steepest.max_slope_at.item(),
+        steepest.taxel.item(),
+        mean.mean_slope.item(),
+        mean.mean_slope_error.item(),
     )
 
 
-def smooth(force: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """Polynomials in force fitted to each replicate and taxel, and their degree, the same for all.
+class Curves(NamedTuple):
+    """Readings over a force in N, from the least to the largest.
 
-    The degree is the highest, of those up to :data:`HIGHEST_DEGREE`, whose coefficient in polynomials orthogonal
-    over the forces differs from zero by more than :data:`SIGNIFICANT` standard errors in any taxel; at least 1.
-
-    Parameters
+    Attributes
     ----------
-    force : (F,) ndarray
-        N.
-    samples : (F, replicates, taxels) ndarray
-        W.
-
-    Returns
-    -------
-    Samples (F, replicates, taxels) of the polynomials, and of those with one more term if there is one; the degree.
+    power : Callable[[ndarray], ndarray]
+        (F, taxels) in W at forces (F,).
+    force : (N,) ndarray
+        Where derivatives were taken.
+    slope_error : (N, taxels) ndarray
+        One standard deviation of the curves' slopes there, in W/N.
     """
-    highest = min(HIGHEST_DEGREE, len(force) - 1)
-    scaled = 2 * (force - force.min()) / np.ptp(force) - 1
-    basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(scaled, highest))
-    coefficients = np.einsum("fd,frt->rdt", basis, samples)
-    error = standard_error(coefficients)
-    significant = np.abs(coefficients.mean(axis=0)) > SIGNIFICANT * error
-    degree = int(max(1, *np.flatnonzero(significant.any(axis=1))))
-    smoothed, finer = (
-        np.einsum("fd,rdt->frt", basis[:, :terms], coefficients[:, :terms]) for terms in (degree + 1, degree + 2)
-    )
-    return smoothed, finer, degree
+
+    power: Callable[[np.ndarray], np.ndarray]
+    force: np.ndarray
+    slope_error: np.ndarray
 
 
-def _steepest(force: np.ndarray, samples: np.ndarray) -> Largest:
-    """The slopes of the step and taxel where they are largest; its place counts taxels first."""
-    steps = _steps(force, samples)
-    return at_largest(steps.transpose(0, 2, 1).reshape(-1, steps.shape[1], 1))
+def curves(study: xr.Dataset, force: str) -> Curves:
+    """The cubic curves through readings without random numbers, with the slopes that they have."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    run = _branch(study, force)
+    order = np.argsort(run.force)
+    assert run.tangents is not None
+    x, (value, slope, error) = run.force[order], run.tangents.part(order)
+    return Curves(CubicHermiteSpline(x, value, slope), x, error)
 
 
-def _steps(force: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    return np.diff(samples, axis=0) / np.diff(force)[:, None, None]
+def _branch(study: xr.Dataset, force: str) -> Branch:
+    (line,) = (line for line in load_lines(study) if line.dim == force)
+    ((_, run),) = runs(study, line)
+    return run
 
 
-def _mean_slope(force: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    return (samples[-1] - samples[0]) / (force[-1] - force[0])
+def change(study: xr.Dataset, force: str, shown: float, weights: np.ndarray) -> tuple[float, float]:
+    """How a sum of the taxels' readings, with ``weights`` (taxels,), differs in W at a force from that at none.
+
+    With its error: that of the slopes in between, those of all taxels taken as fully correlated.
+    """
+    along = curves(study, force)
+    zero, there = along.power(np.array([0.0, shown])) @ weights
+    places = np.unique(np.append(along.force[(along.force >= 0) & (along.force <= shown)], [0.0, shown]))
+    errors = [np.interp(places, along.force, column) for column in along.slope_error.T]
+    return float(there - zero), float(np.trapezoid(np.abs(weights) @ errors, places))

@@ -18,7 +18,9 @@ from mitsuba_taxel.studies.plan.files import make_folder
 
 POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
 """Light paths for each reading and randomisation: light that a dome sends back to itself takes more of them."""
-NORMAL = "0:-20:-5"
+MORE = 16
+"""Times as many where slopes are differences of readings."""
+NORMAL = "0,-10,-20"
 TANGENTIAL = "0,4,8"
 """Force steps in N; the tangential ones under the paper's normal force, and borne by all shapes."""
 
@@ -39,6 +41,13 @@ class Choice:
     @property
     def name(self) -> str:
         return "_".join(self.words.replace(",", "").replace("=", "").split()) or "nominal"
+
+    @property
+    def has_derivatives(self) -> bool:
+        """Whether the light is such that readings have derivatives by the force."""
+        values = self.values
+        law, roof, package = (values.get(name) for name in ("law", "scattering", "body_reflectance"))
+        return law != "uniform_polar_angle" and roof != "mirror" and not package
 
 
 def choices() -> list[Choice]:
@@ -83,15 +92,17 @@ def _loads(store: PaperStudies, scene: Path, choice: Choice, cell: str, workers:
 def _load(store: PaperStudies, scene: Path, choice: Choice, cell: str, force: str, workers: int | None) -> xr.Dataset:
     steps = NORMAL if force == "fz" else TANGENTIAL
     constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}
+    derivatives = (force,) if choice.has_derivatives else ()
+    points = POINTS[cell] if derivatives else MORE * POINTS[cell]
 
     def compute() -> xr.Dataset:
         make_folder(scene.parent)
         write_scene(scene, (CORNER, CENTRE))
         defines = {**choice.values, **constant, "cell": cell}
-        study = sweep(scene, {force: steps}, defines, points=POINTS[cell], workers=workers)
+        study = sweep(scene, {force: steps}, defines, points=points, workers=workers, derivatives=derivatives)
         if study.attrs["failures"]:
             raise ComputationError(study.attrs["failures"].splitlines()[0])
         return study.assign_coords(taxel=[CORNER, CENTRE])
 
-    request = {"values": choice.values, force: steps, "points": POINTS[cell]}
+    request = {"values": choice.values, force: steps, "points": points, "derivatives": derivatives}
     return store.study(f"variations/{choice.name}/{cell}_{force}", request, compute)
