@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.bench.sphere_light import Dome
+from mitsuba_taxel.transport import exchange
 from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
 from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
@@ -135,6 +136,26 @@ def test_derivatives_by_places_are_those_of_differences(law, rim, isotropic):
         for sign in (1, -1)
     )
     assert (gradient * velocity).sum() == pytest.approx((ahead - behind) / (2 * step), rel=2e-4)
+
+
+def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
+    """A plate that is bent like an S, askew to its patches, when the bend moves on."""
+    flat, rate = plate(2.5, 0.6, 6), np.zeros((72, 15, 3))
+    along = flat[..., 0] * np.cos(0.4) + flat[..., 1] * np.sin(0.4)
+    rate[..., 2] = -0.12 * np.cos(2.4 * along)
+
+    def bent(phase):
+        raised = np.zeros_like(flat)
+        raised[..., 2] = 0.12 * np.sin(2.4 * along - phase)
+        return cell(flat + raised, 1, 0.7, CONE, rest=flat)
+
+    plain = bent(0.0)
+    expected = (bent(0.1).reading - bent(-0.1).reading) / 0.2
+    found = (plain.gradient() * rate).sum()
+    monkeypatch.setattr(exchange, "HORIZON", 1e-12)
+    without = (plain.gradient() * rate).sum()
+    assert without == pytest.approx(1.9 * expected, rel=0.02)
+    assert found == pytest.approx(expected, rel=0.02)
 
 
 def test_changes_of_the_ends_to_first_order():
