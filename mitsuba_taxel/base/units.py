@@ -1,6 +1,21 @@
-"""Units of the quantities in a study."""
+"""Units of the quantities in a study, and their SI prefixes."""
 
 from __future__ import annotations
 
+import math
+
 FORCES = ("fx", "fy", "fz")
 """Parameters of a scene that are components of its force, in N."""
+PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+"""Powers of ten and their names."""
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """What numbers up to ``largest`` are divided by, to be at most 1000, and the unit that they then have.
+
+    Percent, and what has no unit, gets no prefix.
+    """
+    if not unit or unit.startswith("%") or not (math.isfinite(largest) and largest > 0):
+        return 1.0, unit
+    power = min(max(3 * math.floor(math.log10(largest * (1 + 1e-9)) / 3), min(PREFIXES)), max(PREFIXES))
+    return 10.0**power, PREFIXES[power] + unit

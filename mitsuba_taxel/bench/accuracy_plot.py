@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.plots.curves import COLOURS, MARKERS
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS
 
 if TYPE_CHECKING:
     from mitsuba_taxel.bench.work_precision import Curve, Point

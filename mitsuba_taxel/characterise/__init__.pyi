@@ -43,6 +43,12 @@ from .slopes import (
 from .slopes import (
     slopes as slopes,
 )
+from .summary import (
+    common_channel as common_channel,
+)
+from .summary import (
+    slope_summary as slope_summary,
+)
 from .tangential import (
     TangentialMap as TangentialMap,
 )

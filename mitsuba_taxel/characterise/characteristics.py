@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,21 +10,25 @@ import numpy as np
 from mitsuba_taxel.characterise.equations import Deviation, hysteresis, nonlinearity, repeatability, share_forces
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
 from mitsuba_taxel.characterise.shape_error import with_shape
-from mitsuba_taxel.characterise.slopes import slopes
+from mitsuba_taxel.characterise.slopes import relative_slope, slopes
 
 if TYPE_CHECKING:
     import pandas
 
-SLOPES = ("max_slope", "mean_slope", "zero_slope")
+SLOPES = ("max_slope", "mean_slope", "zero_slope", "relative_slope")
 DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
+NOT_RESOLVED = "not resolved"
+"""What is said of numbers that are smaller than their standard error."""
+NOT_ABOVE = "as the mean"
+"""What is said of a largest slope that came out below the mean one: the difference is noise."""
 
 
 def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Experiment]] = ()) -> pandas.DataFrame:
     """Sensitivities, nonlinearity, hysteresis and repeatability, one number a row.
 
-    Slopes are those of each run of growing force; the nonlinearity that of each branch of growing force; the
-    hysteresis that of each such branch with the one of falling force that follows; the repeatability that of each
-    such branch with the first one.
+    Slopes are those of each run of growing force, the relative one being the mean slope over the reading at rest; the
+    nonlinearity is that of each branch of growing force; the hysteresis that of each such branch with the one of
+    falling force that follows; the repeatability that of each such branch with the first one.
 
     Parameters
     ----------
@@ -35,7 +39,7 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Ex
     -------
     Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of
     growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N`` and
-    ``to_N``, the forces looked at.
+    ``to_N``, the forces looked at; ``remark``, what is to be said of the value in place of it, or nothing.
     """
     import pandas
 
@@ -45,18 +49,27 @@ def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Ex
     )
     for row, *moved in zip(rows, *off_rows, strict=True):
         row["error"] = float(with_shape(row["error"], row["value"], [other["value"] for other in moved]))
-    last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N")
+        size = row["value"] if row["figure"] in DEVIATIONS else abs(row["value"])
+        if size <= row["error"]:
+            row["remark"] = NOT_RESOLVED
+    last = ("taxel", "loading", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
     others = dict.fromkeys(name for row in rows for name in row if name not in ("figure", "force", *last))
     return pandas.DataFrame(rows, columns=["figure", "force", *others, *last])
 
 
 def _slopes(experiment: Experiment) -> Iterator[dict[str, Any]]:
+    unit, nowhere = f"{experiment.unit}/N", np.full(len(experiment.taxel), np.nan)
     for number, run in enumerate(experiment.loading_runs, start=1):
-        found = slopes(run)._asdict()
-        for name in SLOPES:
-            at = found.get(f"{name}_at", np.full(len(experiment.taxel), 0.0 if name == "zero_slope" else np.nan))
-            unit = f"{experiment.unit}/N"
-            yield from _rows(experiment, name, number, (found[name], found[f"{name}_error"], at), unit, run)
+        found = slopes(run)
+        places = {"max_slope": found.max_slope_at, "mean_slope": nowhere, "zero_slope": np.zeros(len(nowhere))}
+        below = np.abs(found.max_slope) < np.abs(found.mean_slope)
+        remarks = {"max_slope": np.where(below, NOT_ABOVE, "").tolist()}
+        for name, at in places.items():
+            numbers = (getattr(found, name), getattr(found, f"{name}_error"), at)
+            yield from _rows(experiment, name, number, numbers, unit, run, remarks.get(name))
+        if experiment.rest is not None:
+            relative = relative_slope(run, found, experiment.rest)
+            yield from _rows(experiment, "relative_slope", number, (*relative, nowhere), "%/N", run)
 
 
 def _deviations(experiment: Experiment) -> Iterator[dict[str, Any]]:
@@ -78,17 +91,23 @@ def _deviations(experiment: Experiment) -> Iterator[dict[str, Any]]:
 
 
 def _rows(
-    experiment: Experiment, figure: str, loading: int, numbers: tuple, unit: str, part: Branch
+    experiment: Experiment,
+    figure: str,
+    loading: int,
+    numbers: tuple,
+    unit: str,
+    part: Branch,
+    remarks: Sequence[str] | None = None,
 ) -> Iterator[dict[str, Any]]:
     ends = part.force[[0, -1]] if len(part.force) else (np.nan, np.nan)
-    for taxel, value, error, at in zip(experiment.taxel.tolist(), *numbers, strict=True):
+    remarks = remarks or [""] * len(experiment.taxel)
+    for taxel, value, error, at, remark in zip(experiment.taxel.tolist(), *numbers, remarks, strict=True):
         yield {
             "figure": figure,
             "force": experiment.force,
             **experiment.where,
             "taxel": taxel,
             "loading": loading,
-            **dict(
-                zip(("value", "error", "unit", "at_N", "from_N", "to_N"), (value, error, unit, at, *ends), strict=True)
-            ),
+            **{"value": value, "error": error, "unit": unit, "at_N": at, "from_N": ends[0], "to_N": ends[1]},
+            "remark": remark,
         }

@@ -116,6 +116,8 @@ class Experiment:
     ordered : bool
         Whether the load took the runs' forces in this order. If not, as where forces are just a set of scenes, every
         branch counts as one of growing force.
+    rest : (replicates, channels) ndarray, optional
+        The readings at the unloaded start in ``unit``, if these are known.
     """
 
     force: str
@@ -125,10 +127,25 @@ class Experiment:
     taxel: np.ndarray
     runs: tuple[Branch, ...]
     ordered: bool = True
+    rest: np.ndarray | None = None
 
     def labelled(self, **where: Any) -> Experiment:
         """The same experiment, told apart from others by more parameters."""
         return replace(self, where={**where, **self.where})
+
+    def weighted(self, weights: np.ndarray) -> Experiment:
+        """The same of one channel, a sum of the taxels' with weights (channels,)."""
+
+        def sums(run: Branch) -> Branch:
+            tangents = run.tangents and Tangents(
+                run.tangents.value @ weights[:, None],
+                run.tangents.slope @ weights[:, None],
+                run.tangents.error @ np.abs(weights)[:, None],
+            )
+            return Branch(run.force, run.samples @ weights[:, None], tangents)
+
+        rest = None if self.rest is None else self.rest @ weights[:, None]
+        return replace(self, taxel=np.array([0]), runs=tuple(map(sums, self.runs)), rest=rest)
 
     @property
     def loading_runs(self) -> list[Branch]:

@@ -125,11 +125,8 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
             where = {**where, **line.constant}
             _, _, together = found.setdefault((line.dim, line.name, *where.items()), (line, where, []))
             together.append(run)
-    unit = unit_of(study)
     return [
-        Experiment(
-            line.name, line.direction, where, unit, study.taxel.values, _since_least_force(together), line.ordered
-        )
+        _experiment(line, where, together, study.taxel.values, unit_of(study))
         for line, where, together in found.values()
         if any(len(run.force) for run in together)
     ]
@@ -140,10 +137,13 @@ def unit_of(study: xr.Dataset) -> str:
     return study.replicate_power.attrs.get("units", "W")
 
 
-def _since_least_force(together: list[Branch]) -> tuple[Branch, ...]:
+def _experiment(
+    line: LoadLine, where: dict[str, Any], together: list[Branch], taxel: np.ndarray, unit: str
+) -> Experiment:
+    """Changes since the readings at the least force."""
     force = np.concatenate([run.force for run in together])
-    samples = np.concatenate([run.samples for run in together])
-    return since(samples[np.abs(force).argmin()], together)
+    rest = np.concatenate([run.samples for run in together])[np.abs(force).argmin()]
+    return Experiment(line.name, line.direction, where, unit, taxel, since(rest, together), line.ordered, rest)
 
 
 def _set_line(study: xr.Dataset, dim: str) -> LoadLine:

@@ -55,7 +55,8 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
         curves = [(Branch(run.force, run.samples.mean(axis=1, keepdims=True)), white) for run, white in curves]
     name = measurement.force_names[0] if len(measurement.force_names) == 1 else force_name(direction)
     runs = [run for run, _ in curves]
-    return Experiment(name, direction, {}, "V", measurement.taxel, since(runs[0].samples[0], runs))
+    rest = runs[0].samples[0]
+    return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest)
 
 
 def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:

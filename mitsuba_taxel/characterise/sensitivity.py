@@ -8,9 +8,11 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
+from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import LoadLine, load_lines, loading_lines, runs, unit_of
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
-from mitsuba_taxel.characterise.slopes import Slopes, slopes
+from mitsuba_taxel.characterise.slopes import Slopes, relative_slope, slopes
 
 if TYPE_CHECKING:
     import pandas
@@ -35,7 +37,8 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     Returns
     -------
     Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N of
-    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them.
+    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them; and
+    ``relative_slope`` in %/N, the mean slope over the reading at the least force, with its error.
 
     Raises
     ------
@@ -54,22 +57,24 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     """:func:`sensitivity` along every line of load of a study, one row per line and taxel.
 
     Of a path that goes back and forth along a line, this is the first run of growing force. Columns: ``force``,
-    the other varied parameters, ``taxel``, and the slopes with their unit in the name. There is no row if no
-    force is varied.
+    the other varied parameters, ``taxel``, the slopes with their unit in the name, and ``remark``, what is to be said
+    of the largest slope. There is no row if no force is varied.
     """
     import pandas
 
-    tables, unit = [], unit_of(study)
+    tables = []
     for line in loading_lines(study):
         result = _slopes_along(study, line)
-        names = {name: f"{name}_{'N' if name == 'max_slope_at' else f'{unit}_per_N'}" for name in Slopes._fields}
-        table = result.to_dataframe().reset_index().rename(columns=names).assign(force=line.name, **line.constant)
+        names = {name: f"{name}_{_suffix(study, name)}" for name in map(str, result)}
+        table = result.to_dataframe().reset_index()
+        table["remark"] = [_remark(*row) for row in table[["max_slope", "max_slope_error", "mean_slope"]].to_numpy()]
+        table = table.rename(columns=names).assign(force=line.name, **line.constant)
         others = [*line.constant, *(str(dim) for dim in result.max_slope.dims)]
-        tables.append(table[["force", *others, *names.values()]])
+        tables.append(table[["force", *others, *names.values(), "remark"]])
     if not tables:
         return pandas.DataFrame()
     table = pandas.concat(tables, ignore_index=True)
-    last = [name for name in table.columns if name in names.values()]
+    last = [name for name in table.columns if name in (*names.values(), "remark")]
     others = [name for name in table.columns if name not in (*last, "force", "taxel")]
     return table[["force", *others, "taxel", *last]]
 
@@ -77,20 +82,37 @@ def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
 def _slopes_along(study: xr.Dataset, line: LoadLine) -> xr.Dataset:
     others = [dim for dim in study.replicate_power.dims if dim not in (line.dim, "replicate", "taxel")]
     shape = tuple(study.sizes[dim] for dim in (*others, "taxel"))
-    found = np.array([slopes(run) for _, run in runs(study, line)])
-    off = [np.array([slopes(run) for _, run in runs(other, line)]) for other in off_by_shape(study)]
-    for name in ("max_slope", "mean_slope", "zero_slope"):
-        value, error = Slopes._fields.index(name), Slopes._fields.index(f"{name}_error")
+    names = (*Slopes._fields, "relative_slope", "relative_slope_error")
+    found = np.array([_found(run) for _, run in runs(study, line)])
+    off = [np.array([_found(run) for _, run in runs(other, line)]) for other in off_by_shape(study)]
+    for name in ("max_slope", "mean_slope", "zero_slope", "relative_slope"):
+        value, error = names.index(name), names.index(f"{name}_error")
         found[:, error] = with_shape(found[:, error], found[:, value], [other[:, value] for other in off])
     coordinates = {dim: study[dim] for dim in (*others, "taxel") if dim in study.coords}
     return xr.Dataset(
         {
             name: ([*others, "taxel"], found[:, number].reshape(shape), {"units": _unit(study, name)})
-            for number, name in enumerate(Slopes._fields)
+            for number, name in enumerate(names)
         },
         coords=coordinates,
     )
 
 
+def _found(run: Branch) -> tuple[np.ndarray, ...]:
+    """The slopes of a run, and the relative one with its error."""
+    found = slopes(run)
+    if not len(run.force):
+        return (*found, found.mean_slope, found.mean_slope_error)
+    return (*found, *relative_slope(run, found, run.samples[np.abs(run.force).argmin()]))
+
+
+def _remark(largest: float, error: float, mean: float) -> str:
+    return NOT_RESOLVED if abs(largest) <= error else NOT_ABOVE if abs(largest) < abs(mean) else ""
+
+
 def _unit(study: xr.Dataset, name: str) -> str:
-    return "N" if name == "max_slope_at" else f"{unit_of(study)}/N"
+    return "N" if name == "max_slope_at" else "%/N" if name.startswith("relative") else f"{unit_of(study)}/N"
+
+
+def _suffix(study: xr.Dataset, name: str) -> str:
+    return _unit(study, name).replace("%", "percent").replace("/", "_per_")

@@ -65,6 +65,20 @@ def slopes(run: Branch) -> Slopes:
     )
 
 
+def relative_slope(run: Branch, found: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean slopes of a run over readings at rest (replicates, channels), in %/N, and their standard errors.
+
+    A ratio of means, with its error to first order; noise that readings and rest share drops out of it.
+    """
+    level = rest.mean(axis=0)
+    level = np.where(level != 0, level, np.nan)
+    ratio = found.mean_slope / level
+    if run.tangents is not None or len(run.force) < 2:
+        return 100 * ratio, 100 * np.hypot(found.mean_slope_error, ratio * standard_error(rest)) / np.abs(level)
+    slope = (run.samples[-1] - run.samples[0]) / (run.force[-1] - run.force[0])
+    return 100 * ratio, 100 * standard_error(slope - ratio * rest) / np.abs(level)
+
+
 def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
     from scipy.interpolate import CubicHermiteSpline
 

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.replicates import standard_error
@@ -103,7 +104,7 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
     -------
     One row per pair: ``force``; the other varied parameters; ``at_N``, the force; ``mirror``; ``taxel`` and
     ``other``; ``difference``, the change of the one less that of the other, and its ``error`` from the replicates'
-    differences, in ``unit``.
+    differences, in ``unit``; ``remark``, as in :func:`characteristics`.
     """
     import pandas
 
@@ -113,7 +114,7 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
         for mirror, sign in MIRRORS.items()
         for pair in _pairs(one, sign)
     ]
-    last = ("at_N", "mirror", "taxel", "other", "difference", "error", "unit")
+    last = ("at_N", "mirror", "taxel", "other", "difference", "error", "unit", "remark")
     others = dict.fromkeys(name for row in rows for name in row if name not in ("force", *last))
     return pandas.DataFrame(rows, columns=["force", *others, *last])
 
@@ -130,12 +131,14 @@ def _pairs(taxels: TangentialMap, sign: int) -> Iterator[dict[str, Any]]:
     for one, other in enumerate(distance.argmin(axis=1)):
         if one < other:
             difference = taxels.samples[:, one] - taxels.samples[:, other]
+            value, error = float(difference.mean()), float(standard_error(difference))
             yield {
                 "taxel": int(taxels.experiment.taxel[one]),
                 "other": int(taxels.experiment.taxel[other]),
-                "difference": float(difference.mean()),
-                "error": float(standard_error(difference)),
+                "difference": value,
+                "error": error,
                 "unit": taxels.experiment.unit,
+                "remark": NOT_RESOLVED if abs(value) <= error else "",
             }
 
 

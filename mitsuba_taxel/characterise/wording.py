@@ -6,11 +6,19 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from mitsuba_taxel.base.units import prefixed
+from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
+
 if TYPE_CHECKING:
     import pandas
 
-LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
+LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
     letter: f"\\{letter}" for letter in "&%$#_{}"
+}
+
+REMARKS = {
+    NOT_RESOLVED: "smaller than its standard error; more points resolve it, and the tables on disk hold the number",
+    NOT_ABOVE: "no slope is resolved to be larger than the mean one",
 }
 
 
@@ -42,26 +50,26 @@ def table_rows(
 ) -> tuple[list[str], list[list[str]]]:
     """Headings and rows, one per taxel and run, of those ``figures`` that are in a table of characteristics.
 
+    Units have the prefix that fits a figure's numbers; where there is a remark, it stands in place of the number.
     Columns that say the same in every row, other than the force and the taxel, are left out.
     """
     table = table[table.figure.isin(figures)]
     figures = [name for name in figures if name in set(table.figure)]
-    keys = [
-        name for name in table.columns if name not in ("figure", "value", "error", "unit", "at_N", "from_N", "to_N")
-    ]
+    numbers = ("figure", "value", "error", "unit", "at_N", "from_N", "to_N", "remark")
+    keys = [name for name in table.columns if name not in numbers]
     headings = [name for name in keys if name in ("force", "taxel") or table[name].nunique(dropna=False) > 1]
+    scales = {name: _scale(table[table.figure == name]) for name in figures}
     rows: dict[tuple, dict[str, list[str]]] = {}
     for record in table.to_dict("records"):
         key = tuple(as_word(record[name]) for name in keys)
-        cells = [with_error(record["value"], record["error"], latex)]
+        cells = [_number(record, "value", scales[record["figure"]][0], latex)]
         if _has_place(record["figure"]):
-            cells.append(as_word(round(record["at_N"], 3) + 0.0))
+            cells.append("" if record["remark"] else as_word(round(record["at_N"], 3) + 0.0))
         rows.setdefault(key, {})[record["figure"]] = cells
-    units = dict(zip(table.figure, table.unit, strict=True))
     wide = [
         cell
         for name in figures
-        for cell in [f"{name.replace('_', ' ')} [{units[name]}]", *["at [N]"] * _has_place(name)]
+        for cell in [f"{name.replace('_', ' ')} [{scales[name][1]}]", *["at [N]"] * _has_place(name)]
     ]
     blank = {name: ["-"] * (1 + _has_place(name)) for name in figures}
     kept = [keys.index(name) for name in headings]
@@ -82,18 +90,34 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
     """Headings and rows of a table of symmetric pairs, one per pair."""
     if not len(pairs):
         return [], []
-    numbers = ("difference", "error", "unit")
-    keys = [name for name in pairs.columns if name not in numbers]
-    return [*keys, f"difference [{pairs.unit.iloc[0]}]"], [
-        [*(as_word(record[name]) for name in keys), with_error(record["difference"], record["error"], latex)]
+    keys = [name for name in pairs.columns if name not in ("difference", "error", "unit", "remark")]
+    factor, unit = _scale(pairs, "difference")
+    return [*keys, f"difference [{unit}]"], [
+        [*(as_word(record[name]) for name in keys), _number(record, "difference", factor, latex)]
         for record in pairs.to_dict("records")
     ]
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a table of what a circuit shows: numbers with four digits."""
-    cells = table.map(lambda value: f"{value:.4g}" if isinstance(value, float) else str(value))
+    table = table.dropna(axis=1, how="all")
+    cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
     return list(table.columns), cells.values.tolist()
+
+
+def _scale(table: pandas.DataFrame, column: str = "value") -> tuple[float, str]:
+    """Factor and unit of the numbers in a column, all of one unit."""
+    return prefixed(float(table[column].abs().max()), table.unit.iloc[0])
+
+
+def _number(record: dict[Any, Any], column: str, factor: float, latex: bool) -> str:
+    return record["remark"] or with_error(record[column] / factor, record["error"] / factor, latex)
+
+
+def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
+    """A line for each remark that stands in place of numbers in some tables."""
+    said = {remark for table in tables for remark in table.remark}
+    return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in said]
 
 
 def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -120,7 +144,7 @@ def as_word(value: Any) -> str:
 
 
 def _has_place(figure: str) -> bool:
-    return figure not in ("mean_slope", "zero_slope")
+    return figure not in ("mean_slope", "zero_slope", "relative_slope")
 
 
 def _is_formula(cell: str) -> bool:

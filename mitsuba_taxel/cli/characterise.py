@@ -28,6 +28,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
+    from mitsuba_taxel.characterise.wording import remarks_explained
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.plots.characteristics import write_characteristics
     from mitsuba_taxel.studies.plan.files import make_folder
@@ -55,7 +56,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
         click.echo(_as_json(table, pairs, notes, files, volts))
         return
     _show(table, pairs, volts)
-    for note in notes:
+    for note in (*remarks_explained(table, pairs), *notes):
         print(note)
     print(f"Results: {', '.join(map(str, files))}")
 
@@ -90,7 +91,7 @@ def _show(table, pairs, volts) -> None:
     from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
     from mitsuba_taxel.characterise.wording import by_reading, figure_rows, pair_rows, table_rows
 
-    from .tables import print_table
+    from .tables import print_figures
 
     titles = {}
     for unit, part in by_reading(table).items():
@@ -102,6 +103,5 @@ def _show(table, pairs, volts) -> None:
         titles["As the circuit shows it"] = figure_rows(volts)
     for title, (headings, rows) in titles.items():
         if rows:
-            print(f"{title}:")
-            print_table(headings, rows)
+            print_figures(title, headings, rows)
             print()

@@ -48,6 +48,10 @@ class _Cut(click.ParamType):
     "--cut", type=_Cut(), default="middle", show_default=True, metavar="Y",
     help="Where to cut, in mm along y: middle is that of the middle row of cells; none cuts nothing.",
 )  # fmt: skip
+@click.option(
+    "--magnify", type=click.FloatRange(min=0, max=1000), default=1.0, show_default=True, metavar="FACTOR",
+    help="What displacements of the pad are multiplied by; the picture says so.",
+)  # fmt: skip
 @json_option
 @debug_option
 def command(
@@ -57,6 +61,7 @@ def command(
     width: int,
     samples: int,
     cut: float | str,
+    magnify: float,
     as_json: bool,
 ) -> None:
     """Draw the sensor of SCENE: deformed pad, photo-reflectors and board, seen from -y and from above.
@@ -64,7 +69,7 @@ def command(
     What lies in front of the cut is taken away, but for the photo-reflectors. LEDs are shown glowing, in red for their
     near infrared.
     """
-    from mitsuba_taxel.report.picture.drawing import PICTURES, render_parts, write_picture
+    from mitsuba_taxel.report.picture.drawing import PICTURES, labelled, render_parts, write_picture
     from mitsuba_taxel.report.picture.sensor_parts import shown_parts
     from mitsuba_taxel.sensing import Scene
     from mitsuba_taxel.studies.plan.files import check_new_file
@@ -74,17 +79,20 @@ def command(
     check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)
     with progress_bar("pads"):
-        parts, offset = shown_parts(description.load(), cut)
+        parts, offset = shown_parts(description.load(), cut, magnify)
     with progress_bar("picture") as progress:
         pixels = render_parts(parts, width=width, samples=samples, progress=progress)
+    if magnify != 1:
+        pixels = labelled(pixels, f"deformation shown {magnify:g} times")
     write_picture(pixels, output)
     height = len(pixels)
     if as_json:
         import json
 
-        about = {"width": width, "height": height, "samples": samples, "cut": offset}
+        about = {"width": width, "height": height, "samples": samples, "cut": offset, "magnify": magnify}
         click.echo(json.dumps({**about, "files": [str(output)]}))
         return
     where = "not cut" if offset is None else f"cut at y = {offset:g} mm"
-    click.echo(f"{width} x {height} pixels of at least {samples} samples, {where}.")
+    shown = "" if magnify == 1 else f", deformation shown {magnify:g} times"
+    click.echo(f"{width} x {height} pixels of at least {samples} samples, {where}{shown}.")
     click.echo(f"Results: {output}")

@@ -27,6 +27,7 @@ OF_A_SCENE = (
     "target_slope", "circuit",
 )  # fmt: skip
 MOST_FAILURES_SHOWN = 10
+SHOWN = ("max_slope", "mean_slope", "relative_slope")
 
 
 @click.command(short_help="Readings over ranges or lists of parameters.")
@@ -155,22 +156,22 @@ def _as_json(study) -> dict[str, object]:
 
 
 def _show(name: str, study) -> None:
-    from mitsuba_taxel.characterise import sensitivity_table, volts_table
-    from mitsuba_taxel.characterise.wording import figure_rows
+    from mitsuba_taxel.characterise import slope_summary, volts_table
+    from mitsuba_taxel.characterise.wording import figure_rows, remarks_explained, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.sensing.wording import budget_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
-    from .tables import print_table, stage_line
+    from .tables import print_figures, stage_line
 
     if name:
         print(f"\n{name}:")
-    rows = sensitivity_table(study).to_dict("records")
-    if rows:
-        names = list(rows[0])
-        print_table(names, ([_cell(row[name]) for name in names] for row in rows))
-    if rows and (circuit := circuit_of_study(study)):
-        print_table(*figure_rows(volts_table(study, circuit)))
+    channel, slopes = slope_summary(study)
+    print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
+    for line in remarks_explained(slopes):
+        print(line)
+    if len(slopes) and (circuit := circuit_of_study(study)):
+        print_figures("As the circuit shows it", *figure_rows(volts_table(study, circuit)))
     points, replicates = study.attrs["points"], study.sizes["replicate"]
     count = int(study.power.notnull().sum())
     print(f"{count} readings, each from {replicates} randomisations of {points} points.")
@@ -189,7 +190,3 @@ def _end(failures: list[str], folder: Path) -> None:
     if failures:
         click.echo("The same command with --retry-failed does again what failed.", err=True)
         raise click.exceptions.Exit(1)
-
-
-def _cell(value: object) -> str:
-    return f"{value:.3e}" if isinstance(value, float) else str(value)

@@ -44,8 +44,21 @@ def end_beyond_target(notes: Iterable[str]) -> None:
 
 def _show(table: Table) -> None:
     """Print a table, never cut off: a narrow terminal wraps it, a pipe takes it whole."""
-    terminal = Console().is_terminal
-    Console(highlight=False, markup=False, width=None if terminal else 10_000).print(table)
+    console = Console(highlight=False, markup=False, width=None if Console().is_terminal else 10_000)
+    if console.measure(table).maximum > console.width:
+        for column in table.columns:
+            column.no_wrap, column.overflow = False, "fold"
+    console.print(table)
+
+
+def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table of figures of merit under a title, which names the force if there is only one; units below names."""
+    if not rows:
+        return
+    forces = {row[0] for row in rows} if headings[0] == "force" else set()
+    first = 1 if len(forces) == 1 else 0
+    print(f"{title}{f', {forces.pop()}' if first else ''}:")
+    print_table([heading.replace(" [", "\n[") for heading in headings[first:]], [row[first:] for row in rows])
 
 
 def print_readings(readings) -> None:

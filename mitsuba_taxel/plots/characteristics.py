@@ -3,22 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
+from mitsuba_taxel.base.units import prefixed
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES
 from mitsuba_taxel.characterise.equations import from_line
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
 from mitsuba_taxel.characterise.replicates import standard_error
+from mitsuba_taxel.characterise.slopes import relative_slope, slopes
+from mitsuba_taxel.characterise.summary import Channel, common_channel
 from mitsuba_taxel.characterise.tangential import TangentialMap
-from mitsuba_taxel.characterise.wording import as_word, by_reading, latex_table, pair_rows, table_rows, with_error
-from mitsuba_taxel.plots.curves import COLOURS, MARKERS, MOST_PANELS
+from mitsuba_taxel.characterise.wording import by_reading, latex_table, pair_rows, table_rows, with_error
+from mitsuba_taxel.plots.figures import (
+    MOST_LINES,
+    MOST_PANELS,
+    as_label,
+    compared,
+    figure_of,
+    force_to_the_right,
+    label_with_prefix,
+    legend_beside,
+    style,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -47,7 +59,8 @@ def write_characteristics(
     Returns
     -------
     The files: ``characteristics.csv``, ``volts.csv``, ``characteristics.tex``, ``sensitivity.png`` and, where they
-    apply, ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``; pictures as SVG too.
+    apply, ``sensitivity_against.png``, ``nonlinearity.png``, ``tangential_map.png`` and ``symmetric_pairs.csv``;
+    pictures as SVG too.
     """
     writers: dict[str, Callable[[Path], Any]] = {
         "characteristics.csv": lambda file: table.to_csv(file, index=False),
@@ -56,6 +69,8 @@ def write_characteristics(
     if volts is not None:
         writers["volts.csv"] = lambda file: volts.to_csv(file, index=False)
     plots: dict[str, Callable[..., None]] = {"sensitivity": partial(plot_sensitivity, experiments)}
+    if parameters_of(experiments):
+        plots["sensitivity_against"] = partial(plot_against, experiments)
     if len(table[table.figure.isin(DEVIATIONS)]):
         plots["nonlinearity"] = partial(plot_deviations, experiments)
     if maps:
@@ -72,19 +87,25 @@ def write_characteristics(
 def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
     """Write a picture (png, svg, pdf) of each experiment's first run of growing force: change and slope against force.
 
-    Above, how each taxel's reading has changed since the start; below, its slope between neighbouring points. Bars
-    are 1 sigma.
+    Above, how readings have changed since the start; below, their slopes: between neighbouring points, or where
+    derivatives are known, these. On the right the same in percent of the reading at rest, where that is known. Bars
+    are 1 sigma of the light. A line is a taxel where there is one experiment. Several are compared: a line is an
+    experiment, the mean of its taxels, or under a tangential load, where that says nothing, the one that changes most.
     """
-    shown = [one for one in experiments if one.loading_runs]
-    with _panels(shown, file, form, rows=2) as axes:
-        for (above, below), one in zip(axes, shown, strict=False):
-            run = one.loading_runs[0]
-            _draw(above, run.force, run.value, run.error, one)
-            slopes = np.diff(run.samples, axis=0) / np.diff(run.force)[:, None, None]
-            middle = (run.force[1:] + run.force[:-1]) / 2
-            _draw(below, middle, slopes.mean(axis=1), standard_error(slopes, axis=1), one)
-            above.set_ylabel(f"change of the reading [{one.unit}]")
-            below.set_ylabel(f"slope [{one.unit}/N]")
+    groups = _groups([one for one in experiments if one.loading_runs])
+    relative = all(one.rest is not None for group in groups for one in group.lines.values())
+    with figure_of(2 * len(groups), 1 + relative, file, form, size=(4.6, 3.0), sharex=False) as axes:
+        for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
+            for number, (label, one) in enumerate(group.lines.items()):
+                _draw_run(above, below, one, label, number)
+            unit = group.unit
+            for places, words, units in ((above, "change", (unit, "%")), (below, "slope", (f"{unit}/N", "%/N"))):
+                for ax, each in zip(places, units, strict=False):
+                    label_with_prefix([ax], f"{words}{_of(group)}", each)
+            _finish(group, [*above, *below])
+            for one, other in zip(above, below, strict=True):
+                other.set_xlim(one.get_xlim())
+        legend_beside(axes[0, 0].figure, axes[0, 0], groups[0].legend)
 
 
 def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
@@ -92,36 +113,186 @@ def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, fo
 
     In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
     the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing
-    one (dotted) from the first the repeatability. Bars are 1 sigma.
+    one (dotted) from the first the repeatability. Bars are 1 sigma of the light. Lines are as those of
+    :func:`plot_sensitivity`.
     """
-    shown = [one for one in experiments if any(branch.loading for branch in one.branches)]
-    with _panels(shown, file, form, rows=1) as axes:
-        for (ax,), one in zip(axes, shown, strict=False):
-            cycle = _first_cycle(one.branches)
-            largest = one.largest_change.mean(axis=0)
-            for words, branch in cycle.items():
-                percent = 100 * from_line(branch, cycle["force grows"]) / np.where(largest > 0, largest, np.nan)
-                _draw(ax, branch.force, percent.mean(axis=1), standard_error(percent, axis=1), one, LINES[words])
-            ax.set_ylabel("deviation from the end-point line [% of $v_{max}$]")
-            if len(cycle) > 1:
-                _explain_lines(ax, cycle)
+    groups = _groups([one for one in experiments if any(branch.loading for branch in one.branches)])
+    with figure_of(len(groups), 1, file, form, size=(6.4, 3.6), sharex=False) as axes:
+        words: dict[str, None] = {}
+        for group, (ax,) in zip(groups, axes, strict=True):
+            for number, (label, one) in enumerate(group.lines.items()):
+                cycle = _first_cycle(one.branches)
+                words |= dict.fromkeys(cycle)
+                largest = one.largest_change.mean(axis=0)
+                for word, branch in cycle.items():
+                    percent = 100 * from_line(branch, cycle["force grows"]) / np.where(largest > 0, largest, np.nan)
+                    _draw(
+                        ax, branch.force, percent[..., 0], label if word == "force grows" else None, number, LINES[word]
+                    )
+            label_with_prefix([ax], "off the end-point line", "% of $v_{max}$")
+            _finish(group, [ax])
+        if len(words) > 1:
+            _explain_lines(axes[0, 0], words)
+        legend_beside(axes[0, 0].figure, axes[0, 0], groups[0].legend)
+
+
+def plot_against(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of the mean slope against each varied parameter other than the force.
+
+    Absolute, and in percent of the reading at rest, where that is known; each with a line for every combination of the
+    others, and bars of 1 sigma of the light. Lines are as those of :func:`plot_sensitivity` where it compares.
+    """
+    shown = _of_first_unit(experiments)
+    names = parameters_of(shown)
+    relative = all(one.rest is not None for one in shown)
+    channel = common_channel(shown)
+    with figure_of(len(names), 1 + relative, file, form, size=(4.6, 3.0), sharex=False) as axes:
+        for name, places in zip(names, axes, strict=True):
+            lines: dict[str, list[Experiment]] = {}
+            for one in shown:
+                others = (f"{other} = {as_label(value)}" for other, value in one.where.items() if other != name)
+                lines.setdefault(", ".join(others) if len(names) > 1 else "", []).append(one)
+            chosen = np.unique(np.linspace(0, len(lines) - 1, MOST_LINES).round().astype(int))
+            for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
+                _draw_against(places, name, lines[label], channel, label, number)
+            for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
+                label_with_prefix([ax], f"mean slope by {shown[0].force}, {channel.words}".removesuffix(", "), unit)
+                ax.set_xlabel(name)
+                if len(lines) > 1:
+                    ax.legend(frameon=False, fontsize="x-small")
+            if len(lines) > MOST_LINES:
+                places[0].set_title(f"{len(lines) - MOST_LINES} more lines left out", fontsize="small")
+
+
+def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
+    """What experiments along one and the same force differ in; nothing where there are several forces."""
+    loaded = _of_first_unit(experiments)
+    if len({(one.force, len(one.taxel)) for one in loaded}) != 1:
+        return []
+    names = dict.fromkeys(name for one in loaded for name in one.where)
+    return [name for name in names if len({as_label(one.where.get(name)) for one in loaded}) > 1]
+
+
+def _of_first_unit(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """Those with a run of growing force, in watts where they come in volts too."""
+    return [one for one in experiments if one.loading_runs and one.unit == experiments[0].unit]
+
+
+def _draw_against(
+    places: Sequence[Any], name: str, experiments: list[Experiment], channel: Channel, label: str, number: int
+) -> None:
+    found = []
+    for one in experiments:
+        single = one.weighted(channel.weights)
+        run = single.loading_runs[0]
+        all_ = slopes(run)
+        absolute = (all_.mean_slope[0], all_.mean_slope_error[0])
+        both = absolute if single.rest is None else (*absolute, *np.ravel(relative_slope(run, all_, single.rest)))
+        found.append((one.where.get(name), *both))
+    numeric = all(isinstance(row[0], (int, float)) for row in found)
+    found.sort(key=lambda row: row[0]) if numeric else None
+    x, *values = zip(*found, strict=True)
+    for ax, value, error in zip(places, values[::2], values[1::2], strict=False):
+        look = style(number)
+        known = np.isfinite(error).all()
+        ax.errorbar(
+            x if numeric else list(map(str, x)),
+            value,
+            error if known else None,
+            label=label or None,
+            markersize=4,
+            linewidth=0.8,
+            **(look if numeric else {**look, "linestyle": ""}),
+        )
+
+
+class _Group(NamedTuple):
+    """Lines that are compared in one panel, each an experiment of one channel."""
+
+    title: str
+    lines: dict[str, Experiment]
+    force: str
+    unit: str
+    channel: str
+    legend: str | None
+
+
+def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
+    """What is compared in one panel, at most so many panels."""
+    alike: dict[tuple, list[Experiment]] = {}
+    for one in experiments:
+        alike.setdefault((one.force, one.unit, len(one.taxel)), []).append(one)
+    groups = []
+    for (force, unit, taxels), together in alike.items():
+        channel = common_channel(together)
+        panels, left_out = compared(together, lambda one: one.where)
+        for panel in panels:
+            lines = {label: one.weighted(channel.weights) for label, one in panel.cases.items()}
+            words, legend = channel.words, None
+            if len(together) == 1:
+                lines = {
+                    str(name): together[0].weighted(row)
+                    for name, row in zip(together[0].taxel, np.eye(taxels), strict=True)
+                }
+                words, legend = "", "taxel"
+            more = f"{left_out} more curves left out" if left_out and panel is panels[0] else ""
+            groups.append(_Group(", ".join(filter(None, (panel.title, more))), lines, force, unit, words, legend))
+    return groups[:MOST_PANELS]
+
+
+def _of(group: _Group) -> str:
+    return f", {group.channel}" if group.channel else ""
+
+
+def _finish(group: _Group, axes: Sequence[Any]) -> None:
+    forces = np.concatenate([run.force for one in group.lines.values() for run in one.runs])
+    for ax in axes:
+        force_to_the_right(ax, group.force, forces)
+    axes[0].set_title(group.title, fontsize="medium")
+    for ax in axes[-len(axes) // 2 :]:
+        ax.set_xlabel(f"{group.force} [N]")
+
+
+def _draw_run(above: Sequence[Any], below: Sequence[Any], one: Experiment, label: str, number: int) -> None:
+    """Change and slope of a channel's first run of growing force, and both in percent of rest."""
+    run = one.loading_runs[0]
+    change = run.samples[..., 0]
+    middle, slope = (run.force[1:] + run.force[:-1]) / 2, np.diff(change, axis=0) / np.diff(run.force)[:, None]
+    error = None
+    if run.tangents is not None:
+        middle, slope, error = run.force, run.tangents.slope, run.tangents.error[:, 0]
+    _draw(above[0], run.force, change, label, number)
+    _draw(below[0], middle, slope, label, number, error=error)
+    if one.rest is not None and len(above) > 1:
+        level = one.rest.mean() or np.nan
+        shift = (one.rest[:, 0] - level) / level
+        _draw(above[1], run.force, 100 * (change - change.mean(axis=1, keepdims=True) * shift) / level, label, number)
+        parts = slope if error is not None else slope - slope.mean(axis=1, keepdims=True) * shift
+        relative = None if error is None else 100 * error / abs(level)
+        _draw(below[1], middle, 100 * parts / level, label, number, error=relative)
 
 
 def plot_tangential_maps(maps: Sequence[TangentialMap], file: Path | BinaryIO, form: str = "png") -> None:
     """Write a picture (png, svg, pdf) of the taxels' changes under each tangential load, x to the right, y upwards.
 
-    Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes.
+    Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes. All maps have
+    the same colours.
     """
-    with _panels([one.experiment for one in maps], file, form, rows=1, sharex=False) as axes:
-        for (ax,), one in zip(axes, maps, strict=False):
-            power = math.floor(math.log10(np.abs(one.change).max() or 1.0))
-            changes, errors = one.change / 10.0**power, one.error / 10.0**power
-            most = np.abs(changes).max() or 1.0
+    count = min(len(maps), MOST_PANELS)
+    across = min(math.ceil(math.sqrt(count)), 4)
+    largest = max(float(np.abs(one.change).max()) for one in maps[:count])
+    factor, unit = prefixed(largest, maps[0].experiment.unit)
+    most = largest / factor or 1.0
+    with figure_of(math.ceil(count / across), across, file, form, size=(5.2, 4.0), sharex=False) as axes:
+        for ax in axes.flat[count:]:
+            ax.set_visible(False)
+        for ax, one in zip(axes.flat, maps[:count], strict=False):
+            ax.grid(visible=False)
+            changes, errors = one.change / factor, one.error / factor
             picture = ax.imshow(changes, cmap="PuOr", vmin=-most, vmax=most)
-            picture.axes.figure.colorbar(picture, ax=ax, label=f"change [$10^{{{power}}}$ {one.experiment.unit}]")
             for place, (change, error) in enumerate(zip(changes.flat, errors.flat, strict=True)):
                 row, column = divmod(place, one.shape[1])
-                words = with_error(change, error).replace(" ± ", "\n± ")
+                words = NOT_RESOLVED if abs(change) <= error else with_error(change, error).replace(" ± ", "\n± ")
                 ax.text(
                     column,
                     row,
@@ -135,6 +306,9 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], file: Path | BinaryIO, f
             ax.set_xticks([])
             ax.set_yticks([])
             ax.set_xlabel(f"{one.experiment.force} = {one.force:.4g} N")
+            where = one.experiment.where.items()
+            ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in where), fontsize="medium")
+        axes[0, 0].figure.colorbar(picture, ax=axes, label=f"change [{unit}]")
 
 
 def _explain_lines(ax: Any, words: Iterable[str]) -> None:
@@ -163,63 +337,29 @@ def _first_cycle(branches: Sequence[Branch]) -> dict[str, Branch]:
     return cycle
 
 
-@contextmanager
-def _panels(
-    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str, rows: int, sharex: bool = True
-) -> Iterator[np.ndarray]:
-    """Axes (panels, rows), a panel per experiment, its plots above each other; the figure is written at the end."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    count = min(len(experiments), MOST_PANELS)
-    across = min(math.ceil(math.sqrt(count)), 4)
-    down = math.ceil(count / across)
-    size = (5.2 * across + 1.2, 3.4 * rows * down + 0.6)
-    figure, grid = pyplot.subplots(rows * down, across, figsize=size, squeeze=False, layout="constrained")
-    try:
-        axes = grid.reshape(down, rows, across).transpose(0, 2, 1).reshape(-1, rows)
-        for ax in axes[count:].flat:
-            ax.set_visible(False)
-        yield axes[:count]
-        for column, one in zip(axes[:count], experiments, strict=False):
-            column[0].set_title(
-                ", ".join(f"{name} = {as_word(value)}" for name, value in one.where.items()), fontsize="medium"
-            )
-            if sharex:
-                column[-1].set_xlabel(f"{one.force} [N]")
-        if len(experiments) > count:
-            figure.suptitle(f"{len(experiments) - count} more panels left out")
-        handles, labels = max((ax.get_legend_handles_labels() for ax in axes[:count, 0]), key=lambda pair: len(pair[1]))
-        if labels:
-            figure.legend(handles, labels, title="taxel", loc="outside right center", frameon=False)
-        figure.savefig(file, dpi=150, format=form)
-    finally:
-        pyplot.close(figure)
-
-
 def _draw(
-    ax: Any, force: np.ndarray, values: np.ndarray, errors: np.ndarray, experiment: Experiment, style: str = "-"
+    ax: Any,
+    force: np.ndarray,
+    samples: np.ndarray,
+    label: str | None,
+    number: int,
+    line: str = "-",
+    error: np.ndarray | None = None,
 ) -> None:
-    """One line per taxel over force, with error bars where errors are known; only solid ones enter the legend."""
-    for number, taxel in enumerate(experiment.taxel):
-        known = np.isfinite(errors[:, number]).all()
-        ax.errorbar(
-            force,
-            values[:, number],
-            errors[:, number] if known else None,
-            label=str(taxel) if style == "-" else None,
-            color=COLOURS[number % len(COLOURS)],
-            marker=MARKERS[(number + number // len(COLOURS)) % len(MARKERS)],
-            markerfacecolor=None if style == "-" else "none",
-            linestyle=style,
-            linewidth=0.8,
-            elinewidth=0.8,
-            markersize=3,
-        )
-    ax.grid(alpha=0.3)
-    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+    """A line of samples (points, replicates) over force, with bars of their own or a given error, where it is known."""
+    errors = standard_error(samples, axis=1) if error is None else error
+    look = style(number)
+    ax.errorbar(
+        force,
+        samples.mean(axis=1),
+        errors if np.isfinite(errors).all() else None,
+        label=label,
+        markerfacecolor=None if line == "-" else "none",
+        linewidth=0.8,
+        elinewidth=0.8,
+        markersize=3,
+        **(look if line == "-" else {**look, "linestyle": line}),
+    )
 
 
 def _latex(table: pandas.DataFrame, pairs: pandas.DataFrame) -> str:

@@ -3,139 +3,231 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-COLOURS = ("#332288", "#CC6677", "#117733", "#DDAA33", "#88CCEE", "#882255", "#44AA99", "#999933", "#AA4499")
-"""After Paul Tol's "muted" scheme, told apart with any colour vision; markers differ too."""
-MARKERS = "osD^v<>Px"
-MOST_PANELS = 12
+from mitsuba_taxel.plots.figures import (
+    MOST_PANELS,
+    as_label,
+    compared,
+    figure_of,
+    force_to_the_right,
+    label_with_prefix,
+    legend_beside,
+    style,
+)
+
 PLACES = 200
 """At which curves are drawn."""
+TAXELS = "taxel, row by\nrow from (-x, +y)"
+
+
+class Curve(NamedTuple):
+    """Power of some taxels against the curve parameter, all else being equal.
+
+    ``where`` : values of the other parameters; ``x`` (points,); ``samples`` (points, replicates, taxels) and
+    ``error`` (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers,
+    where they are known.
+    """
+
+    where: Mapping[str, Any]
+    x: np.ndarray
+    samples: np.ndarray
+    error: np.ndarray
+    smooth: np.ndarray | None
+    slope: np.ndarray | None
+
+    def weighted(self, weights: np.ndarray) -> Curve:
+        """Sums over the taxels with weights (taxels, lines); errors of taxels are taken as fully correlated."""
+        smooth, slope = (None if each is None else each @ weights for each in (self.smooth, self.slope))
+        return self._replace(
+            samples=self.samples @ weights, error=self.error @ np.abs(weights), smooth=smooth, slope=slope
+        )
+
+    @property
+    def rest(self) -> int:
+        """The point of least magnitude, the first of words."""
+        return int(np.abs(self.x).argmin()) if self.x.dtype.kind in "fi" else 0
+
+    def relative(self) -> Curve:
+        """The change since rest in percent of the mean reading there; noise that readings share drops out of it."""
+        rest = self.samples[self.rest]
+        level = rest.mean(axis=0)
+        level = np.where(level > 0, level, np.nan)
+        ratio = self.samples.mean(axis=1) / level
+        samples = 100 * ((self.samples - ratio[:, None] * rest) / level + ratio[:, None] - 1)
+        bare = self._replace(samples=samples, error=0 * self.error)
+        if self.smooth is None or self.slope is None:
+            return bare
+        level = self.smooth[self.rest]
+        return bare._replace(smooth=100 * (self.smooth / level - 1), slope=100 * self.slope / level)
+
+
+def curves_of(study: xr.Dataset) -> list[Curve]:
+    """The curves of a study, one for each combination of its other parameters."""
+    name = study.attrs["curve"]
+    powers = study[["replicate_power", "total_error"]]
+    smooth = "derivative" in study and name in study.parameter.values
+    if smooth:
+        slope = study.derivative.sel(parameter=name, drop=True)
+        powers = powers.assign(smooth_power=study.smooth_power, slope=slope)
+    others = [str(dim) for dim in powers.total_error.dims if dim not in (name, "taxel")]
+    panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
+    panels = panels.transpose("panel", name, "replicate", "taxel")
+    x = study[name].values if name in study.coords else np.arange(study.sizes[name])
+    return [
+        Curve(
+            {other: panels[other].values[number].item() for other in others},
+            x,
+            panels.replicate_power.values[number],
+            panels.total_error.values[number],
+            panels.smooth_power.values[number] if smooth else None,
+            panels.slope.values[number] if smooth else None,
+        )
+        for number in range(panels.sizes["panel"])
+    ]
 
 
 def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture (png, svg, pdf) of each taxel's power against the study's curve parameter.
+    """Write a picture (png, svg, pdf) of power against the study's curve parameter.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or where derivatives by
     the parameter are known, the cubic curves that these make of readings without random numbers.
-    Where there are several taxels, a second plot below shows how each differs from their mean, with the error
-    of that difference. There is one such pair for each combination of the other varied parameters, at most
-    :data:`MOST_PANELS`; the title says how many are left out.
+
+    Of one curve, there is a line for each taxel and, where there are several, a second panel below shows how each
+    differs from their mean, with the error of that difference. Several curves are compared: a line for each is
+    the mean of its taxels, and the panel below shows its change in percent of the reading at rest. There are more
+    panels, of the same axes, where one would hold more than :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines.
     """
-    import matplotlib
+    curves = curves_of(study)
+    if len(curves) == 1:
+        _plot_taxels(study, curves[0], file, form)
+    else:
+        _plot_compared(study, curves, file, form)
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
 
-    curve = study.attrs["curve"]
-    smooth = "derivative" in study and curve in study.parameter.values
-    powers = study[["replicate_power", "total_error"]]
-    if smooth:
-        slope = study.derivative.sel(parameter=curve, drop=True)
-        powers = powers.assign(smooth_power=study.smooth_power, slope=slope)
-    others = [str(dim) for dim in powers.total_error.dims if dim not in (curve, "taxel")]
-    panels = powers.stack(panel=others) if others else powers.expand_dims("panel")
-    shown = panels.isel(panel=slice(MOST_PANELS))
-    count = shown.sizes["panel"]
-    columns = min(math.ceil(math.sqrt(count)), 4)
-    lines = 2 if powers.sizes["taxel"] > 1 else 1
-    rows = lines * math.ceil(count / columns)
-    figure, axes = pyplot.subplots(
-        rows,
-        columns,
-        figsize=(5.2 * columns + 1.2, 3.2 * rows + 0.6),
-        sharex=True,
-        squeeze=False,
-        layout="constrained",
-    )
-    try:
-        for ax in axes.flat:
-            ax.set_visible(False)
-        for number in range(count):
-            panel = shown.isel(panel=number)
-            row, column = divmod(number, columns)
-            power = panel.replicate_power
-            _draw(axes[lines * row, column], power, curve, smooth, panel.total_error)
-            if lines > 1:
-                _draw(axes[lines * row + 1, column], power - power.mean("taxel"), curve, smooth)
-            if smooth:
-                _draw_curves(axes[lines * row, column], panel.smooth_power, panel.slope, curve)
+def _plot_taxels(study: xr.Dataset, curve: Curve, file: Path | BinaryIO, form: str) -> None:
+    names, count = study.taxel.values.tolist(), study.sizes["taxel"]
+    with figure_of(2 if count > 1 else 1, 1, file, form) as axes:
+        panels = axes[:, 0]
+        _draw_lines(panels[0], curve, names)
+        label_with_prefix(panels[:1], "optical power", "W")
+        if count > 1:
+            _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
+            label_with_prefix(panels[1:], "difference from the taxels' mean", "W")
+        _finish(axes, study)
+        legend_beside(panels[0].figure, panels[0], TAXELS)
+
+
+def _plot_compared(study: xr.Dataset, curves: list[Curve], file: Path | BinaryIO, form: str) -> None:
+    panels, left_out = compared(curves, lambda curve: curve.where)
+    count, lines = study.sizes["taxel"], 2 if _changes(curves[0]) else 1
+    with _blocks(len(panels), lines, file, form) as blocks:
+        for block, panel in zip(blocks, panels, strict=True):
+            for number, (label, curve) in enumerate(panel.cases.items()):
+                mean = curve.weighted(np.full((count, 1), 1 / count))
+                _draw_lines(block[0], mean, [label], number)
                 if lines > 1:
-                    power, slope = (each - each.mean("taxel") for each in (panel.smooth_power, panel.slope))
-                    _draw_curves(axes[lines * row + 1, column], power, slope, curve)
-            if others:
-                values = (f"{name} = {panel[name].item()}" for name in others)
-                axes[lines * row, column].set_title(", ".join(values))
-        for row in range(rows):
-            axes[row, 0].set_ylabel("difference from the taxels' mean [W]" if row % lines else "optical power [W]")
-        figure.supxlabel(_label(study[curve], curve))
-        left_out = panels.sizes["panel"] - count
-        figure.suptitle(study.attrs["scene"] + (f" ({left_out} more panels left out)" if left_out else ""))
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(
-            handles,
-            labels,
-            title="taxel, row by\nrow from (-x, +y)",
-            loc="outside right center",
-            frameon=False,
-        )
-        figure.savefig(file, dpi=150, format=form)
-    finally:
-        pyplot.close(figure)
+                    _draw_lines(block[1], mean.relative(), [label], number)
+            block[0].set_title(panel.title, fontsize="medium")
+        label_with_prefix(blocks[:, 0], f"power, mean of {count} taxels" if count > 1 else "optical power", "W")
+        if lines > 1:
+            label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
+        _finish(blocks, study, left_out)
+        legend_beside(blocks[0, 0].figure, blocks[0, 0])
 
 
-def _draw_curves(ax: Any, power: xr.DataArray, slope: xr.DataArray, curve: str) -> None:
-    """One line per taxel, through readings and with their slopes."""
-    from scipy.interpolate import CubicHermiteSpline
-
-    for number, taxel in enumerate(power.taxel.values):
-        value, rate = (each.sel(taxel=taxel).dropna(curve) for each in (power, slope))
-        known = value.sortby(curve)
-        if known.size > 1:
-            places = np.linspace(known[curve].values[0], known[curve].values[-1], PLACES)
-            between = CubicHermiteSpline(known[curve].values, known.values, rate.sortby(curve).values)
-            ax.plot(places, between(places), linewidth=0.8, **_style(number))
-
-
-def _style(number: int) -> dict[str, str]:
-    """Colour and kind of line of a taxel, from 0."""
-    return {
-        "color": COLOURS[number % len(COLOURS)],
-        "linestyle": ("-", "--", ":")[number // len(COLOURS) % 3],
-    }
+def plot_taxels(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture of how each taxel's reading changes, a panel for each curve of a study, with the same axes."""
+    curves = curves_of(study)
+    with _blocks(min(len(curves), MOST_PANELS), 1, file, form) as blocks:
+        for (ax,), curve in zip(blocks, curves, strict=False):
+            _draw_lines(ax, curve.relative(), study.taxel.values.tolist())
+            ax.set_title(
+                ", ".join(f"{name} = {as_label(value)}" for name, value in curve.where.items()), fontsize="medium"
+            )
+        label_with_prefix(blocks[:, 0], _since(study, curves[0]), "%")
+        _finish(blocks, study, len(curves) - len(blocks))
+        legend_beside(blocks[0, 0].figure, blocks[0, 0], TAXELS)
 
 
-def _draw(ax: Any, replicates: xr.DataArray, curve: str, bare: bool, total_error: xr.DataArray | None = None) -> None:
-    """Each taxel's readings, joined unless ``bare``, with error bars from the replicates, and a band of the total error
-    where that is given."""
-    values = replicates.mean("replicate")
-    errors = replicates.std("replicate", ddof=1) / math.sqrt(replicates.sizes["replicate"])
-    for number, taxel in enumerate(replicates.taxel.values):
+def has_taxels_to_compare(study: xr.Dataset) -> bool:
+    """Whether :func:`plot_taxels` shows more than :func:`plot_curves` does."""
+    curves = curves_of(study)
+    return len(curves) > 1 and study.sizes["taxel"] > 1 and _changes(curves[0])
+
+
+def _changes(curve: Curve) -> bool:
+    return len(curve.x) > 1 and curve.x.dtype.kind in "fi"
+
+
+def _since(study: xr.Dataset, curve: Curve) -> str:
+    return f"change since {study.attrs['curve']} = {curve.x[curve.rest]:.6g}"
+
+
+@contextmanager
+def _blocks(count: int, lines: int, file: Path | BinaryIO, form: str) -> Iterator[Any]:
+    """Axes (blocks, lines): blocks beside each other, the panels of each below each other, of one range in a line."""
+    across = min(math.ceil(math.sqrt(count)), 4)
+    down = math.ceil(count / across)
+    with figure_of(lines * down, across, file, form) as axes:
+        blocks = axes.reshape(down, lines, across).transpose(0, 2, 1).reshape(-1, lines)
+        for ax in blocks[count:].flat:
+            ax.set_visible(False)
+        for line in blocks[:count].T:
+            for ax in line[1:]:
+                ax.sharey(line[0])
+        yield blocks[:count]
+
+
+def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
+    name = study.attrs["curve"]
+    coordinate = study[name] if name in study.coords else None
+    unit = "" if coordinate is None else coordinate.attrs.get("units", "")
+    if coordinate is not None:
+        force_to_the_right(axes[0, 0], name, coordinate.values)
+    figure = axes[0, 0].figure
+    figure.supxlabel(f"{name} [{unit}]" if unit else name)
+    figure.suptitle(study.attrs["scene"] + (f" ({left_out} more curves left out)" if left_out else ""))
+
+
+def _draw_lines(ax: Any, curve: Curve, labels: list[Any], first: int = 0) -> None:
+    """Readings of each line with error bars of the light, joined or with the curve through them, and bands."""
+    replicates = curve.samples.shape[1]
+    values = curve.samples.mean(axis=1)
+    errors = curve.samples.std(axis=1, ddof=1) / math.sqrt(replicates) if replicates > 1 else 0 * values
+    joined = curve.smooth is None and curve.x.dtype.kind in "fi"
+    for number, label in enumerate(labels):
+        look = style(first + number)
         ax.errorbar(
-            replicates[curve].values,
-            values.sel(taxel=taxel).values,
-            errors.sel(taxel=taxel).values,
-            label=str(taxel),
-            marker=MARKERS[number % len(MARKERS)],
+            curve.x,
+            values[:, number],
+            errors[:, number],
+            label=str(label),
             linewidth=0.8,
-            **(_style(number) | ({"linestyle": ""} if bare else {})),
             elinewidth=0.8,
             markersize=3,
+            **(look if joined else {**look, "linestyle": ""}),
         )
-        if total_error is not None and len(replicates[curve]) > 1:
-            middle, width = values.sel(taxel=taxel).values, total_error.sel(taxel=taxel).values
-            colour = COLOURS[number % len(COLOURS)]
-            ax.fill_between(
-                replicates[curve].values, middle - width, middle + width, color=colour, alpha=0.2, linewidth=0
-            )
-    ax.set_visible(True)
-    ax.grid(alpha=0.3)
-    ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+        if joined and curve.error[:, number].any():
+            middle, width = values[:, number], curve.error[:, number]
+            ax.fill_between(curve.x, middle - width, middle + width, color=look["color"], alpha=0.2, linewidth=0)
+        if curve.smooth is not None and curve.slope is not None:
+            _draw_cubic(ax, curve.x, curve.smooth[:, number], curve.slope[:, number], look)
 
 
-def _label(coordinate: xr.DataArray, name: str) -> str:
-    return f"{name} [{coordinate.attrs['units']}]" if "units" in coordinate.attrs else name
+def _draw_cubic(ax: Any, x: np.ndarray, value: np.ndarray, slope: np.ndarray, look: Mapping[str, str]) -> None:
+    """The cubic curve through values and slopes."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    known = np.flatnonzero(np.isfinite(value) & np.isfinite(slope))
+    order = known[np.argsort(x[known])]
+    if len(order) > 1:
+        places = np.linspace(x[order[0]], x[order[-1]], PLACES)
+        between = CubicHermiteSpline(x[order], value[order], slope[order])
+        ax.plot(places, between(places), linewidth=0.8, color=look["color"], linestyle=look["linestyle"])

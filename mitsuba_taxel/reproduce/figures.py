@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.plots.curves import COLOURS, MARKERS, PLACES
+from mitsuba_taxel.plots.curves import PLACES
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated
 from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised

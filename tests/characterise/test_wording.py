@@ -7,7 +7,7 @@ import math
 import pandas
 import pytest
 
-from mitsuba_taxel.characterise.wording import latex_table, table_rows, with_error
+from mitsuba_taxel.characterise.wording import latex_table, remarks_explained, table_rows, with_error
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,8 @@ def test_value_and_error(value, error, words, formula):
 
 def row(figure, value, error, unit, **more):
     where = {"at_N": -4.0, "from_N": 0, "to_N": -8}
-    return {"figure": figure, "force": "fz", **more, "value": value, "error": error, "unit": unit, **where}
+    words = {"remark": "not resolved"} if abs(value) < error else {"remark": ""}
+    return {"figure": figure, "force": "fz", **more, "value": value, "error": error, "unit": unit, **where, **words}
 
 
 def test_rows_of_a_table():
@@ -41,13 +42,16 @@ def test_rows_of_a_table():
             row("max_slope", 2e-4, 1e-6, "W/N", cell="a", taxel=1, loading=1),
             row("mean_slope", 1e-4, 1e-6, "W/N", cell="a", taxel=1, loading=1),
             row("mean_slope", 3e-4, 1e-6, "W/N", cell="b", taxel=1, loading=1),
+            row("zero_slope", 3e-6, 4e-6, "W/N", cell="b", taxel=1, loading=1),
             row("nonlinearity", 2.5, 0.1, "%", cell="b", taxel=1, loading=1),
         ]
     )
     headings, rows = table_rows(table, ("max_slope", "mean_slope", "zero_slope"))
-    assert headings == ["force", "cell", "taxel", "max slope [W/N]", "at [N]", "mean slope [W/N]"]
-    assert rows[0] == ["fz", "a", "1", "(2.000 ± 0.010)e-04", "-4", "(1.000 ± 0.010)e-04"]
-    assert rows[1] == ["fz", "b", "1", "-", "-", "(3.000 ± 0.010)e-04"]
+    slopes = ["max slope [µW/N]", "at [N]", "mean slope [µW/N]", "zero slope [µW/N]"]
+    assert headings == ["force", "cell", "taxel", *slopes]
+    assert rows[0] == ["fz", "a", "1", "200.0 ± 1.0", "-4", "100.0 ± 1.0", "-"]
+    assert rows[1] == ["fz", "b", "1", "-", "-", "300.0 ± 1.0", "not resolved"]
+    assert remarks_explained(table)[0].startswith("not resolved: ")
     assert table_rows(table, ("hysteresis",))[1] == []
 
 

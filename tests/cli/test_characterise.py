@@ -12,6 +12,7 @@ import taxel_cli
 import xarray as xr
 
 import mitsuba_taxel
+from mitsuba_taxel.characterise.characteristics import SLOPES
 
 PLOTS = [f"{name}.{form}" for name in ("nonlinearity", "sensitivity") for form in ("png", "svg")]
 FILES = ["characteristics.csv", "characteristics.tex", *PLOTS]
@@ -62,8 +63,9 @@ def test_a_measurement(characterise, bench):
     code, out, err = characterise(bench)
     assert code == 0 and err == ""
     assert sorted(os.listdir(bench.parent)) == sorted([*FILES, "pad.csv"])
-    head, first, second = out.split("\n\n")[0].splitlines()[1:]
-    assert head.split()[:3] == ["force", "taxel", "loading"] and first.split()[:3] == ["fz", "11", "1"]
+    title, _, head, first, second = out.split("\n\n")[0].splitlines()
+    assert title == "Sensitivities, fz:" and head.split()[:3] == ["taxel", "loading", "[mV/N]"]
+    assert first.split()[:2] == ["11", "1"]
     assert "4 runs. Error: 1 sigma of the recording's noise." in out and out.splitlines()[-1].startswith("Results: ")
 
 
@@ -101,7 +103,7 @@ def test_a_study(characterise, tmp_path):
     assert code == 0 and err == ""
     assert sorted(set(os.listdir(tmp_path / "study")) - set(before)) == FILES
     rows = json.loads(out)["characteristics"]
-    assert {row["figure"] for row in rows} == {"max_slope", "mean_slope", "zero_slope", "nonlinearity"}
+    assert {row["figure"] for row in rows} == {*SLOPES, "nonlinearity"}
     assert [row["value"] for row in rows if row["figure"] == "zero_slope"] == [None]
 
 
@@ -129,7 +131,7 @@ def test_scenes_notes_and_missing_readings(characterise, tmp_path, monkeypatch):
     studies["round"].replicate_power[2:4] = np.nan
     monkeypatch.setattr(mitsuba_taxel, "open_study", lambda folder: xr.DataTree.from_dict(studies), raising=False)
     code, out, err = characterise(tmp_path)
-    assert code == 0 and err == "" and out.splitlines()[1].split()[:3] == ["force", "scene", "taxel"]
+    assert code == 0 and err == "" and out.splitlines()[2].split()[:2] == ["scene", "taxel"]
     assert out.count("mechanics error unknown") == 1 and "Jobs without a reading, left out: 2." in out
 
 

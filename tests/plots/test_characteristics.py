@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from mitsuba_taxel.characterise import Branch, Experiment, characteristics, symmetric_pairs, tangential_map
-from mitsuba_taxel.plots import characteristics as plots
+from mitsuba_taxel.plots import figures
 from mitsuba_taxel.plots.characteristics import write_characteristics
 
 UP = np.linspace(0, -8, 9)
@@ -44,7 +44,7 @@ KINDS = {
 @pytest.fixture(autouse=True)
 def few_panels(monkeypatch):
     """Each takes a while to draw."""
-    monkeypatch.setattr(plots, "MOST_PANELS", 3)
+    monkeypatch.setattr(figures, "MOST_LINES", 3)
 
 
 @pytest.mark.parametrize("experiments", KINDS.values(), ids=KINDS.keys())

@@ -138,7 +138,7 @@ def test_the_page_is_whole_and_needs_no_network(page):
     assert all(target.startswith(("data:", "#")) for target in checker.fetched)
     assert {target[1:] for target in checker.fetched if target.startswith("#")} <= set(checker.ids)
     assert not re.search(r"url\(|@import|fetch\(|XMLHttp", text)
-    assert len(checker.alternatives) == 3 and all(len(words) > 40 for words in checker.alternatives)
+    assert len(checker.alternatives) == 5 and all(len(words) > 40 for words in checker.alternatives)
 
 
 def test_the_page_says_what_the_study_says(page, study_folder):
@@ -147,7 +147,10 @@ def test_the_page_says_what_the_study_says(page, study_folder):
     assert "cell: parallelepiped, cylindrical" in text and "fz: 3 values from 0 to -1 N" in text
     budget = study_error_budget(study)
     assert all(f"<td>{source}</td><td>{share:.2%}</td>" in text for source, share in budget.items())
-    assert all(word in text for word in ("mechanics", "total", "optics", "max slope [W/N]", "nonlinearity [%]"))
+    assert all(
+        word in text
+        for word in ("mechanics", "total", "optics", "max slope [µW/N]", "relative slope [%/N]", "nonlinearity [%]")
+    )
     assert json.loads(study.attrs["versions"])["mitsuba"] in text
 
 

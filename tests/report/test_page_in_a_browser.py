@@ -110,6 +110,18 @@ def test_the_cut_shows_the_inside(opened):
     assert "shown whole" in part(opened, "words").inner_text()
 
 
+def test_deformation_can_be_magnified_and_the_picture_says_so(opened):
+    once = picture(opened)
+    part(opened, "magnify").select_option("10")
+    opened.wait_for_timeout(700)
+    assert difference(once, picture(opened)) > 0.02
+    words = part(opened, "words").inner_text()
+    assert "deformation 10 times as large" in words and "light paths" not in words
+    part(opened, "magnify").select_option("1")
+    opened.wait_for_timeout(700)
+    assert difference(once, picture(opened)) == 0
+
+
 def test_keys_turn_the_pad_and_colours_follow_the_choice(opened):
     before = picture(opened)
     part(opened, "canvas").focus()

@@ -9,11 +9,18 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
-from mitsuba_taxel.characterise.wording import pair_rows, table_rows, with_error
-from mitsuba_taxel.plots.characteristics import plot_deviations, plot_sensitivity, plot_tangential_maps
-from mitsuba_taxel.plots.curves import plot_curves
+from mitsuba_taxel.characterise.wording import pair_rows, remarks_explained, table_rows, with_error
+from mitsuba_taxel.plots.characteristics import (
+    parameters_of,
+    plot_against,
+    plot_deviations,
+    plot_sensitivity,
+    plot_tangential_maps,
+)
+from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
 from mitsuba_taxel.sensing.wording import budget_rows
 from mitsuba_taxel.studies import stage_totals, study_error_budget
@@ -69,10 +76,14 @@ def power(study: xr.Dataset, key: str) -> str:
         f"{values.max():.4g} W. The table below holds the numbers."
     )
     caption = "Bands: total error, of light and mechanics. Bars: one standard error of the light."
+    plots = [plot(partial(plot_curves, study, form="svg"), words, caption)]
+    if has_taxels_to_compare(study):
+        words = "How each taxel's reading changes, one panel for each combination of parameters, all of the same axes."
+        plots.append(plot(partial(plot_taxels, study, form="svg"), words, "Each taxel's change. Bars: light."))
     return section(
         f"power{key}",
         "Power",
-        plot(partial(plot_curves, study, form="svg"), words, caption),
+        *plots,
         folded("Readings", _readings(study)),
     )
 
@@ -81,13 +92,14 @@ def _readings(study: xr.Dataset) -> str:
     frame = study[["power", "total_error"]].to_dataframe().reset_index()
     keys = [name for name in frame.columns if name not in ("power", "total_error")]
     units = [f" [{study[name].attrs['units']}]" if "units" in study[name].attrs else "" for name in keys]
+    factor, unit = prefixed(float(frame.power.abs().max()), "W")
     rows = [
-        [*(_word(record[name]) for name in keys), with_error(record["power"], record["total_error"])]
+        [*(_word(record[name]) for name in keys), with_error(record["power"] / factor, record["total_error"] / factor)]
         for record in frame.head(MOST_ROWS).to_dict("records")
     ]
     headings = [name + unit for name, unit in zip(keys, units, strict=True)]
     left = _left_out(len(frame), "readings.csv holds")
-    return table(f"Power with its total error{left}", [*headings, "power [W]"], rows)
+    return table(f"Power with its total error{left}", [*headings, f"power [{unit}]"], rows)
 
 
 def _left_out(rows: int, elsewhere: str) -> str:
@@ -112,10 +124,14 @@ def merit(study: xr.Dataset, key: str) -> str:
         if rows:
             left = _left_out(len(rows), "taxel characterise lists")
             parts.append(table(f"{title}{left}", headings, rows[:MOST_ROWS]))
-    words = "Change of each taxel's reading against force, and its slope below; the tables hold the numbers."
-    parts.append(
-        plot(partial(plot_sensitivity, found.experiments, form="svg"), words, "Change of the reading, and its slope.")
-    )
+    parts += [paragraph(line, "quiet") for line in remarks_explained(figures, pairs)]
+    words = "Change of readings against force, and its slope below, also relative to rest; the tables hold the numbers."
+    caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
+    parts.append(plot(partial(plot_sensitivity, found.experiments, form="svg"), words, caption))
+    if parameters_of(found.experiments):
+        words = "Mean slope against each parameter that is varied; the tables hold the numbers."
+        caption = "Mean slope against what is varied; on the right in percent of the reading at rest. Bars: light."
+        parts.append(plot(partial(plot_against, found.experiments, form="svg"), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):
         words = "Deviation of each taxel's reading from the straight line between its end points, in percent."
         parts.append(plot(partial(plot_deviations, found.experiments, form="svg"), words, "Deviation from the line."))

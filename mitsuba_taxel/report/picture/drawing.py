@@ -89,6 +89,19 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
         image.write(str(temporary))
 
 
+def labelled(pixels: np.ndarray, words: str) -> np.ndarray:
+    """A picture (H, W, 3) with words in its lower left corner."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = pixels.shape[:2]
+    mask = Image.new("L", (width, height))
+    size = max(height // 24, 9)
+    place = (size, height - 2 * size)
+    ImageDraw.Draw(mask).text(place, words, fill=255, font=ImageFont.load_default(size))
+    ink = np.asarray(mask, dtype=float)[..., None] / 255
+    return pixels * (1 - ink) + 0.01 * ink
+
+
 @in_turn
 def render_parts(
     parts: Sequence[ShownPart],

@@ -58,7 +58,7 @@ class ShownPart:
         return float(places.min()), float(places.max())
 
 
-def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[ShownPart], float | None]:
+def shown_parts(scene: Any, cut: float | str = "middle", magnify: float = 1.0) -> tuple[list[ShownPart], float | None]:
     """What a picture of a ``mi.Scene`` shows, and where it is cut, in mm; None if it is not.
 
     Of pads and other surfaces the part at y > cut is left. Photo-reflectors are left whole, as fasteners are in
@@ -71,13 +71,15 @@ def shown_parts(scene: Any, cut: float | str = "middle") -> tuple[list[ShownPart
     cut : float or str
         Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors where there is no pad),
         ``none`` to cut nothing.
+    magnify : float
+        By what displacements of deformable pads are multiplied; packages stay where they are.
 
     Raises
     ------
     InputError
         if the scene holds no surface of triangles, or the cut does not go through them.
     """
-    solids = [part for shape in scene.shapes() if (part := _solid(shape)) is not None]
+    solids = [part for shape in scene.shapes() if (part := _solid(shape, magnify)) is not None]
     sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
     if not solids:
         raise InputError("the scene holds no mesh: nothing of it can be shown.")
@@ -113,14 +115,17 @@ def _bodies(part: ShownPart) -> list[ShownPart]:
     return [part.chosen(number == body) for body in range(number.max() + 1)]
 
 
-def _solid(shape: Any) -> ShownPart | None:
+def _solid(shape: Any, magnify: float) -> ShownPart | None:
     """A mesh of a scene; None for a shape that is none."""
     import mitsuba as mi
 
+    further: Any = 0.0
+    if magnify != 1 and hasattr(shape, "state"):
+        further, shape = (magnify - 1) * _displacements(shape), shape.closed()
     parameters = mi.traverse(shape)
     if "vertex_positions" not in parameters or not len(parameters["faces"]):
         return None
-    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
+    vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3) + further
     triangles = np.array(parameters["faces"]).reshape(-1, 3).astype(np.int64)
     region, cell = (
         np.array(parameters[name]).astype(int) if name in parameters else np.zeros(len(triangles), dtype=int)
@@ -134,6 +139,12 @@ def _solid(shape: Any) -> ShownPart | None:
     names = {code: name for name, code in ALL_REGIONS.items()}
     material = np.array([names.get(code, OTHER) for code in region.tolist()])
     return ShownPart(vertices, triangles, material, cell)
+
+
+def _displacements(pad: Any) -> np.ndarray:
+    """(V, 3) mm, how far the vertices of a pad's closed surface have moved from where they are without a load."""
+    turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
+    return np.einsum("vi,ji->vj", pad.surface.vertices, turn) + shift - pad.undeformed.vertices
 
 
 def _sheet(rectangle: Any) -> ShownPart:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise import sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
-from mitsuba_taxel.plots.curves import plot_curves
+from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 
 if TYPE_CHECKING:
     import pandas
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
     """Write ``readings.nc``, ``readings.csv``, ``power.png``, ``power.svg`` and, if a force is varied, ``summary.csv``.
+
+    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``.
 
     With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
     """
@@ -31,9 +34,10 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
     if parquet:
         with replacing(folder / "readings.parquet") as file:
             table.to_parquet(file, engine="pyarrow", index=False)
-    for form in ("png", "svg"):
-        with replacing(folder / f"power.{form}") as file:
-            plot_curves(study, file, form)
+    plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
+    for name, form in product(plots, ("png", "svg")):
+        with replacing(folder / f"{name}.{form}") as file:
+            plots[name](study, file, form)
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:

@@ -15,7 +15,7 @@ from taxel_program import run_program
 from mitsuba_taxel import InputError, Pad, PadSensor, Scene
 from mitsuba_taxel.backend import default_variant
 from mitsuba_taxel.geometry.triangles import area_normals
-from mitsuba_taxel.report.picture.drawing import GLOW, PICTURES, render_parts, write_picture
+from mitsuba_taxel.report.picture.drawing import GLOW, PICTURES, labelled, render_parts, write_picture
 from mitsuba_taxel.report.picture.sensor_parts import middle_row, shown_parts
 from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -51,6 +51,18 @@ def test_parts_of_a_cut_sensor(sensor):
     section = 2.55 * 0.5 + np.pi * 1.275**2 / 2
     area = np.linalg.norm(area_normals(pad.vertices, pad.triangles[face]), axis=1).sum()
     assert area == pytest.approx(length * height - section, rel=1e-3)
+
+
+def test_magnified_deformation(llvm_mono):
+    """The pad's top goes down by so many times as much, the bottom stays, and the picture says so."""
+    live = PadSensor(pad=Pad(cell="cylindrical", rows=1, columns=1), force=(0, 0, -2)).scene().load()
+    heights = [shown_parts(live, "none", factor)[0][0].range(2) for factor in (0, 1, 5)]
+    rest, once, magnified = (high for _, high in heights)
+    assert rest == pytest.approx(4.55, abs=1e-5) and rest - magnified == pytest.approx(5 * (rest - once), rel=1e-4)
+    assert rest - once > 0.01 and all(low == pytest.approx(0, abs=1e-6) for low, _ in heights)
+    blank = np.ones((60, 300, 3))
+    words = labelled(blank, "deformation shown 5 times")
+    assert np.all(words[:30] == 1) and 0.005 < np.mean(words[30:] < 0.5) < 0.2
 
 
 def test_parts_of_a_whole_sensor(sensor):
@@ -169,7 +181,7 @@ def test_program(tmp_path):
     small = ("--width", "32", "--samples", "4")
     done = run_program(tmp_path, "picture", "plate.xml", "-D", "z=1", *small, "--cut", "y=0.1", "--json")
     assert done.returncode == 0, done.stderr
-    about = {"width": 32, "height": 20, "samples": 4, "cut": 0.1, "files": ["picture.png"]}
+    about = {"width": 32, "height": 20, "samples": 4, "cut": 0.1, "magnify": 1.0, "files": ["picture.png"]}
     assert json.loads(done.stdout) == about
     with Image.open(tmp_path / "picture.png") as image:
         assert image.size == (32, 20)

@@ -7,7 +7,7 @@
   if (!data.panels.length || !root) return;
   const find = (name) => root.querySelector(`[data-part="${name}"]`);
   const canvas = find("canvas"), context = canvas.getContext("2d");
-  const stepSlider = find("step"), cutSlider = find("cut"), colouring = find("colouring"), rays = find("rays");
+  const stepSlider = find("step"), cutSlider = find("cut"), colouring = find("colouring"), rays = find("rays"), magnify = find("magnify");
   const panelChoice = find("panel"), words = find("words"), legend = find("legend");
 
   const REGION_COLOURS = [[230, 159, 0], [86, 180, 233], [150, 150, 150], [190, 190, 190], [205, 205, 205]];
@@ -32,8 +32,19 @@
   const step = () => panel().steps[stepSlider.value];
   const home = () => panel().steps[panel().rest];
 
+  const moves = () => Boolean(panel().most) && step().topology === home().topology;
+  const magnified = () => moves() ? Number(magnify.value) : 1;
+
+  // Where the pad's vertices are drawn.
+  function shape() {
+    const now = unpacked(step().vertices, lengths), factor = magnified();
+    if (factor === 1) return now;
+    const before = unpacked(home().vertices, lengths);
+    return now.map((place, i) => before[i] + factor * (place - before[i]));
+  }
+
   function displacements() {
-    if (!panel().most || step().topology !== home().topology) return null;
+    if (!moves()) return null;
     const now = unpacked(step().vertices, lengths), before = unpacked(home().vertices, lengths);
     const size = new Float32Array(now.length / 3);
     for (let i = 0; i < size.length; i++)
@@ -132,6 +143,9 @@
     }
   }
 
+  // Light paths are those of the pad as it is.
+  const showsRays = () => Boolean(rays && rays.checked && step().rays && magnified() === 1);
+
   const opaque = (colour) => (255 << 24 | colour[2] << 16 | colour[1] << 8 | colour[0]) >>> 0;
 
   function shade(colour, placed, a, b, c, scale) {
@@ -160,24 +174,29 @@
     const colour = moved
       ? (t) => heat((moved[triangles[3 * t]] + moved[triangles[3 * t + 1]] + moved[triangles[3 * t + 2]]) / 3 / panel().most)
       : (t) => REGION_COLOURS[regions[t] - 1];
-    picture.fill(unpacked(now.vertices, lengths), triangles, colour, CUT, cut);
+    picture.fill(shape(), triangles, colour, CUT, cut);
     picture.close(cut);
     for (const solid of panel().fixed)
       if (solid.y >= cut - 0.05)
         picture.fill(unpacked(solid.vertices, lengths), unpacked(solid.triangles, indices), () => FIXED_COLOURS[solid.kind], null, -Infinity, solid.kind === "led" || solid.kind === "phototransistor");
-    if (rays && rays.checked && now.rays)
+    if (showsRays())
       for (const [kind, tint] of [["others", OTHER], ["reached", REACHED]])
         for (const path of now.rays[kind]) picture.line(unpacked(path, lengths), tint);
     context.putImageData(picture.image, 0, 0);
+    if (magnified() !== 1) {
+      context.font = `${Math.round(14 * ratio)}px system-ui, sans-serif`;
+      context.fillStyle = getComputedStyle(words).color;
+      context.fillText(`deformation shown ${magnified()} times`, 10 * ratio, height - 10 * ratio);
+    }
     describe(now, moved);
   }
 
   function describe(now, moved) {
     const part = cutSlider.value > 0 ? `cut open ${cutSlider.value} % of its depth from the front` : "whole";
-    const light = now.rays && rays && rays.checked
+    const light = showsRays()
       ? ` ${now.rays.reached.length} light paths that reach phototransistor ${panel().taxel} are drawn, and ${now.rays.others.length} others.` : "";
-    const moves = panel().most && now.largest !== null ? `; largest displacement ${now.largest} mm since ${home().words}` : "";
-    const text = `${now.words}${moves}. The pad is shown ${part}.${light}`;
+    const moved_by = panel().most && now.largest !== null ? `; largest displacement ${now.largest} mm since ${home().words}` : "";
+    const text = `${now.words}${moved_by}. The pad is shown ${part}${magnified() === 1 ? "" : `, its deformation ${magnified()} times as large`}.${light}`;
     if (words.textContent !== text) words.textContent = text;
     canvas.setAttribute("aria-label", `Deformed pad: ${text}`);
     stepSlider.setAttribute("aria-valuetext", now.words);
@@ -191,7 +210,7 @@
     stepSlider.max = panel().steps.length - 1;
     stepSlider.value = stepSlider.max;
     cutSlider.value = panel().cut;
-    colouring.disabled = !panel().most;
+    colouring.disabled = magnify.disabled = !panel().most;
     if (colouring.disabled) colouring.value = "region";
     later();
   }
@@ -232,7 +251,7 @@
   find("closer").addEventListener("click", () => zoom(1.2));
   find("further").addEventListener("click", () => zoom(1 / 1.2));
   for (const slider of [stepSlider, cutSlider]) slider.addEventListener("input", () => later(true));
-  for (const choice of [colouring, rays]) if (choice) choice.addEventListener("change", () => later());
+  for (const choice of [colouring, rays, magnify]) if (choice) choice.addEventListener("change", () => later());
   if (panelChoice) panelChoice.addEventListener("change", choosePanel);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => later());
   new ResizeObserver(() => later()).observe(canvas);

@@ -1,0 +1,55 @@
+"""What stands for all taxels of an array, and the slopes of a study in few rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.characterise.characteristics import characteristics
+from mitsuba_taxel.characterise.experiment import Experiment
+from mitsuba_taxel.characterise.load_lines import experiments
+from mitsuba_taxel.characterise.shape_error import off_by_shape
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Channel(NamedTuple):
+    """Weights (taxels,) of the taxels, and what their sum is in words; nothing of one taxel."""
+
+    weights: np.ndarray
+    words: str
+
+
+def common_channel(compared: Sequence[Experiment]) -> Channel:
+    """One channel by which experiments of equally many taxels along one force are compared.
+
+    That is the mean of the taxels under a normal force; under a tangential one, where taxels change in opposite ways,
+    the taxel that changes most, on average over the experiments.
+    """
+    count = len(compared[0].taxel)
+    if count == 1:
+        return Channel(np.ones(1), "")
+    if not compared[0].direction[:2].any():
+        return Channel(np.full(count, 1 / count), f"mean of {count} taxels")
+    largest = np.mean([one.largest_change.mean(axis=0) for one in compared], axis=0)
+    most = int(largest.argmax())
+    return Channel(np.eye(count)[most], f"taxel {compared[0].taxel[most]}")
+
+
+def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
+    """Slopes along the first run of each line of load, and of what: a row for each taxel where there is one line.
+
+    Of several lines of one force there is a row for each, of the channel by which they are compared. The table is as
+    :func:`characteristics` returns it; it has no row if no force is varied.
+    """
+    found, off = experiments(study), [experiments(one) for one in off_by_shape(study)]
+    words = ""
+    if len(found) > 1 and len({one.force for one in found}) == 1:
+        weights, words = common_channel(found)
+        found, *off = ([one.weighted(weights) for one in all_] for all_ in (found, *off))
+    table = characteristics(found, off)
+    return words, table[table.loading == 1].drop(columns="taxel" if words else [])
