@@ -168,7 +168,7 @@ def _show(name: str, study) -> None:
         print(f"\n{name}:")
     channel, slopes = slope_summary(study)
     print_figures(", ".join(filter(None, ("Slopes", channel))), *table_rows(slopes, SHOWN))
-    for line in remarks_explained(slopes):
+    for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
         print(line)
     if len(slopes) and (circuit := circuit_of_study(study)):
         print_figures("As the circuit shows it", *figure_rows(volts_table(study, circuit)))

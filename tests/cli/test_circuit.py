@@ -56,8 +56,8 @@ def test_a_study_file_and_another_circuit(taxel, tmp_path):
     assert {row["reading"] for row in own["characteristics"]} == {"W", "V"} and own["volts"][0]["saturation_N"] is None
     (tmp_path / "other.toml").write_text("supply = 3.3\nload_resistance = 220e3\ntransfer = 8e-3\n")
     other = taxel("characterise", "out", "--circuit", "other.toml", "-o", "other")
-    assert other.returncode == 0 and "Sensitivities of readings in V:" in other.stdout
-    assert "As the circuit shows it:" in other.stdout and (tmp_path / "other" / "volts.csv").is_file()
+    assert other.returncode == 0 and "Sensitivities of readings in V, fz:" in other.stdout
+    assert "As the circuit shows it, fz:" in other.stdout and (tmp_path / "other" / "volts.csv").is_file()
 
 
 @pytest.mark.parametrize(
