@@ -56,7 +56,8 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
     if "smooth_power" in study:
         shown = respond(circuit, _lit(study.smooth_power.values))
         rate = study.smooth_power.copy(data=shown.rate)
-        converted["smooth_power"] = study.smooth_power.copy(data=shown.voltage)
+        known = np.isfinite(study.smooth_power.values)
+        converted["smooth_power"] = study.smooth_power.copy(data=np.where(known, shown.voltage, np.nan))
         converted["derivative"] = study.derivative * rate
         converted["derivative_error"] = study.derivative_error * rate
     for name, values in converted.items():

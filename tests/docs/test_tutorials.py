@@ -32,8 +32,8 @@ def test_tutorial(page, tmp_path, solutions):
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
-def test_all_nine_are_there():
-    assert len(PAGES) == 10
+def test_all_ten_are_there():
+    assert len(PAGES) == 11
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,8 @@ class Batch:
         Relative error of slopes by the forces that are varied.
     circuit : Circuit or None
         Whose volts stand beside the powers.
+    bare : bool
+        Whether readings alone are wanted, without meshes, and without the errors of mechanics and geometry.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Batch:
     derivatives: tuple[str, ...] = ()
     target_slope: float | None = None
     circuit: Circuit | None = None
+    bare: bool = False
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -164,8 +167,8 @@ def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:
     return forces
 
 
-def read_study(file: str | Path) -> dict[str, Any]:
-    """A study file as it stands, its scenes in a list under ``scenes``.
+def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any]:
+    """A study file as it stands, its scenes in a list under ``scenes``; ``besides`` names what else it may hold.
 
     Raises
     ------
@@ -184,7 +187,7 @@ def read_study(file: str | Path) -> dict[str, Any]:
     except RecursionError as error:
         raise InputError(f"study {str(file)!r} is not allowed: it is nested too deeply.") from error
     several = "scenes" in content
-    allowed = (*RUN_KEYS, *WRITTEN_KEYS, *(("scenes",) if several else SCENE_KEYS))
+    allowed = (*RUN_KEYS, *WRITTEN_KEYS, *besides, *(("scenes",) if several else SCENE_KEYS))
     _check_names(content, allowed, f"study {Path(file).name}")
     scenes = content.pop("scenes", None)
     if not several:

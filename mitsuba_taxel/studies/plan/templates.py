@@ -41,7 +41,7 @@ _SCENE = """\
     <default name="side" value="absorbing"/>             <!-- mirror, lambertian, isotropic, absorbing -->
 
     <!-- LED, a square. -->
-    <default name="power" value="1"/>                    <!-- W, of each LED -->
+    <default name="led_power" value="1"/>                <!-- W, of each LED -->
     <default name="wavelength" value="925"/>             <!-- nm -->
     <default name="led_size" value="0.25"/>              <!-- mm -->
     <default name="hole" value="0.1"/>                   <!-- mm, dark centre; 0 for none -->
@@ -86,7 +86,7 @@ _SCENE = """\
         <float name="pitch" value="$pitch"/>
         <float name="spacing" value="$spacing"/>
         <emitter type="annular_led">
-            <float name="power" value="$power"/>
+            <float name="power" value="$led_power"/>
             <float name="wavelength" value="$wavelength"/>
             <float name="size" value="$led_size"/>
             <float name="hole" value="$hole"/>

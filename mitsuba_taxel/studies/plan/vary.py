@@ -21,6 +21,12 @@ MOST_JOBS = 100_000
 """More scenes than this in one study are taken for a slip."""
 STEP = "step"
 """The dimension of values that are taken together, row by row."""
+TAKEN = frozenset(
+    "step taxel replicate stage parameter derivative_unit power standard_error total_error replicate_power seconds "
+    "responsivity deviation roof_error slope_error geometry_error smooth_power derivative derivative_error mesh map "
+    "voltage voltage_error counts noise".split()
+)
+"""Names of dimensions and variables of the results, which no varied parameter may have."""
 
 
 class Axis(NamedTuple):
@@ -79,8 +85,9 @@ def make_axes(
             raise InputError(f"{name} is varied twice, alone and together with others: take one of them out.")
     if rows:
         axes.append(Axis(STEP, rows))
-    if STEP in (*vary, *rows):
-        raise InputError(f"{STEP} cannot be varied, as a dimension of the results has that name: give it another name.")
+    for name in (*vary, *rows):
+        if name in TAKEN:
+            raise InputError(f"{name} cannot be varied, as there are results of that name: give it another name.")
     if not axes:
         raise InputError("nothing is varied: values of at least one parameter are needed, by vary, together or steps.")
     count = prod(axis.size for axis in axes)

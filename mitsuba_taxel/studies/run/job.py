@@ -19,7 +19,7 @@ from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 MESHES, MAPS = "meshes", "maps"
@@ -50,6 +50,8 @@ class Job:
         Whether the surfaces of its pads, and its irradiance map, are wanted.
     derivatives : tuple[str, ...]
         As for ``measure``; their errors are found out where that of the mechanics is.
+    bare : bool
+        Whether the error of the pads' shape may stay unknown.
     """
 
     number: int
@@ -63,6 +65,7 @@ class Job:
     meshes: bool
     maps: bool
     derivatives: tuple[str, ...] = ()
+    bare: bool = False
 
     @property
     def label(self) -> str:
@@ -156,7 +159,7 @@ def _read(job: Job) -> Result:
             ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
         )
         readings = _with_derivatives(readings, job, scene, ready.scene)
-        errors = roof_errors(ready.scene)
+        errors: list[Any] = [None for _ in loaded_pads(ready.scene)] if job.bare else roof_errors(ready.scene)
         files = {}
         with stages.stage("files"):
             if job.meshes:

@@ -166,7 +166,7 @@ def run_batch(
     origin = provenance(batch)
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress))
-    from mitsuba_taxel.studies.store.tables import check_parquet, write_results
+    from mitsuba_taxel.studies.store.tables import check_parquet, draw_results, write_results
 
     if parquet:
         check_parquet()
@@ -176,6 +176,8 @@ def run_batch(
             store.forget_failures()
         study = _dataset(batch, origin, _compute(batch, pool, store, progress))
         write_results(study, folder, parquet)
+        if not batch.bare:
+            draw_results(study, folder)
     return study
 
 
@@ -245,9 +247,10 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             points=settings.points,
             seed=batch.seed,
             mesh_size=settings.mesh_size,
-            mechanics_error=place[curve] in checked,
+            mechanics_error=place[curve] in checked and not batch.bare,
             derivatives=batch.derivatives,
-            meshes=stored,
+            bare=batch.bare,
+            meshes=stored and not batch.bare,
             maps=stored and batch.maps,
         )
         curves.setdefault((*place[:curve], *place[curve + 1 :]), []).append(job)

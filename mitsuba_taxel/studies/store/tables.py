@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 
 def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
-    """Write ``readings.nc``, ``readings.csv``, ``power.png``, ``power.svg`` and, if a force is varied, ``summary.csv``.
-
-    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``.
+    """Write ``readings.nc``, ``readings.csv`` and, if a force is varied, ``summary.csv``.
 
     With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
     """
@@ -34,20 +32,28 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
     if parquet:
         with replacing(folder / "readings.parquet") as file:
             table.to_parquet(file, engine="pyarrow", index=False)
-    plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
-    for name, form in product(plots, ("png", "svg")):
-        with replacing(folder / f"{name}.{form}") as file:
-            plots[name](study, file, form)
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
             slopes.to_csv(file, index=False)
 
 
+def draw_results(study: xr.Dataset, folder: Path) -> None:
+    """Draw the readings, as ``power.png`` and ``power.svg``.
+
+    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``.
+    """
+    plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
+    for name, form in product(plots, ("png", "svg")):
+        with replacing(folder / f"{name}.{form}") as file:
+            plots[name](study, file, form)
+
+
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
     """Slopes by every force that is varied, in W/N and, with a circuit, beside them what it shows."""
     table, circuit = sensitivity_table(study), circuit_of_study(study)
-    return table if circuit is None or not len(table) else table.merge(volts_table(study, circuit), how="left")
+    volts = () if circuit is None else volts_table(study, circuit)
+    return table.merge(volts, how="left") if len(volts) else table
 
 
 def check_parquet() -> None:

@@ -41,7 +41,8 @@ SMALL = {"rows": 1, "columns": 1, "fz": 0}
 
 
 @pytest.mark.parametrize(
-    ("name", "factor"), [("power", 3.0), ("quantum_efficiency", 0.25), ("wavelength", 0.5), ("roof_reflectance", 0.5)]
+    ("name", "factor"),
+    [("led_power", 3.0), ("quantum_efficiency", 0.25), ("wavelength", 0.5), ("roof_reflectance", 0.5)],
 )
 def test_a_default_does_what_its_name_says(llvm_mono, template, name, factor):
     def read(**given):
@@ -50,7 +51,7 @@ def test_a_default_does_what_its_name_says(llvm_mono, template, name, factor):
     plain = read()
     changed = read(**{name: factor * float(plain.parameters[name])})
     # With absorbing sides light meets the roof once; a photon's energy goes with 1 / wavelength.
-    power = {"power": 3.0, "roof_reflectance": 0.5}.get(name, 1.0)
+    power = {"led_power": 3.0, "roof_reflectance": 0.5}.get(name, 1.0)
     np.testing.assert_allclose(changed.power, power * plain.power, rtol=1e-4)
     np.testing.assert_allclose(changed.photocurrent, factor * plain.photocurrent, rtol=1e-4)
 

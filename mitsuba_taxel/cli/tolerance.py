@@ -1,0 +1,88 @@
+"""`taxel tolerance`: what tolerances of its parts do to a sensor."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option, json_option
+
+
+@click.command(short_help="Spread of readings by tolerances, and which of them costs most.")
+@click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
+@folder_option
+@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+)
+@click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@json_option
+@debug_option
+def command(
+    source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
+) -> None:
+    """Spread the parameters of a scene as the table [tolerance] of STUDY.toml says.
+
+    Each sample is read by the whole chain, and is in DIR as soon as it is there; the same command goes on where it was
+    stopped. Spread of the reading at rest, sensitivity and cross-talk, the linear answer from derivatives beside it,
+    and the share of each tolerance go into tables and a plot.
+    """
+    from mitsuba_taxel.tolerances import run_tolerance
+
+    from .tables import study_bar
+
+    with study_bar() as progress:
+        result = run_tolerance(
+            source, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=progress
+        )
+    if as_json:
+        import json
+
+        click.echo(json.dumps({**_as_json(result), "notes": result.notes, "output": str(folder)}))
+        return
+    _show(result)
+    for note in result.notes:
+        print(note)
+    print(f"Results: {folder}")
+
+
+def _as_json(result) -> dict[str, list[dict]]:
+    tables = {"spread": result.spread, "shares": result.shares, "parameters": result.parameters}
+    return {name: table.astype(object).where(table.notna(), None).to_dict("records") for name, table in tables.items()}
+
+
+def _show(result) -> None:
+    from .tables import print_table
+
+    def share(value: float) -> str:
+        return "-" if math.isnan(value) else f"{value:.1%}"
+
+    print(f"{len(result.samples)} samples; spreads are one standard deviation, relative to the nominal value:")
+    print_table(
+        ("figure", "taxel", "unit", "nominal", "mean", "spread", "linear", "not linear", "explained"),
+        (
+            (
+                row.figure,
+                str(row.taxel),
+                row.unit,
+                f"{row.nominal:.4g}",
+                share(row.mean / row.nominal - 1),
+                f"{share(row.sd / abs(row.nominal))} ± {share(row.sd_error / abs(row.nominal))}",
+                share(row.linear_sd / abs(row.nominal)),
+                share(row.linear_error),
+                share(row.explained),
+            )
+            for row in result.spread.itertuples()
+        ),
+    )
+    figures = [name for name in result.parameters if name.startswith("total_")]
+    print("\nWhich tolerance costs most: total Sobol' indices, mean of the taxels")
+    print_table(
+        ("parameter", "law", *(name.removeprefix("total_") for name in figures)),
+        (
+            (row["parameter"], row["law"], *(share(row[name]) for name in figures))
+            for row in result.parameters.to_dict("records")
+        ),
+    )

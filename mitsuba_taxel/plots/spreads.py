@@ -1,0 +1,74 @@
+"""Plots of what tolerances do: spreads of each taxel, and which parameter they come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from mitsuba_taxel.plots.figures import COLOURS
+
+if TYPE_CHECKING:
+    import pandas
+
+TITLES = {"rest": "reading at rest", "sensitivity": "sensitivity", "crosstalk": "cross-talk"}
+
+
+def plot_spreads(
+    spread: pandas.DataFrame, parameters: pandas.DataFrame, file: Path | BinaryIO, form: str = "png"
+) -> None:
+    """Write a picture (png, svg, pdf) of a tolerance study, a row for each figure.
+
+    Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
+    standard deviation of the samples beside that from derivatives. Right: total Sobol' indices of the parameters.
+
+    Parameters
+    ----------
+    spread, parameters : pandas.DataFrame
+        As a ``Tolerance`` has them.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    names = list(dict.fromkeys(spread.figure))
+    size = (10.5, 2.6 * len(names) + 0.5)
+    figure, grid = pyplot.subplots(len(names), 2, figsize=size, squeeze=False, layout="constrained")
+    try:
+        for (left, right), name in zip(grid, names, strict=True):
+            _draw_spread(left, spread[spread.figure == name], name)
+            _draw_parameters(right, parameters, name)
+        grid[-1, 0].set_xlabel("taxel")
+        grid[-1, 1].set_xlabel("total Sobol' index, mean of the taxels")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
+        figure.savefig(file, dpi=150, format=form)
+    finally:
+        pyplot.close(figure)
+
+
+def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
+    place, unit = np.arange(len(rows)), 100 / rows.nominal.to_numpy()
+    low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
+    ax.bar(place, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")
+    ax.errorbar(
+        place - 0.12, mean, rows.sd * abs(unit), fmt="o", color=COLOURS[0], markersize=4, label="mean and 1 sigma"
+    )
+    if rows.linear_sd.notna().any():
+        zero, linear = np.zeros(len(rows)), rows.linear_sd * abs(unit)
+        ax.errorbar(place + 0.12, zero, linear, fmt="s", color=COLOURS[1], markersize=3, label="1 sigma, linear")
+    ax.axhline(0, color="black", linewidth=0.6)
+    ax.use_sticky_edges = False
+    ax.set_xlim(-1, len(rows))
+    ax.set_xticks(place, rows.taxel.astype(str))
+    ax.set_ylabel(f"{TITLES[name]}\n[% of nominal]")
+    ax.grid(axis="y", alpha=0.3)
+
+
+def _draw_parameters(ax: Any, parameters: pandas.DataFrame, name: str) -> None:
+    rows = parameters.iloc[::-1]
+    ax.barh(rows.parameter, rows[f"total_{name}"], color=COLOURS[2])
+    ax.set_xlim(0, max(1.0, float(np.nanmax(rows[f"total_{name}"], initial=0.0))))
+    ax.grid(axis="x", alpha=0.3)

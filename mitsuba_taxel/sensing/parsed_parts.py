@@ -1,0 +1,57 @@
+"""The parts of a scene that is parsed but not built: what they refuse is found out in milliseconds."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import mitsuba as mi
+
+from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.specification import specifications
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+
+def refusal_of(scene: Scene) -> InputError | None:
+    """Why a plugin of this package would refuse what a scene says of it; None where none does."""
+    with scene.files_beside_it():
+        try:
+            nodes = scene.parsed(parser_config(activate_variant())).nodes
+            for node in nodes:
+                part = _part(node, nodes)
+                if isinstance(part, DeformablePad) and not part.filename:
+                    part.build_pad()
+        except InputError as error:
+            return error
+        except RuntimeError as error:  # Mitsuba's own
+            return InputError(error)
+    return None
+
+
+class _Props:
+    """Properties of a parsed part, with the objects that are nested in it as they are once it is built."""
+
+    def __init__(self, props: Any, nodes: Any) -> None:
+        self._props, self._nodes = props, nodes
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._props
+
+    def get(self, name: str) -> Any:
+        return self._props.get(name)
+
+    def objects(self) -> list[tuple[str, Any]]:
+        names = [name for name in self._props.keys() if self._props.type(name) == _REFERENCE]  # noqa: SIM118
+        parts = ((name, _part(self._nodes[self._props[name].index()], self._nodes)) for name in names)
+        return [(name, SimpleNamespace(specification=part)) for name, part in parts]
+
+
+_REFERENCE = mi.Properties.Type.ResolvedReference
+
+
+def _part(node: Any, nodes: Any) -> Any:
+    """The Python object that a node stands for; None where it is no plugin of this package."""
+    stated = specifications().get(node.props.plugin_name())
+    return None if stated is None else stated.read(_Props(node.props, nodes))

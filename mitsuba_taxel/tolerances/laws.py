@@ -1,0 +1,126 @@
+"""Distributions of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """How a parameter is distributed.
+
+    Attributes
+    ----------
+    name : str
+        The parameter.
+    words : str
+        As in a study file, ``normal(mean=0.9, sd=0.02)``.
+    distribution : Any
+        Frozen distribution of ``scipy.stats``.
+    """
+
+    name: str
+    words: str
+    distribution: Any
+
+    @property
+    def mean(self) -> float:
+        """Where derivatives are taken."""
+        return float(self.distribution.mean())
+
+    @property
+    def deviation(self) -> float:
+        """One standard deviation."""
+        return float(self.distribution.std())
+
+    def values(self, shares: np.ndarray) -> np.ndarray:
+        """Values below which shares of all lie."""
+        return self.distribution.ppf(np.clip(shares, 1e-12, 1 - 1e-12))
+
+    def standardised(self, shares: np.ndarray) -> np.ndarray:
+        """The same, from the mean and in standard deviations."""
+        return (self.values(shares) - self.mean) / self.deviation
+
+
+def _normal(mean: float, sd: float) -> Any:
+    from scipy import stats
+
+    return stats.norm(mean, sd)
+
+
+def _uniform(low: float, high: float) -> Any:
+    from scipy import stats
+
+    return stats.uniform(low, high - low)
+
+
+def _truncated_normal(mean: float, sd: float, low: float, high: float) -> Any:
+    from scipy import stats
+
+    return stats.truncnorm((low - mean) / sd, (high - mean) / sd, mean, sd)
+
+
+def _triangular(low: float, peak: float, high: float) -> Any:
+    from scipy import stats
+
+    return stats.triang((peak - low) / (high - low), low, high - low)
+
+
+LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+    "normal": (_normal, ("mean", "sd")),
+    "uniform": (_uniform, ("low", "high")),
+    "truncated_normal": (_truncated_normal, ("mean", "sd", "low", "high")),
+    "triangular": (_triangular, ("low", "peak", "high")),
+}
+"""Those that have words of their own; any other continuous one of ``scipy.stats`` goes by its name there."""
+
+
+def law_of(name: str, table: object) -> Law:
+    """The distribution that a study file states for a parameter, as ``{law = "normal", mean = 0.9, sd = 0.02}``.
+
+    Raises
+    ------
+    InputError
+        if there is no such law, a number of it is missing or not allowed, or it has no spread.
+    """
+    if not isinstance(table, Mapping) or not isinstance(table.get("law"), str):
+        raise InputError(f'tolerance of {name} = {table!r} is not allowed: {{law = "normal", mean = ..., sd = ...}}.')
+    law, numbers = table["law"], {key: value for key, value in table.items() if key != "law"}
+    for key, value in numbers.items():
+        if not is_number(value):
+            raise InputError(f"tolerance of {name}: {key} = {value!r} is not allowed: a finite number is needed.")
+    words = f"{law}({', '.join(f'{key}={value:g}' for key, value in numbers.items())})"
+    return Law(name, words, _frozen(name, law, numbers, words))
+
+
+def _frozen(name: str, law: str, numbers: dict[str, float], words: str) -> Any:
+    from scipy import stats
+
+    if law in LAWS:
+        make, needed = LAWS[law]
+        if set(numbers) != set(needed):
+            raise InputError(f"tolerance of {name}: {words} is not allowed: {', '.join(needed)} are needed.")
+    else:
+        make, needed = getattr(stats, law, None), ()  # type: ignore[assignment]
+        if not isinstance(make, stats.rv_continuous):
+            raise InputError(
+                f"tolerance of {name}: law = {law!r} is not known: {', '.join(LAWS)}, or a continuous distribution of "
+                "scipy.stats, is needed."
+            )
+    try:
+        with np.errstate(all="ignore"):
+            frozen = make(**numbers)
+            known = [float(each) for each in (frozen.mean(), frozen.std(), frozen.ppf(0.5))]
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise InputError(f"tolerance of {name}: {words} is not allowed: {error}.") from error
+    if not (all(map(math.isfinite, known)) and known[1] > 0):
+        raise InputError(f"tolerance of {name}: {words} is not allowed: a finite mean and a spread above 0 are needed.")
+    return frozen

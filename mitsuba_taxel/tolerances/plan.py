@@ -1,0 +1,129 @@
+"""What a tolerance study computes: the sensor with all parameters at their mean, and samples of their distributions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_whole
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.sensing.parsed_parts import refusal_of
+from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study
+from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.tolerances.laws import Law, law_of
+
+SAMPLES = 64
+SAMPLINGS = ("latin_hypercube", "sobol")
+FEWEST, MOST = 8, 20_000
+BEYOND = 1e-6
+"""Share of a distribution that may lie beyond the range of a parameter, on each side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A tolerance study.
+
+    Attributes
+    ----------
+    laws : list[Law]
+        Of the parameters that are not exact.
+    force : str
+        Which is varied; empty if none is.
+    shares : (samples, parameters) ndarray
+        Shares of the distributions that lie below each sample.
+    batch : Batch
+        With all parameters at their mean.
+    """
+
+    laws: list[Law]
+    force: str
+    shares: np.ndarray
+    batch: Batch
+
+    @property
+    def standardised(self) -> np.ndarray:
+        """(samples, parameters) from the mean, in standard deviations, as far as digits that are written go."""
+        values = np.array([[float(word) for word in column] for column in self._words().values()]).T
+        return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
+
+    def samples(self, points: int, mesh_size: float | None) -> Batch:
+        """The batch of the samples, read with as many points and on the mesh that the mean ones were read with."""
+        axes = tuple(axis._replace(values=self._words()) if axis.dim == STEP else axis for axis in self.batch.axes)
+        batch = replace(self.batch, name="samples", axes=axes, bare=True)
+        return replace(batch, points=points, mesh_size=mesh_size, target_error=None, time_budget=None)
+
+    def _words(self) -> dict[str, list[str]]:
+        columns = (law.values(column) for law, column in zip(self.laws, self.shares.T, strict=True))
+        return {law.name: [f"{v:.12g}" for v in column] for law, column in zip(self.laws, columns, strict=True)}
+
+
+def read_plan(file: Path) -> Plan:
+    """The plan in a study file with a table ``[tolerance]``.
+
+    Raises
+    ------
+    InputError
+        if it is no such study, or a distribution leaves the range of its parameter.
+    """
+    content = read_study(file, besides=("tolerance",))
+    table = content.pop("tolerance", None)
+    (scene, *others) = content["scenes"]
+    if others or "name" in scene:
+        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    if not isinstance(table, dict) or not isinstance(table.get("of"), dict) or not table["of"]:
+        raise InputError(f"study {file.name} has no tolerances: a table [tolerance.of] of distributions is needed.")
+    for name in table:
+        if name not in ("samples", "sampling", "of"):
+            raise InputError(f"tolerance: {name} is not known: allowed are of, samples, sampling.")
+    for name in ("together", "steps", "derivatives", "target_slope"):
+        if name in scene or name in content:
+            raise InputError(f"{name} is not allowed in a tolerance study.")
+    laws = [law_of(name, given) for name, given in table["of"].items()]
+    scene["together"] = {law.name: [f"{law.mean:.12g}"] for law in laws}
+    batch = batch_from(content, 0, file.resolve().parent)
+    shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(laws), batch.seed)
+    plan = Plan(laws, _force(batch), shares, replace(batch, name="nominal"))
+    for law in laws:
+        _check_range(batch, law)
+    return plan
+
+
+def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarray:
+    from scipy.stats import qmc
+
+    if not (is_whole(samples) and FEWEST <= samples <= MOST):
+        raise InputError(f"samples = {samples!r} is not allowed: a whole number from {FEWEST} to {MOST} is needed.")
+    if sampling not in SAMPLINGS:
+        raise InputError(f"sampling = {sampling!r} is not allowed: one of {', '.join(SAMPLINGS)} is needed.")
+    if sampling == "sobol" and samples & (samples - 1):
+        raise InputError(f"samples = {samples} is not allowed with sampling sobol: a power of 2 is needed.")
+    engine = {"latin_hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol}[sampling]
+    return engine(parameters, seed=np.random.default_rng(seed)).random(samples)
+
+
+def _force(batch: Batch) -> str:
+    """The force that is varied: nothing else may be, and it has two values at least."""
+    axes = [axis for axis in batch.axes if axis.dim != STEP]
+    if not axes:
+        return ""
+    (first, *others) = axes
+    if others or first.dim not in FORCES or first.size < 2 or first.is_open:
+        raise InputError(
+            f"vary = {', '.join(axis.dim for axis in axes)} is not allowed in a tolerance study: one of fx, fy and fz, "
+            "with two values or more, or nothing."
+        )
+    return first.dim
+
+
+def _check_range(batch: Batch, law: Law) -> None:
+    """Refuse a distribution that leaves what its parameter may be, others being at their mean."""
+    mean = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    for end in (BEYOND, 1 - BEYOND):
+        value = float(law.values(np.array(end)))
+        reason = refusal_of(batch.scene({**mean, law.name: f"{value:.12g}"}))
+        if reason:
+            raise InputError(f"tolerance of {law.name}: {law.words} leaves what is allowed at {value:.4g}: {reason}")

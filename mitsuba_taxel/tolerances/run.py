@@ -1,0 +1,293 @@
+"""Tolerance studies: samples of a sensor through the whole chain, and the linear answer beside them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.electronics import in_volts
+from mitsuba_taxel.plots.spreads import plot_spreads
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.studies.run.pool import open_pool
+from mitsuba_taxel.studies.run.study import Progress, run_batch
+from mitsuba_taxel.studies.store.folder import begin_tree
+from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
+from mitsuba_taxel.tolerances.plan import FEWEST, Plan, read_plan
+from mitsuba_taxel.tolerances.shares import fitted, indices
+
+if TYPE_CHECKING:
+    import pandas
+
+FEW_POINTS = 16
+"""Of samples that are read without random numbers besides."""
+NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance:
+    """What tolerances make of a sensor.
+
+    Attributes
+    ----------
+    spread : DataFrame
+        One row per figure (``rest``, ``sensitivity``, ``crosstalk``) and taxel: ``unit``; ``nominal``, with all
+        parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
+        samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square of what these predict each
+        sample wrong by, over ``sd``; ``explained``, the share of the variance that the polynomial behind the
+        indices predicts of samples that it does not know.
+    shares : DataFrame
+        One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
+        the variance; the ``first`` and ``total`` Sobol' indices.
+    parameters : DataFrame
+        One row per parameter: its ``law``, ``mean`` and ``sd``, and by figure its ``total`` index, the mean of all
+        taxels, weighted by their variances.
+    samples : DataFrame
+        One row per sample: its parameters, and the figures of all taxels.
+    notes : list[str]
+        What the reader of the numbers must know, in words.
+    """
+
+    spread: pandas.DataFrame
+    shares: pandas.DataFrame
+    parameters: pandas.DataFrame
+    samples: pandas.DataFrame
+    notes: list[str]
+
+
+def run_tolerance(
+    file: str | Path,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Tolerance:
+    """Spread the parameters of a scene, and tell what that does to its readings.
+
+    Every sample is a job of a study in ``output``: the same call goes on where one before was stopped.
+
+    Parameters
+    ----------
+    file : str or Path
+        A study file of one scene with tables ``[tolerance]`` and ``[tolerance.of]``.
+    output : str or Path
+        Folder for the results; new, empty, or that of the same study.
+
+    The others are those of :func:`sweep`.
+
+    Raises
+    ------
+    InputError
+        if the study or the folder is refused, or a distribution leaves the range of its parameter.
+    ComputationError
+        if too few samples could be computed.
+    """
+    file, folder = path_of("file", file), path_of("output", output)
+    check_flags(retry_failed=retry_failed)
+    check_progress(progress)
+    plan = read_plan(file)
+    with open_pool(workers, scheduler) as pool:
+        nominal, notes = _with_derivatives(plan.batch)
+        begin_tree(folder, _as_tree(plan))
+        mean = run_batch(nominal, pool, folder / "nominal", retry_failed, False, progress)
+        if mean.attrs["failures"]:
+            raise ComputationError(f"the sensor with parameters at their mean cannot be read: {mean.attrs['failures']}")
+        samples = run_batch(_like(mean, plan), pool, folder / "samples", retry_failed, False, progress)
+    result = _analysed(plan, mean, samples, notes)
+    _write(result, folder)
+    return result
+
+
+def _like(mean: xr.Dataset, plan: Plan) -> Batch:
+    """The samples, read as the mean sensor was: without random numbers where that was possible."""
+    smooth = "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
+    points = min(int(mean.attrs["points"]), FEW_POINTS) if smooth else int(mean.attrs["points"])
+    batch = plan.samples(points, mean.attrs.get("mesh_size"))
+    by = plan.force or str(mean.parameter.values[0]) if smooth else ""
+    return replace(batch, derivatives=(by,)) if smooth else batch
+
+
+def _as_tree(plan: Plan) -> dict[str, Any]:
+    """Both batches as a study of two scenes, for ``open_study`` and ``taxel status``."""
+    tables = ("scene", "define", "vary", "together")
+    both = {batch.name: batch.as_toml() for batch in (plan.batch, plan.samples(1, None))}
+    shared = {name: value for name, value in both["nominal"].items() if name not in tables}
+    scenes = [{"name": name, **{key: one[key] for key in tables if key in one}} for name, one in both.items()]
+    return {**shared, "scenes": scenes}
+
+
+@in_turn
+def _with_derivatives(batch: Batch) -> tuple[Batch, list[str]]:
+    """The batch with derivatives by all of its parameters that have one, and a line for each that has none."""
+    from mitsuba_taxel.sensing.scene_rates import rates
+
+    notes, names = [], []
+    values = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    for axis in batch.axes:
+        for name in axis.values if axis.dim == STEP else ():
+            try:
+                rates(batch.scene(values), name)
+                names.append(name)
+            except InputError as reason:
+                notes.append(f"no linear answer for {name}: {reason}")
+    return replace(batch, derivatives=tuple(names)), notes
+
+
+def _analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
+    import pandas
+
+    force = np.array([0.0]) if not plan.force else mean[plan.force].values
+    name = "smooth_power" if "smooth_power" in samples else "replicate_power"
+    nominal, exact = _readings(plan, mean, name)[0], _readings(plan, samples, name)
+    if name != "smooth_power":
+        notes = [*notes, NOISY]
+    known = np.isfinite(exact).all(axis=(1, 2))
+    lost = int((~known).sum())
+    if lost:
+        notes = [*notes, f"samples without readings, left out: {lost} of {len(known)} (their reasons are in samples/)"]
+    if known.sum() < FEWEST:
+        raise ComputationError(f"only {known.sum()} of {len(known)} samples could be read: {FEWEST} are needed.")
+    loaded = loaded_taxel(nominal, force) if nominal.shape[1] > 1 else None
+    at_mean, found = figures(nominal, force, loaded), figures(exact[known], force, loaded)
+    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded)
+    z = plan.standardised[known]
+    notes = [*notes, *mean.attrs["notes"].splitlines()]
+    parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z) for name in found]
+    spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
+    shares = pandas.DataFrame([row for _, rows in parts for row in rows])
+    spread.insert(2, "unit", spread.figure.map(_units(plan)))
+    of_parameters = json.loads(mean.attrs["units"])
+    shares["unit"] = [
+        f"{_units(plan)[row.figure]} per {of_parameters.get(row.parameter, '1')}" for row in shares.itertuples()
+    ]
+    columns = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
+    taxels = range(1, nominal.shape[1] + 1)
+    columns |= {f"{name}_{taxel}": values[:, taxel - 1] for name, values in found.items() for taxel in taxels}
+    return Tolerance(spread, shares, _parameters(plan, spread, shares), pandas.DataFrame(columns), notes)
+
+
+def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
+    """(samples, forces, taxels) in W, or V with a circuit."""
+    readings = (study if plan.batch.circuit is None else in_volts(study, plan.batch.circuit))[name]
+    if "replicate" in readings.dims:
+        readings = readings.mean("replicate")
+    if not plan.force:
+        readings = readings.expand_dims("force")
+    return readings.transpose(STEP, plan.force or "force", "taxel").values
+
+
+def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
+    """(forces, taxels, parameters), not a number where there is no derivative."""
+    rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
+    if "derivative" in mean:
+        shown = mean if plan.batch.circuit is None else in_volts(mean, plan.batch.circuit)
+        derivative = shown.derivative.isel({STEP: 0})
+        if not plan.force:
+            derivative = derivative.expand_dims("force")
+        for number, law in enumerate(plan.laws):
+            if law.name in derivative.parameter.values:
+                one = derivative.sel(parameter=law.name)
+                rates[..., number] = one.transpose(plan.force or "force", "taxel").values
+    return rates
+
+
+def _of_figure(
+    plan: Plan, name: str, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T)."""
+    per_deviation = slopes * [law.deviation for law in plan.laws]
+    deviation, error = _deviations(exact)
+    linear = np.sqrt(np.square(per_deviation).sum(axis=1))
+    missed = exact - at_mean - z @ per_deviation.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        linear_error = np.sqrt(np.square(missed).mean(axis=0)) / deviation
+        linear_share = np.square(per_deviation / linear[:, None])
+    wanted = np.isfinite(exact).all(axis=0)
+    polynomial = fitted(z, np.where(wanted, exact, 0.0))
+    first, total = np.full((2, *slopes.shape), math.nan)
+    if polynomial is not None:
+        first, total = indices(polynomial, plan.laws, plan.batch.seed)
+    spread, shares = [], []
+    for taxel in np.flatnonzero(wanted):
+        where = {"figure": name, "taxel": int(taxel) + 1}
+        low, high = np.quantile(exact[:, taxel], (0.05, 0.95))
+        numbers = {
+            "nominal": at_mean[taxel], "mean": exact[:, taxel].mean(), "sd": deviation[taxel],
+            "sd_error": error[taxel], "low": low, "high": high, "linear_sd": linear[taxel],
+            "linear_error": linear_error[taxel],
+            "explained": math.nan if polynomial is None else polynomial.explained[taxel],
+        }  # fmt: skip
+        spread.append(where | {key: float(value) for key, value in numbers.items()})
+        for number, law in enumerate(plan.laws):
+            of_one = (slopes, linear_share, first, total)
+            values = (float(each[taxel, number]) for each in of_one)
+            named = zip(("rate", "linear", "first", "total"), values, strict=True)
+            shares.append({**where, "parameter": law.name, **dict(named)})
+    return spread, shares
+
+
+def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of samples (N, T), and their standard errors from the fourth moment, as of random samples:
+    those of Latin hypercubes and Sobol' points are better."""
+    count = len(exact)
+    off = exact - exact.mean(axis=0)
+    variance = np.square(off).sum(axis=0) / (count - 1)
+    fourth = np.mean(off**4, axis=0)
+    of_variance = np.sqrt(np.maximum(fourth - variance**2 * (count - 3) / (count - 1), 0.0) / count)
+    deviation = np.sqrt(variance)
+    return deviation, np.divide(of_variance, 2 * deviation, out=np.zeros_like(deviation), where=deviation > 0)
+
+
+def _units(plan: Plan) -> dict[str, str]:
+    unit = "W" if plan.batch.circuit is None else "V"
+    return {"rest": unit, "sensitivity": f"{unit}/N", "crosstalk": "1"}
+
+
+def _parameters(plan: Plan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
+    import pandas
+
+    table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])
+    table["weight"] = table.sd**2 * table.total.notna()
+
+    def weighted(rows: pandas.DataFrame) -> float:
+        return float(np.average(rows.total.fillna(0.0), weights=rows.weight)) if rows.weight.sum() > 0 else math.nan
+
+    found = {key: weighted(rows) for key, rows in table.groupby(["figure", "parameter"])}
+    names = list(dict.fromkeys(spread.figure))
+    return pandas.DataFrame(
+        {
+            "parameter": law.name,
+            "law": law.words,
+            "mean": law.mean,
+            "sd": law.deviation,
+            **{f"total_{name}": found[name, law.name] for name in names},
+        }
+        for law in plan.laws
+    )
+
+
+def _write(result: Tolerance, folder: Path) -> None:
+    for name, table in _tables(result):
+        with replacing(folder / f"{name}.csv") as file:
+            table.to_csv(file, index=False)
+    for form in ("png", "svg"):
+        with replacing(folder / f"tolerance.{form}") as file:
+            plot_spreads(result.spread, result.parameters, file, form)
+
+
+def _tables(result: Tolerance) -> Iterator[tuple[str, pandas.DataFrame]]:
+    for name in ("spread", "shares", "parameters", "samples"):
+        yield name, getattr(result, name)
