@@ -57,7 +57,8 @@ class _Commands(click.Group):
 def taxel() -> None:
     """Simulate optoelectronic tactile sensors: force, deformed pad, light, reading.
 
-    SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (pad.xml, plate.xml).
+    SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (hexagonal.xml, pad.xml,
+    plate.xml).
     Units are mm, N, MPa, W and s.
     """
 

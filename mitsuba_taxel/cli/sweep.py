@@ -24,7 +24,7 @@ from .options import (
 
 OF_A_SCENE = (
     "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives",
-    "target_slope", "circuit",
+    "target_slope", "circuit", "meshes",
 )  # fmt: skip
 MOST_FAILURES_SHOWN = 10
 SHOWN = ("max_slope", "mean_slope", "relative_slope")
@@ -58,6 +58,10 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
     "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
 )
 @click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@click.option(
+    "--meshes", type=click.Choice(["all", "last", "none"]), default="all", show_default=True,
+    help="Deformed pads to keep: of all scenes, of the last one of each curve, or none. Rough walls take 13 MB each.",
+)  # fmt: skip
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
 @derivatives_option
 @target_slope_option
@@ -81,6 +85,7 @@ def command(
     workers: int | None,
     scheduler: str | None,
     retry_failed: bool,
+    meshes: str,
     maps: bool,
     derivatives: list[str],
     target_slope: float | None,
@@ -90,8 +95,9 @@ def command(
 ) -> None:
     """Read a scene at every value of its varied parameters, or all scenes of a study file.
 
-    Each reading is in DIR as soon as it is there, and the same command goes on where it was stopped.
-    Tables, meshes and a plot are made of them at the end.
+    Each reading is in DIR as soon as it is there, and the same command goes on where it was stopped. More values of a
+    parameter, a second one that is varied, or a better target add to what is there. Tables, meshes and a plot are made
+    at the end.
     """
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of
@@ -115,6 +121,7 @@ def command(
                 "time_budget": time_budget,
                 "seed": seed,
                 "maps": maps,
+                "meshes": meshes,
                 "derivatives": derivatives,
                 "target_slope": target_slope,
                 "circuit": circuit_in(circuit),

@@ -23,14 +23,23 @@ def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     _show(table)
 
 
-def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A table of words on stdout; only its last column is wrapped."""
+def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> None:
+    """A table of words on stdout; only its last column is wrapped, in a pipe only if a width is given."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for heading in headings:
         table.add_column(heading, no_wrap=heading != headings[-1])
     for row in rows:
         table.add_row(*row)
-    _show(table)
+    if width is None:
+        _show(table)
+    else:
+        Console(highlight=False, markup=False, width=width).print(table)
+
+
+def text_width() -> int:
+    """Letters in a line of prose: those of the terminal, at most 120, or 100 where there is none."""
+    console = Console()
+    return min(console.width, 120) if console.is_terminal else 100
 
 
 def end_beyond_target(notes: Iterable[str]) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import warnings
+from importlib.resources import files
 
 import click
 import pytest
@@ -264,3 +265,10 @@ def test_plugins_are_listed_and_described(taxel):
     assert {line.split()[0] for line in listed} == set(plugin_files())
     done = taxel("plugins", "wall")
     assert done.returncode == 0 and "reflectance" in done.stdout and '<bsdf type="wall">' in done.stdout
+
+
+def test_words_are_wrapped_and_all_shipped_scenes_are_named(taxel):
+    shown = taxel("plugins", "deformable_pad").stdout
+    assert max(map(len, shown.splitlines())) <= 100 and "Rigid motion" in shown
+    scenes = [file.name for file in files("mitsuba_taxel.scenes").iterdir() if file.name.endswith(".xml")]
+    assert len(scenes) > 2 and all(scene in taxel("--help").stdout for scene in scenes)

@@ -28,10 +28,12 @@ TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
 RUN_KEYS = (
     "target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives", "target_slope",
-    "circuit",
+    "circuit", "meshes",
 )  # fmt: skip
 CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
 """Those of them that may be left out."""
+KEPT_MESHES = ("all", "last", "none")
+"""Of deformed pads, which are kept: those of all scenes, of the last one of each curve, or none."""
 WRITTEN_KEYS = ("provenance",)
 """What a study file in a folder of results holds besides; it may be run again as it is."""
 CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
@@ -64,6 +66,8 @@ class Batch:
         Whose volts stand beside the powers.
     bare : bool
         Whether readings alone are wanted, without meshes, and without the errors of mechanics and geometry.
+    meshes : str
+        Which meshes are kept: one of :data:`KEPT_MESHES`.
     """
 
     name: str
@@ -80,6 +84,7 @@ class Batch:
     target_slope: float | None = None
     circuit: Circuit | None = None
     bare: bool = False
+    meshes: str = "all"
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
@@ -99,6 +104,7 @@ class Batch:
             "seed": self.seed,
             **{name: value for name, value in chosen.items() if value is not None},
             **({"maps": True} if self.maps else {}),
+            **({"meshes": self.meshes} if self.meshes != "all" else {}),
             **({"derivatives": list(self.derivatives)} if self.derivatives else {}),
             **{name: table for name, table in tables.items() if table},
         }
@@ -119,6 +125,7 @@ def make_batch(
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
     circuit: Circuit | None = None,
+    meshes: str = "all",
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
@@ -151,8 +158,10 @@ def make_batch(
         by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes))))
     if circuit is not None:
         require("circuit", circuit, Circuit, "a Circuit")
+    if not isinstance(meshes, str) or meshes not in KEPT_MESHES:
+        raise InputError(f"meshes = {meshes!r} is not allowed: one of {', '.join(KEPT_MESHES)} is needed.")
     asked = (target_error, points, time_budget, mesh_size, seed, maps, by, target_slope, circuit)
-    batch = Batch(name, file, fixed, axes, *asked)
+    batch = Batch(name, file, fixed, axes, *asked, meshes=meshes)
     batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
     return batch
 

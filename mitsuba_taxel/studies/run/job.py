@@ -52,6 +52,8 @@ class Job:
         As for ``measure``; their errors are found out where that of the mechanics is.
     bare : bool
         Whether the error of the pads' shape may stay unknown.
+    continued : Readings or None
+        Readings of the same scene with fewer points, that this job goes on from.
     """
 
     number: int
@@ -66,6 +68,7 @@ class Job:
     maps: bool
     derivatives: tuple[str, ...] = ()
     bare: bool = False
+    continued: Readings | None = None
 
     @property
     def label(self) -> str:
@@ -156,7 +159,12 @@ def _read(job: Job) -> Result:
         scene = Scene(job.file, job.parameters, job.mesh_size)
         ready = prepare(scene)
         readings = measure(
-            ready, points=job.points, seed=job.seed, irradiance=job.maps, mechanics_error=job.mechanics_error
+            ready,
+            points=job.points,
+            seed=job.seed,
+            irradiance=job.maps,
+            mechanics_error=job.mechanics_error,
+            continued=job.continued,
         )
         readings = _with_derivatives(readings, job, scene, ready.scene)
         errors: list[Any] = [None for _ in loaded_pads(ready.scene)] if job.bare else roof_errors(ready.scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,8 +13,11 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.electronics import Circuit, with_volts
+from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.runs import FIRST_POINTS
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
+from mitsuba_taxel.studies.plan.growth import grown
 from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.dataset import assemble
@@ -23,7 +27,7 @@ from mitsuba_taxel.studies.run.pool import Pool, open_pool
 from mitsuba_taxel.studies.run.provenance import provenance
 from mitsuba_taxel.studies.run.slope_meshes import mesh_size_for_slopes
 from mitsuba_taxel.studies.store.folder import Kept, Store, StoreError, begin_tree, keepable
-from mitsuba_taxel.studies.store.opening import open_study
+from mitsuba_taxel.studies.store.opening import open_study, stored_study
 
 
 class Progress(NamedTuple):
@@ -62,6 +66,7 @@ def sweep(
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
     circuit: Circuit | None = None,
+    meshes: str = "all",
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
@@ -95,7 +100,8 @@ def sweep(
     seed : int
         Whole number from 0 to 2**32 - 1.
     output : str or Path, optional
-        Folder for the results; new, empty, or that of the same study.
+        Folder for the results; new, empty, or that of the same study, to which more values of a parameter that is
+        varied, a second one, or a better target may be added: what is there is kept.
     workers : int, optional
         Number of processes to use, in place of this one.
     scheduler : str, optional
@@ -112,6 +118,8 @@ def sweep(
         mesh the scene leaves open get one that is fine enough at the end of some curves.
     circuit : Circuit, optional
         Whose volts and counts are told beside the powers.
+    meshes : str
+        Which deformed pads ``output`` keeps: ``all``, the ``last`` of each curve, or ``none``.
     parquet : bool
         Whether to write the readings to ``output`` as ``readings.parquet`` as well.
     progress : Callable[[Progress], None], optional
@@ -144,6 +152,7 @@ def sweep(
         "derivatives": derivatives,
         "target_slope": target_slope,
         "circuit": circuit,
+        "meshes": meshes,
     }
     batch = make_batch(source, vary, defines, together=together, **what)
     folder = None if output is None else path_of("output", output)
@@ -163,6 +172,8 @@ def run_batch(
 ) -> xr.Dataset:
     """Read the scenes of a batch, and store them if there is a ``folder``; see :func:`sweep`."""
     batch = with_chosen_steps(batch)
+    if folder is not None and (stored := stored_study(folder)):
+        batch = grown(batch, stored)
     origin = provenance(batch)
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress))
@@ -211,7 +222,9 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     jobs = [job for curve in curves for job in curve]
     failures = {number: failure for number, failure in store.failures().items() if number in place} if store else {}
     stored = ((job.number, store.load(job.number, job.parameters)) for job in jobs) if store else ()
-    results = {number: kept for number, kept in stored if kept is not None}
+    there = {number: kept for number, kept in stored if kept is not None}
+    results = {number: kept for number, kept in there.items() if _is_enough(kept.readings, settings)}
+    curves = [[_continued(job, there.get(job.number), settings) for job in curve] for curve in curves]
     errors = [kept.readings.relative_total_error for kept in results.values()]
     known = {*results, *failures}
     for job, outcome in pool.outcomes([job for job in curve if job.number not in known] for curve in curves):
@@ -220,6 +233,7 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
         if isinstance(outcome, Failure):
             failures[job.number] = outcome
         else:
+            failures.pop(job.number, None)
             results[job.number] = keepable(outcome)
             errors.append(outcome.readings.relative_total_error)
         if progress:
@@ -233,9 +247,22 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
     )
 
 
+def _is_enough(readings: Readings, settings: Settings) -> bool:
+    """Whether readings of an earlier run are what is asked for now."""
+    return readings.points >= settings.points and readings.mesh_size == settings.mesh_size
+
+
+def _continued(job: Job, kept: Kept | None, settings: Settings) -> Job:
+    """The job, going on from readings of fewer points where there are such."""
+    if kept is None or job.maps or kept.readings.mesh_size != settings.mesh_size:
+        return job
+    return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
+
+
 def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     """The jobs, those of one curve together: they may share a load path."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
+    keeps = {"all": stored, "none": False}
     checked = checked_places(batch.axes[curve])
     curves: dict[tuple[int, ...], list[Job]] = {}
     for number, (place, values) in enumerate(combinations(batch.axes)):
@@ -250,7 +277,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             mechanics_error=place[curve] in checked and not batch.bare,
             derivatives=batch.derivatives,
             bare=batch.bare,
-            meshes=stored and not batch.bare,
+            meshes=not batch.bare and keeps.get(batch.meshes, stored and place[curve] == batch.axes[curve].size - 1),
             maps=stored and batch.maps,
         )
         curves.setdefault((*place[:curve], *place[curve + 1 :]), []).append(job)
@@ -262,12 +289,14 @@ def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Setting
     if batch.points is not None and batch.target_slope is None:
         return Settings(batch.points, batch.mesh_size), {}
     choice = store.choice if store else None
-    if choice is not None:
+    if store and choice is not None and not store.aims_higher:
         return choice
     with stages.record() as seconds, stages.stage("optics"):
         settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
         if batch.target_slope is not None:
             settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
+    if choice is not None and choice[0].mesh_size == settings.mesh_size:
+        settings = settings._replace(points=max(settings.points, choice[0].points))
     if store:
         store.keep_choice(settings, seconds)
     return settings, seconds

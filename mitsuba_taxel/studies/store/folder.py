@@ -10,6 +10,7 @@ import json
 import math
 import os
 import re
+import shutil
 import socket
 import time
 from collections.abc import Iterator, Mapping
@@ -30,11 +31,15 @@ from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.targets import Settings
+from mitsuba_taxel.studies.plan.batch import tomllib
 from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.plan.growth import TARGETS, moves
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, Result
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
 JOBS, FAILED = "jobs", "failed"
+GROWING, GROWN = ".growing", ".grown"
+"""Folders of a study that becomes a larger one: not yet whole, and whole."""
 MOST_LETTERS = 200
 """Of a line of a study file, that a message shows."""
 _LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
@@ -58,6 +63,8 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.aims_higher = False
+        """Whether the study that is written now has a better target than what is there."""
 
     @contextmanager
     def writing(self, content: Mapping[str, Any], workers: str) -> Iterator[None]:
@@ -84,6 +91,7 @@ class Store:
             lock.release()
 
     def _begin(self, content: Mapping[str, Any]) -> None:
+        self._finish_growing()
         if not (self.folder / STUDY).exists():
             if any(not file.name.startswith(".") for file in self.folder.iterdir()):
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
@@ -91,13 +99,52 @@ class Store:
                 file.write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
         before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
         difference = _difference(tomli_w.dumps(content), before)
-        if difference:
+        if difference and not self._grow(before, content):
             raise InputError(f"output folder {self.folder} holds another study ({difference}): choose another folder.")
         for name in (JOBS, FAILED):
             make_folder(self.folder / name)
         for name in (JOBS, FAILED, MESHES, MAPS):
             for stale in (self.folder / name).glob(".*"):
                 stale.unlink()  # a temporary file of a run that was killed
+
+    def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
+        """Let the study become one that holds all of its jobs, under their new numbers; False if it is another one.
+
+        All is made ready beside the results. From when it bears its last name, a run that is killed is made up for by
+        the next one.
+        """
+        try:
+            stored = tomllib.loads(before)
+            numbers = moves(stored, content)
+        except (ValueError, TypeError, KeyError, AttributeError, InputError):
+            return False
+        if numbers is None:
+            return False
+        self.aims_higher = any(stored.get(name) != content.get(name) for name in TARGETS)
+        ready = self.folder / GROWING
+        shutil.rmtree(ready, ignore_errors=True)
+        for name, suffix in ((JOBS, ".npz"), (FAILED, ".json")):
+            (ready / name).mkdir(parents=True)
+            for number, file in _numbered(self.folder / name, suffix).items():
+                if number in numbers:
+                    shutil.copy2(file, ready / name / f"{numbers[number]:06d}{suffix}")
+        (ready / STUDY).write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
+        ready.rename(self.folder / GROWN)
+        self._finish_growing()
+        return True
+
+    def _finish_growing(self) -> None:
+        """Put what :meth:`_grow` has made ready in the place of what was there."""
+        ready = self.folder / GROWN
+        if not ready.is_dir():
+            return
+        with replacing(self.folder / STUDY) as file:
+            shutil.copyfile(ready / STUDY, file)
+        for name in (JOBS, FAILED):
+            if (ready / name).is_dir():
+                shutil.rmtree(self.folder / name, ignore_errors=True)
+                (ready / name).rename(self.folder / name)
+        shutil.rmtree(ready)
 
     def _note_run(self, workers: str) -> None:
         """Who is at work, and since when: for :func:`status`."""

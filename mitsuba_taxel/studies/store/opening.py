@@ -69,6 +69,16 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     return opened
 
 
+def stored_study(folder: Path) -> dict[str, Any]:
+    """What a folder of one scene's results says that it holds, as its study file has it; nothing of any other."""
+    try:
+        study = read_results(folder)
+    except InputError:
+        return {}
+    (scene, *more) = study.pop("scenes")
+    return {} if more or scene.get("name") else {**study, **scene}
+
+
 def read_results(folder: Path) -> dict[str, Any]:
     """The study that the results in a folder are of, as :func:`read_study` returns it.
 

@@ -1,0 +1,107 @@
+"""Studies that grow: values that are asked for join those that a folder holds already, and a better target replaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import STEP, Axis, as_numbers, combinations, make_axes
+
+GROWING = ("vary", "together", "define", "target_error", "target_slope", "points", "time_budget", "meshes")
+"""Tables and values of a stored study that may change while it stays the same study."""
+TARGETS = ("target_error", "target_slope", "points")
+
+
+def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
+    """The batch with what a stored study of the same scene has besides.
+
+    Values of a varied parameter are joined, and so is the value that a parameter had before it was varied, or gets now
+    that it no longer is; rows that are taken together may be continued. Of two target errors, or numbers of points, the
+    better one counts. A batch that is no such continuation stays as it is.
+    """
+    before = make_axes(stored.get("vary", {}), stored.get("together"))
+    fixed, defines = stored["provenance"]["parameters"], dict(batch.defines)
+    now = {axis.dim: axis for axis in batch.axes}
+    axes = []
+    for axis in before:
+        if axis.dim not in now and axis.dim not in defines:
+            return batch
+        asked = now.pop(axis.dim, None) or Axis(axis.dim, {axis.dim: [defines.pop(axis.dim)]})
+        joined = _rows(axis, asked) if axis.dim == STEP else _values(axis, asked)
+        if joined is None:
+            return batch
+        axes.append(joined)
+    for axis in now.values():
+        if axis.dim == STEP or axis.dim not in fixed:
+            return batch
+        axes.append(_values(Axis(axis.dim, {axis.dim: [fixed[axis.dim]]}), axis))
+    return replace(batch, axes=tuple(axes), defines=defines, **_better(batch, stored))
+
+
+def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
+    """The better of targets that both have; a target that there was stays where nothing is asked for."""
+    if all(getattr(batch, name) is None for name in (*TARGETS, "time_budget")):
+        return {name: stored.get(name) for name in TARGETS}
+    both = [name for name in TARGETS if getattr(batch, name) is not None and name in stored]
+    return {name: (max if name == "points" else min)(getattr(batch, name), stored[name]) for name in both}
+
+
+def _rows(before: Axis, asked: Axis) -> Axis | None:
+    """The longer of two dimensions of rows, if it begins as the other one."""
+    longer, shorter = sorted((before, asked), key=lambda axis: axis.size, reverse=True)
+    if longer.values.keys() != shorter.values.keys():
+        return None
+    same = all(_keys(longer.values[name])[: len(words)] == _keys(words) for name, words in shorter.values.items())
+    return longer if same else None
+
+
+def _values(before: Axis, asked: Axis) -> Axis:
+    """Both dimensions' values, those that there were in their own words."""
+    old, new = before.values[before.dim], asked.values[asked.dim]
+    known = dict(zip(_keys(old), old, strict=True))
+    if known.keys() <= set(_keys(new)):
+        return Axis(before.dim, {before.dim: [known.get(key, word) for key, word in zip(_keys(new), new, strict=True)]})
+    joined = old + [word for key, word in zip(_keys(new), new, strict=True) if key not in known]
+    numbers = as_numbers(joined)
+    if numbers and all(_one_way(as_numbers(words)) for words in (old, new)):
+        falls = any(words[-1] < words[0] for words in map(as_numbers, (old, new)) if words)
+        joined = [joined[place] for place in np.argsort(numbers, kind="stable")]
+        joined = joined[::-1] if falls else joined
+    return Axis(before.dim, {before.dim: joined})
+
+
+def _one_way(numbers: Sequence[float] | None) -> bool:
+    steps = np.diff(numbers or [])
+    return bool(np.all(steps > 0) or np.all(steps < 0))
+
+
+def _keys(words: Sequence[str]) -> list[Any]:
+    """Values by which words are the same: as numbers where they are such."""
+    return [number[0] if (number := as_numbers([word])) else word for word in words]
+
+
+def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int] | None:
+    """Where the jobs of a stored study are in one that it grows to, by their numbers; None if it is another study.
+
+    Both are as study files in folders of results say them.
+    """
+    kept = [
+        {name: value for name, value in one.items() if name not in (*GROWING, "provenance")} for one in (before, now)
+    ]
+    origins = [{**one["provenance"], "parameters": None} for one in (before, now)]
+    if kept[0] != kept[1] or origins[0] != origins[1]:
+        return None
+    old, new = _parameters(before), _parameters(now)
+    places = {frozenset(parameters.items()): number for number, parameters in enumerate(new)}
+    found = [places.get(frozenset(parameters.items())) for parameters in old]
+    return None if None in found else dict(enumerate(found))  # type: ignore[arg-type]
+
+
+def _parameters(study: Mapping[str, Any]) -> list[dict[str, str]]:
+    """All parameters of each job."""
+    axes = make_axes(study.get("vary", {}), study.get("together"))
+    return [{**study["provenance"]["parameters"], **values} for _, values in combinations(axes)]
