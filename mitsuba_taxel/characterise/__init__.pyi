@@ -1,4 +1,13 @@
 from .characteristics import characteristics as characteristics
+from .comparison import (
+    Comparison as Comparison,
+)
+from .comparison import (
+    compare as compare,
+)
+from .comparison import (
+    comparison_rows as comparison_rows,
+)
 from .equations import (
     Deviation as Deviation,
 )

@@ -1,0 +1,292 @@
+"""Which of several variants of a sensor is first by a figure of merit, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.units import prefixed
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES, characteristics
+from mitsuba_taxel.characterise.experiment import Experiment
+from mitsuba_taxel.characterise.load_lines import experiments
+from mitsuba_taxel.characterise.shape_error import off_by_shape
+from mitsuba_taxel.characterise.summary import common_channel
+from mitsuba_taxel.characterise.wording import as_word, with_error
+
+if TYPE_CHECKING:
+    import pandas
+
+FIGURES = (*SLOPES, *DEVIATIONS)
+NEEDS = {
+    "nonlinearity": "three forces",
+    "zero_slope": "forces near zero",
+    "hysteresis": "growing and falling forces",
+    "repeatability": "two cycles",
+}
+DRAWS = 20_000
+"""By which probabilities are found: right to 0.4 percentage points."""
+
+
+class Comparison(NamedTuple):
+    """Variants by rank, and what the table says in words.
+
+    ``table`` : ``rank``; what the variants differ in; a column for each figure and its ``_error``; ``allowed``, the
+    probability that the variant meets the limits; ``first``, that it is the best of those that do; ``behind``, by how
+    much the first one is better, and ``behind_error``. ``unit`` of each figure; ``channel``, what stands for the
+    taxels; ``notes``.
+    """
+
+    table: pandas.DataFrame
+    by: str
+    unit: dict[str, str]
+    channel: str
+    notes: list[str]
+
+
+class _Variant(NamedTuple):
+    where: dict[str, Any]
+    reading: Experiment
+    off: list[Experiment]
+    numbers: tuple[Any, ...]  # the random numbers: seed and points
+
+
+def compare(
+    studies: Mapping[str, xr.Dataset | xr.DataTree],
+    by: str = "relative_slope",
+    at_most: Mapping[str, float] | None = None,
+    *,
+    force: str | None = None,
+    up_to: float | None = None,
+) -> Comparison:
+    """Rank the variants of a sensor that studies hold: one for each combination of what they vary besides the force.
+
+    Of arrays, the channel that stands for all taxels is looked at. Slopes count by their magnitude, the largest
+    first; deviations the smallest first. Errors are those of ``taxel characterise``. Variants of the same seed and
+    points share their random numbers, and what these do to both drops out of a difference, as far as the replicates,
+    left out one by one, say so. So does what the errors of mechanics and geometry do to both, with the sign that their
+    estimates have: all variants are off by them together.
+
+    Parameters
+    ----------
+    studies : Mapping[str, xr.Dataset or xr.DataTree]
+        By a name that tells them apart.
+    by : str
+        One of max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis and repeatability.
+    at_most : Mapping[str, float], optional
+        Limits of some of these in their units: % of deviations, %/N and W/N of slopes.
+    force : str, optional
+        Along which to compare, where the studies vary several.
+    up_to : float, optional
+        N: only this range of the force counts, and variants that do not reach it are left out.
+
+    Raises
+    ------
+    InputError
+        if there are not two variants, or they lack a figure.
+    """
+    limits = dict(at_most or {})
+    for name in (by, *limits):
+        if name not in FIGURES:
+            raise InputError(f"figure {name!r} is not known: one of {', '.join(FIGURES)} is needed.")
+    notes: list[str] = []
+    variants = _in_range(_along(list(_variants(studies)), force), up_to, notes)
+    if len(variants) < 2:
+        raise InputError(f"{len(variants)} variants along a force are not enough: at least two to compare are needed.")
+    variants, channel = _one_channel(variants)
+    names = list(dict.fromkeys([by, *limits]))
+    value, light, shifts, units = _figures(variants, names)
+    covariance = _covariance(variants, names, light, shifts)
+    random = np.random.default_rng(0)
+    drawn = random.multivariate_normal(value.ravel(), covariance, DRAWS, method="eigh").reshape(DRAWS, *value.shape)
+    allowed = np.ones((DRAWS, len(variants)), dtype=bool)
+    for name, limit in limits.items():
+        allowed &= np.abs(drawn[:, names.index(name)]) <= limit
+    score = np.where(allowed, _score(by, drawn[:, 0]), -np.inf)
+    first = np.bincount(score.argmax(axis=1)[allowed.any(axis=1)], minlength=len(variants)) / DRAWS
+    meets = allowed.mean(axis=0)
+    order = np.lexsort((-_score(by, value[0]), meets < 0.5))
+    return Comparison(_table(variants, names, value, covariance, meets, first, order), by, units, channel, notes)
+
+
+def _score(by: str, value: np.ndarray) -> np.ndarray:
+    return -value if by in DEVIATIONS else np.abs(value)
+
+
+def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree]) -> Iterator[_Variant]:
+    for name, study in studies.items():
+        for each in [study] if isinstance(study, xr.Dataset) else study.leaves:
+            scene, leaf = ("", each) if isinstance(each, xr.Dataset) else (each.name, each.to_dataset())
+            labels = {**({"study": name} if len(studies) > 1 else {}), **({"scene": scene} if scene else {})}
+            numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
+            found, off = experiments(leaf), [experiments(one) for one in off_by_shape(leaf)]
+            for number, one in enumerate(found):
+                if one.loading_runs:
+                    yield _Variant({**labels, **one.where}, one, [all_[number] for all_ in off], numbers)
+
+
+def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
+    """Those of one force."""
+    forces = list(dict.fromkeys(variant.reading.force for variant in variants))
+    if force is None and len(forces) > 1:
+        raise InputError(f"variants along {' and '.join(forces)} cannot be compared: one force has to be named.")
+    if force is not None and force not in forces:
+        raise InputError(f"force = {force!r} is not varied: one of {', '.join(forces) or 'none'} is needed.")
+    return [variant for variant in variants if force in (None, variant.reading.force)]
+
+
+def _in_range(variants: list[_Variant], up_to: float | None, notes: list[str]) -> list[_Variant]:
+    """Variants cut to a range of force; those that do not reach it are noted and left out."""
+    if up_to is None:
+        return variants
+
+    def cut(one: Experiment) -> Experiment:
+        parts = (run.part(np.abs(run.force) <= up_to * (1 + 1e-9)) for run in one.runs)
+        return replace(one, runs=tuple(part for part in parts if len(part.force) > 1))
+
+    reach = [max(np.abs(run.force).max() for run in variant.reading.runs) for variant in variants]
+    for variant, most in zip(variants, reach, strict=True):
+        if most < up_to * (1 - 1e-9):
+            notes.append(f"Left out, as it ends at {most:g} N: {_words(variant.where)}.")
+    enough = [one for one, most in zip(variants, reach, strict=True) if most >= up_to * (1 - 1e-9)]
+    return [one._replace(reading=cut(one.reading), off=list(map(cut, one.off))) for one in enough]
+
+
+def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
+    readings = [variant.reading for variant in variants]
+    alike = len({len(one.taxel) for one in readings}) == 1
+    channels = [common_channel(readings if alike else [one]) for one in readings]
+    reduced = [
+        one._replace(reading=one.reading.weighted(weights), off=[each.weighted(weights) for each in one.off])
+        for one, (weights, _) in zip(variants, channels, strict=True)
+    ]
+    return reduced, channels[0].words if alike else "mean of the taxels of each"
+
+
+def _found(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
+    """(figures, readings) of the first run of growing force."""
+    table = characteristics([replace(one, where={"number": number}) for number, one in enumerate(readings)])
+    rows: list[dict[str, float]] = [{} for _ in readings]
+    for number, figure, loading, cell in zip(table.number, table.figure, table.loading, table[column], strict=True):
+        if loading == 1:
+            rows[number][figure] = cell
+    for name in names:
+        if any(name not in row or not np.isfinite(row[name]) for row in rows):
+            raise InputError(f"{name} is not known of every variant: {NEEDS.get(name, 'two forces')} are needed.")
+    return np.array([[row[name] for row in rows] for name in names])
+
+
+def _figures(
+    variants: Sequence[_Variant], names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], dict[str, str]]:
+    """Values, errors of the light and changes by each error of the shape (figures, variants), and units."""
+    readings = [variant.reading for variant in variants]
+    value, light = _found(readings, names), _found(readings, names, "error")
+    off = [_found([variant.off[n] for variant in variants], names) for n in range(min(len(v.off) for v in variants))]
+    table = characteristics(readings[:1])
+    return value, light, [one - value for one in off], dict(zip(table.figure, table.unit, strict=True))
+
+
+def _covariance(
+    variants: Sequence[_Variant],
+    names: Sequence[str],
+    light: np.ndarray,
+    shifts: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Of all figures (figures x variants): the light's as replicates that are left out have it, and the shape's."""
+    left_out = np.array([_found(_without_each(variant.reading), names) for variant in variants])
+    spread = left_out - left_out.mean(axis=2, keepdims=True)  # variants, figures, replicates
+    spread = spread.transpose(1, 0, 2).reshape(light.size, -1)
+    size = np.linalg.norm(spread, axis=1)
+    share = spread / np.where(size > 0, size, 1)[:, None]
+    numbers = [variant.numbers for variant in variants] * len(names)
+    shared = np.array([[one == other for other in numbers] for one in numbers])
+    correlation = np.where(shared, share @ share.T, 0.0)
+    np.fill_diagonal(correlation, 1.0)
+    errors = light.ravel()
+    return correlation * np.outer(errors, errors) + sum(np.outer(shift, shift) for shift in shifts)
+
+
+def _without_each(reading: Experiment) -> list[Experiment]:
+    """The experiment without each of its replicates."""
+    count = reading.runs[0].samples.shape[1]
+
+    def without(number: int) -> Experiment:
+        keep = np.delete(np.arange(count), number)
+        runs = tuple(replace(run, samples=run.samples[:, keep]) for run in reading.runs)
+        return replace(reading, runs=runs, rest=None if reading.rest is None else reading.rest[keep])
+
+    return [without(number) for number in range(count)]
+
+
+def _table(
+    variants: Sequence[_Variant],
+    names: Sequence[str],
+    value: np.ndarray,
+    covariance: np.ndarray,
+    meets: np.ndarray,
+    first: np.ndarray,
+    order: np.ndarray,
+) -> pandas.DataFrame:
+    import pandas
+
+    count = len(variants)
+    error = np.sqrt(np.diag(covariance)).reshape(value.shape)
+    sign, best = np.sign(value[0]) if names[0] not in DEVIATIONS else -np.ones(count), order[0]
+    rows = []
+    for rank, number in enumerate(order.tolist(), start=1):
+        weights = np.zeros(covariance.shape[0])
+        weights[best] += sign[best]
+        weights[number] -= sign[number]
+        figures = {
+            key: cell
+            for place, name in enumerate(names)
+            for key, cell in ((name, value[place, number]), (f"{name}_error", error[place, number]))
+        }
+        rows.append(
+            {
+                "rank": rank,
+                **variants[number].where,
+                **figures,
+                "allowed": meets[number],
+                "first": first[number],
+                "behind": float(weights[:count] @ value[0]),
+                "behind_error": float(np.sqrt(max(weights @ covariance @ weights, 0.0))),
+            }
+        )
+    return pandas.DataFrame(rows)
+
+
+def _words(where: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in where.items())
+
+
+def _in_words(name: str, value: float, error: float, factor: float) -> str:
+    size = value if name in DEVIATIONS else abs(value)
+    return NOT_RESOLVED if size <= error else with_error(value / factor, error / factor)
+
+
+def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of a comparison, in words."""
+    table = found.table
+    names = [name for name in table.columns if f"{name}_error" in table.columns]
+    where = [name for name in table.columns if name not in ("rank", "allowed", "first")]
+    where = [name for name in where if name not in (*names, *(f"{name}_error" for name in names))]
+    units = {**found.unit, "behind": found.unit[found.by]}
+    scale = {name: prefixed(float(table[name].abs().max()), units[name]) for name in names}
+    limited = bool((table.allowed < 1).any()) or len(names) > 2
+    shown = [name for name in names if name != "behind"]
+    headings = ["rank", *where, *(f"{name.replace('_', ' ')} [{scale[name][1]}]" for name in shown)]
+    headings += [*(["allowed"] if limited else []), "first", f"behind [{scale['behind'][1]}]"]
+    rows = []
+    for record in table.to_dict("records"):
+        cells = [str(record["rank"]), *(as_word(record[name]) for name in where)]
+        numbers = {n: _in_words(n, record[n], record[f"{n}_error"], scale[n][0]) for n in names}
+        cells += [numbers[name] for name in shown]
+        cells += [f"{record['allowed']:.0%}"] if limited else []
+        rows.append([*cells, f"{record['first']:.1%}", numbers["behind"] if record["rank"] > 1 else "-"])
+    return headings, rows

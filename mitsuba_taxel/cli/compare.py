@@ -1,0 +1,83 @@
+"""`taxel compare`: which variant is first, and how sure that is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import assignments, debug_option, json_option
+
+FIGURES = (
+    "max_slope", "mean_slope", "zero_slope", "relative_slope", "nonlinearity", "hysteresis", "repeatability",
+)  # fmt: skip
+
+
+@click.command(short_help="Variants ranked by a figure of merit, and how sure that is.")
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--by", type=click.Choice(FIGURES), default="relative_slope", show_default=True, help="The figure.")
+@click.option(
+    "--at-most", multiple=True, metavar="FIGURE=LIMIT", callback=assignments,
+    help="A limit that variants must meet, as nonlinearity=3; in % of deviations and %/N or W/N of slopes.",
+)  # fmt: skip
+@click.option("--force", metavar="NAME", help="Along which force, where several are varied.")
+@click.option("--up-to", type=click.FloatRange(min=0, min_open=True), metavar="N", help="Only forces up to so many N.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE.csv", help="Also write the table.")
+@json_option
+@debug_option
+def command(
+    folders: tuple[Path, ...],
+    by: str,
+    at_most: dict[str, str],
+    force: str | None,
+    up_to: float | None,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Rank the variants in one study, or in several: shapes, dimensions, whatever is varied besides the force.
+
+    Slopes count by their magnitude. Beside the ranking stand the probability that a variant is the first of those that
+    meet the limits, and how far it is behind, with the error of that difference: random numbers that variants share
+    drop out of it.
+    """
+    from mitsuba_taxel import open_study
+    from mitsuba_taxel.characterise import compare, comparison_rows
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    from .tables import print_figures
+
+    limits = {name: _number(name, word) for name, word in at_most.items()}
+    if output is not None:
+        check_new_file(output, ".csv")
+    studies = {str(folder): open_study(folder) for folder in folders}
+    found = compare(studies, by, limits, force=force, up_to=up_to)
+    if output is not None:
+        from mitsuba_taxel.base.atomic import replacing
+
+        with replacing(output) as file:
+            found.table.to_csv(file, index=False)
+    if as_json:
+        import json
+
+        rows = found.table.astype(object).where(found.table.notna(), None).to_dict("records")
+        about = {"by": by, "units": found.unit, "channel": found.channel, "notes": found.notes}
+        click.echo(json.dumps({"variants": rows, **about}))
+        return
+    print_figures(", ".join(filter(None, (f"By {by.replace('_', ' ')}", found.channel))), *comparison_rows(found))
+    print("first: probability to be the best of those allowed; behind: difference from the first, with its error.")
+    for note in found.notes:
+        print(note)
+    if output is not None:
+        print(f"Results: {output}")
+
+
+def _number(name: str, word: str) -> float:
+    import math
+
+    try:
+        limit = float(word.removesuffix("%"))
+    except ValueError:
+        limit = math.nan
+    if not limit >= 0 or limit == math.inf:
+        raise click.BadParameter(f"{name}={word} is not allowed: a finite number of at least 0 is needed.")
+    return limit

@@ -1,0 +1,46 @@
+"""`taxel compare`: a ranking from a study on disk."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from taxel_cli import compare
+
+import mitsuba_taxel
+from mitsuba_taxel.characterise import comparison
+
+SCENE = """<scene version="3.9.0">
+    <default name="fz" value="0.7"/> <default name="reflectance" value="1"/>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+    <shape type="rectangle">
+        <transform name="to_world">
+            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
+        </transform>
+        <bsdf type="wall"> <float name="reflectance" value="$reflectance"/> </bsdf>
+    </shape>
+    <integrator type="taxel_tracer"/>
+</scene>"""
+"""No pad: the plate's height stands for a force."""
+
+
+def test_a_study_is_ranked(taxel, tmp_path):
+    (tmp_path / "scene.xml").write_text(SCENE)
+    vary = {"reflectance": "0.5,1", "fz": "0.6,0.8,1"}
+    mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
+    done = taxel("compare", "out", "--by", "mean_slope", "-o", "table.csv")
+    assert done.returncode == 0 and done.stderr == "" and (tmp_path / "table.csv").stat().st_size
+    title, _, _, first, *_ = done.stdout.splitlines()
+    assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
+    rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]
+    assert [row["rank"] for row in rows] == [1, 2] and {row["allowed"] for row in rows} == {1.0}
+
+
+@pytest.mark.parametrize("words", [("--by", "x"), ("--at-most", "x=1"), ("--at-most", "nonlinearity=-1"), ("nowhere",)])
+def test_bad_input_is_one_line(taxel, words):
+    done = taxel("compare", ".", *words)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stdout == ""
+
+
+def test_the_program_names_all_figures():
+    assert compare.FIGURES == comparison.FIGURES
