@@ -20,8 +20,8 @@ import click
 from .options import debug_option
 
 COMMANDS = (
-    "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "report",
-    "dataset", "deform", "plugins", "bench", "reproduce", "doctor",
+    "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
+    "report", "dataset", "deform", "plugins", "bench", "reproduce", "doctor",
 )  # fmt: skip
 
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import in_volts
 from mitsuba_taxel.plots.spreads import plot_spreads
+from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -100,7 +100,7 @@ def run_tolerance(
     check_progress(progress)
     plan = read_plan(file)
     with open_pool(workers, scheduler) as pool:
-        nominal, notes = _with_derivatives(plan.batch)
+        nominal, notes = _with_derivatives(plan)
         begin_tree(folder, _as_tree(plan))
         mean = run_batch(nominal, pool, folder / "nominal", retry_failed, False, progress)
         if mean.attrs["failures"]:
@@ -129,21 +129,13 @@ def _as_tree(plan: Plan) -> dict[str, Any]:
     return {**shared, "scenes": scenes}
 
 
-@in_turn
-def _with_derivatives(batch: Batch) -> tuple[Batch, list[str]]:
-    """The batch with derivatives by all of its parameters that have one, and a line for each that has none."""
-    from mitsuba_taxel.sensing.scene_rates import rates
-
-    notes, names = [], []
-    values = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
-    for axis in batch.axes:
-        for name in axis.values if axis.dim == STEP else ():
-            try:
-                rates(batch.scene(values), name)
-                names.append(name)
-            except InputError as reason:
-                notes.append(f"no linear answer for {name}: {reason}")
-    return replace(batch, derivatives=tuple(names)), notes
+def _with_derivatives(plan: Plan) -> tuple[Batch, list[str]]:
+    """The mean batch with derivatives by all parameters that have one, and a line for each that has none."""
+    values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
+    names = [law.name for law in plan.laws]
+    refused = without_derivative(plan.batch.scene(values), names)
+    notes = [f"no linear answer for {name}: {reason}" for name, reason in refused.items()]
+    return replace(plan.batch, derivatives=tuple(name for name in names if name not in refused)), notes
 
 
 def _analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:

@@ -1,0 +1,71 @@
+"""`taxel fit`: unknowns of a scene from measured readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option, json_option
+
+
+@click.command(short_help="Unknowns of a scene from measured readings.")
+@click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
+@folder_option
+@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+)
+@json_option
+@debug_option
+def command(source: Path, folder: Path, workers: int | None, scheduler: str | None, as_json: bool) -> None:
+    """Find the unknowns that the table [fit] of STUDY.toml names, by weighted least squares.
+
+    Its data are a CSV file with columns for settings, as fz, and readings, as v1_V. Values, confidence intervals,
+    correlations, residuals and a plot go into DIR; what the data do not tell is said.
+    """
+    from mitsuba_taxel.fitting import run_fit
+
+    result = run_fit(source, folder, workers=workers, scheduler=scheduler)
+    if as_json:
+        import json
+
+        click.echo(json.dumps({**_as_json(result), "output": str(folder)}))
+        return
+    _show(result)
+    print(f"Results: {folder}")
+
+
+def _as_json(result) -> dict[str, object]:
+    from .tables import known
+
+    table = result.unknowns
+    return {
+        "unknowns": table.astype(object).where(table.notna(), None).to_dict("records"),
+        "correlation": [[known(value) for value in row] for row in result.correlation.to_numpy().tolist()],
+        "misfit": known(result.misfit),
+        "warnings": result.warnings,
+        "notes": result.notes,
+    }
+
+
+def _show(result) -> None:
+    from mitsuba_taxel.characterise.wording import with_error
+
+    from .tables import print_table
+
+    print_table(
+        ("unknown", "start", "value", "95 % interval"),
+        (
+            (row.unknown, f"{row.start:.4g}", with_error(row.value, row.error), f"{row.low:.6g} to {row.high:.6g}")
+            for row in result.unknowns.itertuples()
+        ),
+    )
+    print("Errors: one standard deviation.")
+    count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
+    of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
+    print(f"{count} readings, {wide} of them more than two errors off.{of}")
+    for warning in result.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    for note in result.notes:
+        print(note)

@@ -1,0 +1,130 @@
+"""What a scene with some values of its unknowns would have read, and how that changes with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.electronics import respond
+from mitsuba_taxel.fitting.plan import CIRCUIT, Plan
+from mitsuba_taxel.sensing.derivable import without_derivative
+from mitsuba_taxel.studies.plan.batch import Batch, make_batch
+from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.studies.run.pool import Pool
+from mitsuba_taxel.studies.run.study import run_batch
+
+STEP_SHARE = 0.02
+"""Of an unknown, for differences of readings, which have noise."""
+SMALL = 1e-6
+"""The same where there is no noise."""
+
+
+class Model:
+    """Readings (rows, taxels) of the data's settings, and derivatives (rows, taxels, unknowns).
+
+    Derivatives by parameters of the scene come with readings without random numbers where there are such; else they are
+    differences of readings that share their random numbers.
+    """
+
+    def __init__(self, plan: Plan, pool: Pool) -> None:
+        self._plan, self._pool = plan, pool
+        self._names = [unknown.name for unknown in plan.unknowns]
+        self._in_scene = [number for number, unknown in enumerate(plan.unknowns) if unknown.in_scene]
+        self.calls = 0
+        self._settings, self._place = _distinct(plan)
+        start = np.array([unknown.start for unknown in plan.unknowns])
+        batch = self._batch(start)
+        values = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+        wanted = [self._names[number] for number in self._in_scene]
+        self.refused = without_derivative(batch.scene(values), wanted)
+        self._by = [name for name in wanted if name not in self.refused]
+
+    def __call__(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        power, rates = self._light(unknowns)
+        shown, by_power = self._shown(unknowns, power)
+        jacobian = np.zeros((*power.shape, len(unknowns)))
+        jacobian[..., self._in_scene] = by_power[..., None] * rates
+        for number, unknown in enumerate(self._plan.unknowns):
+            if not unknown.in_scene:
+                step = SMALL * (abs(unknowns[number]) or 1.0)
+                ends = [self._shown(_moved(unknowns, number, sign * step), power)[0] for sign in (1, -1)]
+                jacobian[..., number] = (ends[0] - ends[1]) / (2 * step)
+        return shown[self._place], jacobian[self._place]
+
+    def _light(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Power (settings, taxels) in W, and derivatives by the unknowns of the scene."""
+        study = self._read(unknowns, self._by)
+        if self._by and "smooth_power" not in study:
+            self.refused |= dict.fromkeys(self._by, "; ".join(study.attrs["notes"].splitlines()))
+            self._by = []
+        smooth = bool(self._by)
+        power = self._taxels(study, "smooth_power" if smooth else "replicate_power")
+        rates = np.zeros((*power.shape, len(self._in_scene)))
+        for place, number in enumerate(self._in_scene):
+            if self._names[number] in self._by:
+                rates[..., place] = self._taxels(study.sel(parameter=self._names[number]), "derivative")
+            else:
+                rates[..., place] = self._difference(unknowns, number, study)
+        return power, rates
+
+    def _difference(self, unknowns: np.ndarray, number: int, study: xr.Dataset) -> np.ndarray:
+        unknown = self._plan.unknowns[number]
+        step = STEP_SHARE * (abs(unknowns[number]) or 1.0)
+        step = -step if unknowns[number] + step > unknown.high else step
+        there = self._read(_moved(unknowns, number, step), [])
+        return (self._taxels(there, "replicate_power") - self._taxels(study, "replicate_power")) / step
+
+    def _read(self, unknowns: np.ndarray, by: Sequence[str]) -> xr.Dataset:
+        self.calls += 1
+        study = run_batch(replace(self._batch(unknowns), derivatives=tuple(by)), self._pool, None)
+        if study.attrs["failures"]:
+            raise ComputationError(f"the scene cannot be read there: {study.attrs['failures'].splitlines()[0]}")
+        return study
+
+    def _batch(self, unknowns: np.ndarray) -> Batch:
+        plan = self._plan
+        found = {self._names[number]: repr(float(unknowns[number])) for number in self._in_scene}
+        together = dict(self._settings)
+        if not together:  # a study varies something
+            name = next(iter(found))
+            together = {name: [found.pop(name)]}
+        defines = {**plan.defines, **found}
+        batch = make_batch(plan.scene, {}, defines, together=together, folder=plan.folder, **plan.reading)
+        return replace(batch, bare=True)
+
+    def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
+        """(settings, taxels) of those that there are data of."""
+        values = study[name].mean("replicate") if "replicate" in study[name].dims else study[name]
+        missing = set(self._plan.data.taxels) - set(study.taxel.values)
+        if missing:
+            raise ComputationError(f"the scene has no taxel {min(missing)}, which there are data of.")
+        return values.sel(taxel=self._plan.data.taxels).transpose(STEP, "taxel").values
+
+    def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is read of a power, in the data's unit, and its derivative by the power."""
+        own = dict(zip(self._names, unknowns.tolist(), strict=True))
+        if self._plan.circuit is None:
+            gain = own.get("gain", 1.0)
+            return gain * power + own.get("offset", 0.0), np.full_like(power, gain)
+        changes = {name.removeprefix(CIRCUIT): value for name, value in own.items() if name.startswith(CIRCUIT)}
+        response = respond(replace(self._plan.circuit, **changes), np.maximum(power, 0.0))
+        return response.voltage, response.rate
+
+
+def _distinct(plan: Plan) -> tuple[dict[str, list[str]], np.ndarray]:
+    """The distinct settings of the data, and which of them each row has."""
+    rows = list(zip(*plan.data.settings.values(), strict=True)) or [()] * plan.data.rows
+    distinct = list(dict.fromkeys(rows))
+    columns = zip(*distinct, strict=True)
+    settings = {name: list(words) for name, words in zip(plan.data.settings, columns, strict=True)}
+    return settings, np.array([distinct.index(row) for row in rows])
+
+
+def _moved(unknowns: np.ndarray, number: int, step: float) -> np.ndarray:
+    moved = unknowns.copy()
+    moved[number] += step
+    return moved

@@ -1,0 +1,115 @@
+"""What is to be fitted: a study file with a table ``[fit]``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
+from mitsuba_taxel.fitting.data import Data, read_data
+from mitsuba_taxel.studies.plan.batch import read_study
+
+OWN = ("gain", "offset")
+"""Unknowns of the electronics where there is no circuit: volts per watt, and volts without light."""
+CIRCUIT = "circuit."
+"""Before the name of an unknown of the circuit."""
+READ_KEYS = ("points", "mesh_size", "seed")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number to be found: where to begin, and the range that it is in."""
+
+    name: str
+    start: float
+    low: float
+    high: float
+
+    @property
+    def in_scene(self) -> bool:
+        """Whether it is a parameter of the scene."""
+        return self.name not in OWN and not self.name.startswith(CIRCUIT)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A fit: the scene as `make_batch` takes it, the circuit, what is unknown, and the data."""
+
+    scene: str
+    folder: Path
+    defines: dict[str, Any]
+    reading: dict[str, Any]
+    circuit: Circuit | None
+    unknowns: list[Unknown]
+    data: Data
+
+
+def read_plan(file: Path) -> Plan:
+    """The plan in a study file.
+
+    Raises
+    ------
+    InputError
+        if it is no such study, its data cannot be read, or they are too few.
+    """
+    content = read_study(file, besides=("fit",))
+    table = content.pop("fit", None)
+    (scene, *others) = content.pop("scenes")
+    if others or "name" in scene:
+        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    if not isinstance(table, dict) or set(table) != {"data", "unknowns"} or not isinstance(table["data"], str):
+        raise InputError(f"study {file.name} is not allowed: a table [fit] with data and unknowns is needed.")
+    if not isinstance(table["unknowns"], dict) or not table["unknowns"]:
+        raise InputError(f"study {file.name} is not allowed: a table [fit.unknowns] is needed.")
+    for name in [*content, *scene]:
+        if name not in (*READ_KEYS, "circuit", "scene", "define"):
+            raise InputError(f"{name} is not allowed in a fit: the settings are those of the data.")
+    folder = file.resolve().parent
+    data = read_data(folder / table["data"])
+    circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
+    unknowns = [_unknown(name, given) for name, given in table["unknowns"].items()]
+    plan = Plan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)
+    _check(plan)
+    return plan
+
+
+def _unknown(name: str, given: object) -> Unknown:
+    table: Any = {"start": given} if is_number(given) else given
+    allowed = isinstance(table, Mapping) and "start" in table and set(table) <= {"start", "low", "high"}
+    if not allowed or not all(is_number(value) for value in table.values()):
+        raise InputError(f"unknown {name} = {given!r} is not allowed: {{ start = ..., low = ..., high = ... }}.")
+    numbers: Any = {"low": -math.inf, "high": math.inf, **table}
+    if not numbers["low"] < numbers["start"] < numbers["high"]:
+        raise InputError(f"unknown {name}: start = {numbers['start']:g} must lie between low and high.")
+    return Unknown(name, **{key: float(value) for key, value in numbers.items()})
+
+
+def _check(plan: Plan) -> None:
+    names = [unknown.name for unknown in plan.unknowns]
+    for name in names:
+        if name in plan.defines or name in plan.data.settings:
+            raise InputError(f"{name} is both unknown and given a value: take one of them out.")
+        if name in OWN and plan.circuit is not None:
+            raise InputError(
+                f"{name} is not allowed beside a circuit: one of its numbers, as circuit.transfer, is needed."
+            )
+        if name.startswith(CIRCUIT) and (
+            plan.circuit is None or name.removeprefix(CIRCUIT) not in _numbers(plan.circuit)
+        ):
+            raise InputError(f"{name} is no number of a circuit that the study has.")
+    if plan.data.unit == "V" and plan.circuit is None and "gain" not in names:
+        raise InputError("data in volts are not allowed without a table [circuit] or an unknown gain, in V/W.")
+    if plan.data.unit == "W" and plan.circuit is not None:
+        raise InputError("data in watts are not allowed with a circuit.")
+    count = plan.data.readings.size
+    if count <= len(names):
+        raise InputError(f"{count} readings are not enough for {len(names)} unknowns.")
+
+
+def _numbers(circuit: Circuit) -> dict[str, float]:
+    return {name: value for name, value in circuit.as_table().items() if isinstance(value, float)}

@@ -1,0 +1,156 @@
+"""Fits: a study file with measured data in, numbers with confidence intervals out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import check_progress, path_of
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.fitting.model import Model
+from mitsuba_taxel.fitting.plan import Plan, read_plan
+from mitsuba_taxel.fitting.solve import Solution, solve
+from mitsuba_taxel.plots.residuals import plot_residuals
+from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.run.pool import open_pool
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """What a fit found.
+
+    Attributes
+    ----------
+    unknowns : DataFrame
+        One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
+        ``high`` of its 95 % confidence interval.
+    correlation : DataFrame
+        Of the unknowns' errors.
+    residuals : DataFrame
+        One row per row of the data and taxel: its settings, ``measured``, ``model`` and ``residual``, in ``unit``, and
+        ``in_errors``, the residual over the error of the data, or over the root mean square of the residuals.
+    misfit : float
+        Mean square of ``in_errors``, by degree of freedom: 1 where model and errors are right. Not a number where
+        the errors of the data are not known.
+    warnings : list[str]
+        What the data do not tell, in words.
+    notes : list[str]
+        What else the reader of the numbers must know.
+    """
+
+    unknowns: pandas.DataFrame
+    correlation: pandas.DataFrame
+    residuals: pandas.DataFrame
+    misfit: float
+    warnings: list[str]
+    notes: list[str]
+
+
+def run_fit(
+    file: str | Path,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> FitResult:
+    """Find unknowns of a scene from measured readings.
+
+    Parameters
+    ----------
+    file : str or Path
+        A study file of one scene with tables ``[fit]`` and ``[fit.unknowns]``.
+    output : str or Path
+        Folder for the results.
+    workers, scheduler : int and str, optional
+        As for :func:`sweep`.
+    progress : Callable[[int], None], optional
+        Called with the number of times that the model was computed.
+
+    Raises
+    ------
+    InputError
+        if the study, its data or the folder is refused.
+    ComputationError
+        if the scene cannot be read somewhere on the way.
+    """
+    file, folder = path_of("file", file), path_of("output", output)
+    check_progress(progress)
+    plan = read_plan(file)
+    make_folder(folder)
+    with open_pool(workers, scheduler) as pool:
+        model = Model(plan, pool)
+        shape = plan.data.readings.shape
+
+        def flat(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            readings, jacobian = model(unknowns)
+            if progress:
+                progress(model.calls)
+            return readings.ravel(), jacobian.reshape(-1, len(unknowns))
+
+        errors = None if plan.data.errors is None else plan.data.errors.ravel()
+        solution = solve(flat, plan.data.readings.ravel(), errors, plan.unknowns)
+    result = _told(plan, model, solution, shape)
+    _write(result, folder)
+    return result
+
+
+def _told(plan: Plan, model: Model, solution: Solution, shape: tuple[int, ...]) -> FitResult:
+    import pandas
+
+    names = [unknown.name for unknown in plan.unknowns]
+    unknowns = pandas.DataFrame(
+        {
+            "unknown": names,
+            "start": [unknown.start for unknown in plan.unknowns],
+            "value": solution.values,
+            "error": solution.errors,
+            "low": solution.values - solution.half_width,
+            "high": solution.values + solution.half_width,
+        }
+    )
+    data = plan.data
+    modelled = solution.model.reshape(shape)
+    residual = data.readings - modelled
+    error = np.full(shape, np.sqrt(solution.misfit)) if data.errors is None else data.errors
+    rows: list[dict[str, Any]] = [
+        {
+            **{name: words[row] for name, words in data.settings.items()},
+            "taxel": int(taxel),
+            "unit": data.unit,
+            "measured": data.readings[row, column],
+            "model": modelled[row, column],
+            "residual": residual[row, column],
+            "in_errors": residual[row, column] / error[row, column] if error[row, column] > 0 else 0.0,
+        }
+        for row in range(data.rows)
+        for column, taxel in enumerate(data.taxels)
+    ]
+    notes = [f"by differences of readings, with their noise: {name} ({why})" for name, why in model.refused.items()]
+    return FitResult(
+        unknowns,
+        pandas.DataFrame(solution.correlation, index=names, columns=names),
+        pandas.DataFrame(rows),
+        float("nan") if data.errors is None else solution.misfit,
+        solution.warnings,
+        notes,
+    )
+
+
+def _write(result: FitResult, folder: Path) -> None:
+    tables = {"fit": result.unknowns, "residuals": result.residuals}
+    for name, table in tables.items():
+        with replacing(folder / f"{name}.csv") as file:
+            table.to_csv(file, index=False)
+    with replacing(folder / "correlation.csv") as file:
+        result.correlation.to_csv(file)
+    for form in ("png", "svg"):
+        with replacing(folder / f"fit.{form}") as file:
+            plot_residuals(result.residuals, result.correlation, file, form)

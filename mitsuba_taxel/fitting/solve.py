@@ -1,0 +1,149 @@
+"""Weighted least squares with bounds, confidence intervals, and what data cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.fitting.plan import Unknown
+
+ALIKE = 0.98
+"""Correlation from which two unknowns count as not told apart."""
+RANK = 1e-7
+"""Singular value, relative to the largest, below which data say nothing."""
+CONFIDENCE = 0.95
+MOST_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What least squares found.
+
+    Attributes
+    ----------
+    values, errors : (unknowns,) ndarray
+        The unknowns, and one standard deviation of each; infinite where the data say nothing.
+    half_width : (unknowns,) ndarray
+        Of the 95 % confidence interval, by Student's distribution where errors come from the residuals.
+    correlation : (unknowns, unknowns) ndarray
+    model : (N,) ndarray
+    misfit : float
+        Sum of squares over degrees of freedom, of residuals over their errors: 1 where the model and the errors are
+        right. Without errors of the data, the mean square itself.
+    degrees_of_freedom : int
+    warnings : list[str]
+    """
+
+    values: np.ndarray
+    errors: np.ndarray
+    half_width: np.ndarray
+    correlation: np.ndarray
+    model: np.ndarray
+    misfit: float
+    degrees_of_freedom: int
+    warnings: list[str]
+
+
+def solve(
+    model: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    data: np.ndarray,
+    errors: np.ndarray | None,
+    unknowns: Sequence[Unknown],
+) -> Solution:
+    """Find the unknowns of a model.
+
+    Parameters
+    ----------
+    model : Callable
+        Of the unknowns: readings (N,) and their derivatives (N, unknowns).
+    data : (N,) ndarray
+        Measured readings.
+    errors : (N,) ndarray, optional
+        Their standard deviations. Without, all readings weigh the same, and the residuals tell the error.
+    unknowns : Sequence[Unknown]
+        Where to begin, and bounds.
+    """
+    from scipy.optimize import least_squares
+    from scipy.stats import norm, t
+
+    names = [unknown.name for unknown in unknowns]
+    weights = np.full_like(data, 1 / np.abs(data).max()) if errors is None else 1 / errors
+    known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = x.tobytes()
+        if key not in known:
+            known[key] = model(x)
+        return known[key]
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return weights * (at(x)[0] - data)
+
+    def rates(x: np.ndarray) -> np.ndarray:
+        return weights[:, None] * at(x)[1]
+
+    found = least_squares(
+        residuals,
+        [unknown.start for unknown in unknowns],
+        rates,
+        bounds=([unknown.low for unknown in unknowns], [unknown.high for unknown in unknowns]),
+        x_scale="jac",
+        xtol=1e-6,
+        ftol=1e-8,
+        max_nfev=MOST_STEPS,
+    )
+    readings, jacobian = at(found.x)
+    freedom = len(data) - len(found.x)
+    misfit = 2 * found.cost / freedom
+    scale = misfit if errors is None else 1.0
+    covariance, silent = _covariance(weights[:, None] * jacobian, scale)
+    deviation = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(deviation, deviation)
+    quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
+    warnings = [*_doubts(found, unknowns), *_alike(correlation, silent, names)]
+    residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
+    return Solution(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
+
+
+def _covariance(jacobian: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """(unknowns, unknowns), infinite on the diagonal of unknowns that go into a direction of which the data say
+    nothing; and these directions (K, unknowns), in units that make all unknowns equally effective."""
+    size = np.linalg.norm(jacobian, axis=0)
+    unit = np.where(size > 0, size, 1.0)
+    _, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)
+    seen = singular > RANK * singular.max(initial=0.0)
+    scaled = (directions[seen].T / singular[seen]) @ (directions[seen].T / singular[seen]).T
+    covariance = scale * scaled / np.outer(unit, unit)
+    silent = directions[~seen]
+    lost = (np.abs(silent) > 0.1).any(axis=0)
+    covariance[lost, lost] = np.inf
+    return covariance, silent
+
+
+def _doubts(found: Any, unknowns: Sequence[Unknown]) -> list[str]:
+    warnings = [] if found.success else ["the fit has not converged: begin nearer by, or leave unknowns out"]
+    for unknown, value, active in zip(unknowns, found.x, found.active_mask, strict=True):
+        if active:
+            bound = unknown.high if active > 0 else unknown.low
+            warnings.append(f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range")
+    return warnings
+
+
+def _alike(correlation: np.ndarray, silent: np.ndarray, names: Sequence[str]) -> list[str]:
+    warnings = []
+    for direction in silent:
+        parts = [name for name, part in zip(names, np.abs(direction), strict=True) if part > 0.1]
+        what = f"cannot tell {' and '.join(parts)} apart" if len(parts) > 1 else f"say nothing of {parts[0]}"
+        warnings.append(f"these data {what}")
+    for one in range(len(names)):
+        for other in range(one):
+            if abs(correlation[one, other]) > ALIKE:
+                warnings.append(
+                    f"these data hardly tell {names[other]} and {names[one]} apart: their correlation is "
+                    f"{correlation[one, other]:.4f}"
+                )
+    return warnings

@@ -1,0 +1,84 @@
+"""Plots of fits: measured and modelled readings, what is left, and which unknowns go together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, force_to_the_right
+
+if TYPE_CHECKING:
+    import pandas
+
+NOT_SETTINGS = ("taxel", "unit", "measured", "model", "residual", "in_errors")
+
+
+def plot_residuals(
+    residuals: pandas.DataFrame, correlation: pandas.DataFrame, file: Path | BinaryIO, form: str = "png"
+) -> None:
+    """Write a picture (png, svg, pdf) of a fit: readings against the setting that changes most, points measured and
+    lines modelled; below, residuals over their errors; beside, the correlations of the unknowns.
+
+    Parameters
+    ----------
+    residuals, correlation : pandas.DataFrame
+        As a ``FitResult`` has them.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplot_mosaic(
+        [["readings", "correlation"], ["residuals", "correlation"]],
+        figsize=(10.5, 5.5),
+        width_ratios=(2, 1),
+        height_ratios=(2, 1),
+        layout="constrained",
+    )
+    try:
+        name, places = _abscissa(residuals)
+        for number, (taxel, rows) in enumerate(residuals.groupby("taxel")):
+            colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+            x = places[rows.index]
+            order = np.argsort(x, kind="stable")
+            measured: dict[str, Any] = {"linestyle": "", "marker": marker, "markersize": 4, "color": colour}
+            axes["readings"].plot(x, rows.measured, label=str(taxel), **measured)
+            axes["readings"].plot(x[order], rows.model.to_numpy()[order], color=colour, linewidth=0.8)
+            axes["residuals"].plot(x, rows.in_errors, **measured)
+        axes["readings"].set_ylabel(f"reading [{residuals.unit.iloc[0]}]")
+        axes["readings"].legend(title="taxel", frameon=False, fontsize="small")
+        axes["residuals"].set_ylabel("residual\n[errors]")
+        axes["residuals"].set_xlabel(name)
+        for ax in (axes["readings"], axes["residuals"]):
+            force_to_the_right(ax, name, places)
+        axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)
+        for ax in (axes["readings"], axes["residuals"]):
+            ax.grid(alpha=0.3)
+        _draw_correlation(axes["correlation"], correlation)
+        figure.savefig(file, dpi=150, format=form)
+    finally:
+        pyplot.close(figure)
+
+
+def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:
+    """The setting with most different values, or the row, and its values."""
+    settings = [name for name in residuals.columns if name not in NOT_SETTINGS]
+    name = max(settings, key=lambda one: residuals[one].nunique(), default="")
+    try:
+        return name or "row", residuals[name].astype(float).to_numpy() if name else np.arange(len(residuals))
+    except ValueError:  # words
+        return "row", np.arange(len(residuals))
+
+
+def _draw_correlation(ax: Any, correlation: pandas.DataFrame) -> None:
+    values = correlation.to_numpy()
+    ax.imshow(np.nan_to_num(values), cmap="PuOr", vmin=-1, vmax=1)
+    for (row, column), value in np.ndenumerate(values):
+        colour = "white" if abs(value) > 0.6 else "black"
+        ax.text(column, row, f"{value:.2f}", ha="center", va="center", color=colour, fontsize=8)
+    ax.set_xticks(range(len(values)), correlation.columns, rotation=45, ha="right")
+    ax.set_yticks(range(len(values)), correlation.index)
+    ax.set_title("correlation of the unknowns", fontsize="medium")

@@ -1,0 +1,77 @@
+"""Studies and data that describe a fit, and those that do not: one line each."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.fitting.data import read_data
+from mitsuba_taxel.fitting.plan import read_plan
+
+HEAD = 'scene = "plate.xml"\npoints = 64\n[fit]\ndata = "data.csv"\n'
+UNKNOWNS = "[fit.unknowns]\nspacing = { start = 0.9, low = 0.8, high = 0.93 }\n"
+DATA = "z,v1_mV,v1_error_mV\n0.5,10,1\n0.7,8,1\n0.9,6,1\n"
+CIRCUIT = "circuit = { supply = 3.3, load_resistance = 1e4, transfer = 0.1 }\n"
+
+
+@pytest.fixture
+def plan(tmp_path):
+    def read(study, data=DATA):
+        (tmp_path / "study.toml").write_text(study)
+        (tmp_path / "data.csv").write_text(data)
+        return read_plan(tmp_path / "study.toml")
+
+    return read
+
+
+def test_a_plan(plan):
+    one = plan(HEAD + UNKNOWNS + "gain = 1\n")
+    assert one.data.settings == {"z": ["0.5", "0.7", "0.9"]} and one.data.unit == "V"
+    np.testing.assert_allclose(one.data.readings[:, 0], [0.01, 0.008, 0.006])
+    np.testing.assert_allclose(one.data.errors, 0.001)
+    assert [unknown.in_scene for unknown in one.unknowns] == [True, False]
+    assert plan(CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n").circuit.transfer == 0.1
+
+
+@pytest.mark.parametrize(
+    ("study", "said"),
+    [
+        (HEAD, "a table [fit] with data and unknowns"),
+        (HEAD.replace("data = ", "date = ") + UNKNOWNS, "a table [fit] with data and unknowns"),
+        (HEAD + UNKNOWNS, "an unknown gain"),
+        ("vary = { z = [1, 2] }\n" + HEAD + UNKNOWNS, "vary is not allowed"),
+        (HEAD + "[fit.unknowns]\ngain = 1\nz = 0.5\n", "z is both unknown and given"),
+        (HEAD + "[fit.unknowns]\ngain = 'a'\n", "unknown gain = 'a'"),
+        (HEAD + "[fit.unknowns]\ngain = { low = 1 }\n", "unknown gain = {'low': 1}"),
+        (HEAD + "[fit.unknowns]\ngain = { start = 1, low = 2 }\n", "start = 1 must lie between"),
+        (HEAD + "[fit.unknowns]\ngain = 1\nspacing = 1\nhole = 0.1\n", "3 readings are not enough for 3 unknowns"),
+        (HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n", "circuit.transfer is no number of a circuit"),
+        (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.adc_bits' = 10\n", "circuit.adc_bits is no number of a circuit"),
+        (CIRCUIT + HEAD + "[fit.unknowns]\ngain = 1\n", "gain is not allowed beside a circuit"),
+    ],
+)
+def test_what_is_no_fit_is_refused(plan, study, said):
+    with pytest.raises(InputError) as refused:
+        plan(study)
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("z,a\n1,2\n", "columns such as v1_V"),
+        ("z,v1_V,p1_W\n1,2,3\n", "of one kind"),
+        ("z,v1_W\n1,2\n", "column v1_W"),
+        ("z,v1_V\n1,x\n", "column v1_V: finite numbers"),
+        ("z,v1_V\n1,inf\n", "column v1_V: finite numbers"),
+        ("z,v1_V,v2_V,v2_error_V\n1,2,3,4\n", "errors of all readings"),
+        ("z,v1_V,v1_error_V\n1,2,0\n", "errors above 0"),
+        ("z,v1_V\n1\n", "data.csv"),
+    ],
+)
+def test_what_is_no_data_is_refused(tmp_path, text, said):
+    (tmp_path / "data.csv").write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_data(tmp_path / "data.csv")
+    assert said in str(refused.value)

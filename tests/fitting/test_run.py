@@ -1,0 +1,71 @@
+"""Fits through the whole chain find what made the data."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import sweep
+
+CELL = """<scene version="3.9.0">
+    <default name="fz" value="0"/> <default name="youngs_modulus" value="4"/>
+    <shape type="deformable_pad">
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
+        <float name="youngs_modulus" value="$youngs_modulus"/> <vector name="force" value="0, 0, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+        </bsdf>
+    </shape>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+</scene>"""
+STUDY = """
+scene = "cell.xml"
+points = 16
+[fit]
+data = "data.csv"
+[fit.unknowns]
+youngs_modulus = { start = 3, low = 1, high = 10 }
+gain = 100
+"""
+
+
+def test_modulus_and_gain_of_a_cell(taxel, tmp_path):
+    """Data of 4.3 MPa and 180 V/W with noise of 1 mV, by readings with random numbers of their own."""
+    (tmp_path / "cell.xml").write_text(CELL)
+    (tmp_path / "fit.toml").write_text(STUDY)
+    forces = np.array([0.0, -1.5, -3.0])
+    study = sweep(tmp_path / "cell.xml", {"fz": forces}, {"youngs_modulus": 4.3}, points=4096, seed=7)
+    volts = 180 * study.power.values[:, 0] + 1e-3 * np.random.default_rng(1).normal(size=3)
+    rows = "\n".join(f"{force},{volt:.6f},0.001" for force, volt in zip(forces, volts, strict=True))
+    (tmp_path / "data.csv").write_text(f"fz_N,v1_V,v1_error_V\n{rows}\n")
+    done = taxel("fit", "fit.toml", "-o", "out", "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    modulus, gain = answer["unknowns"]
+    assert abs(modulus["value"] - 4.3) < 4 * modulus["error"] < 0.8
+    assert abs(gain["value"] - 180) < 4 * gain["error"] < 2
+    assert not answer["notes"] and answer["misfit"] < 15
+    made = {file.name for file in (tmp_path / "out").iterdir()}
+    assert made == {"fit.csv", "residuals.csv", "correlation.csv", "fit.png", "fit.svg"}
+
+
+def test_a_circuit_under_a_plate(taxel, tmp_path):
+    """Without derivatives; the load of the circuit is found beside where the plate is."""
+    circuit = "circuit = { supply = 3.3, load_resistance = 1e4, transfer = 0.01 }\n"
+    head = (
+        'scene = "plate.xml"\npoints = 256\nseed = 1\n[define]\nscattering = "lambertian"\n[fit]\ndata = "data.csv"\n'
+    )
+    unknowns = "[fit.unknowns]\nz = { start = 0.6, low = 0.3, high = 2 }\n'circuit.load_resistance' = 2e4\n"
+    (tmp_path / "fit.toml").write_text(circuit + head + unknowns)
+    offsets = [0, 0.5, 1.0, 1.5]
+    study = sweep("plate.xml", {"offset_x": offsets}, {"scattering": "lambertian", "z": 0.8}, points=4096, seed=9)
+    volts = 1e4 * 0.01 * study.power.values[:, 0]
+    (tmp_path / "data.csv").write_text(
+        "offset_x,v1_V\n" + "\n".join(f"{x},{v}" for x, v in zip(offsets, volts, strict=True))
+    )
+    done = taxel("fit", "fit.toml", "-o", "out")
+    assert done.returncode == 0 and "by differences of readings, with their noise: z" in done.stdout, done.stderr
+    table = np.genfromtxt(tmp_path / "out" / "fit.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    assert table["value"] == pytest.approx([0.8, 1e4], rel=0.02)

@@ -1,0 +1,86 @@
+"""Least squares of models whose answer is known: intervals hold the truth, and what cannot be told is told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mitsuba_taxel.fitting.plan import Unknown
+from mitsuba_taxel.fitting.solve import solve
+
+X = np.linspace(0, 2, 12)
+TRUTH = np.array([3.0, 0.7])
+
+
+def decay(unknowns):
+    """a exp(-b x), and its derivatives."""
+    a, b = unknowns
+    value = a * np.exp(-b * X)
+    return value, np.stack([value / a, -X * value], axis=1)
+
+
+def unknown(name, start, low=-math.inf, high=math.inf):
+    return Unknown(name, start, low, high)
+
+
+DECAY = [unknown("a", 1.0), unknown("b", 0.1)]
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["errors known", "errors from residuals"])
+def test_intervals_hold_the_truth(known):
+    """95 % of them; false-alarm rate 1e-4."""
+    random, sigma, count = np.random.default_rng(5), 0.02 * (1 + X), 300
+    sigma = sigma if known else np.full_like(X, 0.05)
+    inside = np.zeros(2)
+    for _ in range(count):
+        data = decay(TRUTH)[0] + sigma * random.normal(size=len(X))
+        found = solve(decay, data, sigma if known else None, DECAY)
+        inside += np.abs(found.values - TRUTH) < found.half_width
+    low, high = stats.binom.ppf(0.25e-4, count, 0.95), stats.binom.isf(0.25e-4, count, 0.95)
+    assert np.all((inside >= low) & (inside <= high))
+
+
+def test_exact_data():
+    found = solve(decay, decay(TRUTH)[0], np.full_like(X, 0.01), DECAY)
+    np.testing.assert_allclose(found.values, TRUTH, rtol=1e-5)
+    assert found.misfit < 1e-6 and found.degrees_of_freedom == 10 and not found.warnings
+    _, jacobian = decay(TRUTH)
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * 1e-4
+    np.testing.assert_allclose(found.errors, np.sqrt(np.diag(covariance)), rtol=1e-3)
+    assert found.correlation[0, 1] == pytest.approx(covariance[0, 1] / np.prod(found.errors), rel=1e-3)
+    assert found.half_width[0] == pytest.approx(1.959964 * found.errors[0])
+
+
+def test_the_misfit_of_wrong_errors():
+    random = np.random.default_rng(6)
+    data = decay(TRUTH)[0] + 0.03 * random.normal(size=len(X))
+    assert 3 < solve(decay, data, np.full_like(X, 0.01), DECAY).misfit < 30
+    assert math.sqrt(solve(decay, data, None, DECAY).misfit) == pytest.approx(0.03, rel=0.5)
+
+
+def test_two_factors_cannot_be_told_apart():
+    def product(unknowns):
+        a, b, c = unknowns
+        value = a * b * X + c
+        return value, np.stack([b * X, a * X, np.ones_like(X)], axis=1)
+
+    found = solve(product, 6 * X + 1, None, [unknown("a", 1.0), unknown("b", 1.0), unknown("c", 0.0)])
+    assert found.warnings == ["these data cannot tell a and b apart"]
+    assert np.isinf(found.errors[:2]).all() and found.errors[2] < 1e-3 and found.values[2] == pytest.approx(1)
+
+
+def test_alike_at_a_bound_and_without_effect():
+    def model(unknowns):
+        a, b, c = unknowns
+        return a * X + b * (X + 1e-2 * X**2), np.stack([X, X + 1e-2 * X**2, 0 * X], axis=1) + 0 * c
+
+    found = solve(
+        model, 5 * X, np.full_like(X, 0.1), [unknown("a", 1.0), unknown("b", 1.0, 0.5, 9.0), unknown("c", 1.0)]
+    )
+    assert any(line.startswith("these data hardly tell a and b apart") for line in found.warnings)
+    assert "these data say nothing of c" in found.warnings and np.isinf(found.errors[2])
+    low = solve(decay, decay(TRUTH)[0], None, [unknown("a", 1.0), unknown("b", 1.0, 0.8, 2.0)])
+    assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range"]
