@@ -84,7 +84,9 @@ def write_characteristics(
     return [folder / name for name in writers]
 
 
-def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+def plot_sensitivity(
+    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
+) -> None:
     """Write a picture (png, svg, pdf) of each experiment's first run of growing force: change and slope against force.
 
     Above, how readings have changed since the start; below, their slopes: between neighbouring points, or where
@@ -94,7 +96,7 @@ def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, f
     """
     groups = _groups([one for one in experiments if one.loading_runs])
     relative = all(one.rest is not None for group in groups for one in group.lines.values())
-    with figure_of(2 * len(groups), 1 + relative, file, form, size=(4.6, 3.0), sharex=False) as axes:
+    with figure_of(2 * len(groups), 1 + relative, file, form, size=(4.6, 3.0), sharex=False, narrow=narrow) as axes:
         for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
             for number, (label, one) in enumerate(group.lines.items()):
                 _draw_run(above, below, one, label, number)
@@ -105,10 +107,12 @@ def plot_sensitivity(experiments: Sequence[Experiment], file: Path | BinaryIO, f
             _finish(group, [*above, *below])
             for one, other in zip(above, below, strict=True):
                 other.set_xlim(one.get_xlim())
-        legend_beside(axes[0, 0].figure, axes[0, 0], groups[0].legend)
+        legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
 
 
-def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+def plot_deviations(
+    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
+) -> None:
     """Write a picture (png, svg, pdf) of how branches deviate from the end-point line of the first of growing force.
 
     In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
@@ -117,7 +121,7 @@ def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, fo
     :func:`plot_sensitivity`.
     """
     groups = _groups([one for one in experiments if any(branch.loading for branch in one.branches)])
-    with figure_of(len(groups), 1, file, form, size=(6.4, 3.6), sharex=False) as axes:
+    with figure_of(len(groups), 1, file, form, size=(6.4, 3.6), sharex=False, narrow=narrow) as axes:
         words: dict[str, None] = {}
         for group, (ax,) in zip(groups, axes, strict=True):
             for number, (label, one) in enumerate(group.lines.items()):
@@ -133,10 +137,12 @@ def plot_deviations(experiments: Sequence[Experiment], file: Path | BinaryIO, fo
             _finish(group, [ax])
         if len(words) > 1:
             _explain_lines(axes[0, 0], words)
-        legend_beside(axes[0, 0].figure, axes[0, 0], groups[0].legend)
+        legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
 
 
-def plot_against(experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png") -> None:
+def plot_against(
+    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
+) -> None:
     """Write a picture (png, svg, pdf) of the mean slope against each varied parameter other than the force.
 
     Absolute, and in percent of the reading at rest, where that is known; each with a line for every combination of the
@@ -146,7 +152,7 @@ def plot_against(experiments: Sequence[Experiment], file: Path | BinaryIO, form:
     names = parameters_of(shown)
     relative = all(one.rest is not None for one in shown)
     channel = common_channel(shown)
-    with figure_of(len(names), 1 + relative, file, form, size=(4.6, 3.0), sharex=False) as axes:
+    with figure_of(len(names), 1 + relative, file, form, size=(4.6, 3.0), sharex=False, narrow=narrow) as axes:
         for name, places in zip(names, axes, strict=True):
             lines: dict[str, list[Experiment]] = {}
             for one in shown:
@@ -156,12 +162,15 @@ def plot_against(experiments: Sequence[Experiment], file: Path | BinaryIO, form:
             for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
                 _draw_against(places, name, lines[label], channel, label, number)
             for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
-                label_with_prefix([ax], f"mean slope by {shown[0].force}, {channel.words}".removesuffix(", "), unit)
+                label_with_prefix([ax], f"mean slope by {shown[0].force}", unit)
+                ax.set_title(channel.words, fontsize="medium")
                 ax.set_xlabel(name)
                 if len(lines) > 1:
                     ax.legend(frameon=False, fontsize="x-small")
             if len(lines) > MOST_LINES:
-                places[0].set_title(f"{len(lines) - MOST_LINES} more lines left out", fontsize="small")
+                places[0].set_title(
+                    f"{channel.words} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small"
+                )
 
 
 def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
@@ -272,18 +281,20 @@ def _draw_run(above: Sequence[Any], below: Sequence[Any], one: Experiment, label
         _draw(below[1], middle, 100 * parts / level, label, number, error=relative)
 
 
-def plot_tangential_maps(maps: Sequence[TangentialMap], file: Path | BinaryIO, form: str = "png") -> None:
+def plot_tangential_maps(
+    maps: Sequence[TangentialMap], file: Path | BinaryIO, form: str = "png", narrow: bool = False
+) -> None:
     """Write a picture (png, svg, pdf) of the taxels' changes under each tangential load, x to the right, y upwards.
 
     Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes. All maps have
     the same colours.
     """
     count = min(len(maps), MOST_PANELS)
-    across = min(math.ceil(math.sqrt(count)), 4)
+    across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
     largest = max(float(np.abs(one.change).max()) for one in maps[:count])
     factor, unit = prefixed(largest, maps[0].experiment.unit)
     most = largest / factor or 1.0
-    with figure_of(math.ceil(count / across), across, file, form, size=(5.2, 4.0), sharex=False) as axes:
+    with figure_of(math.ceil(count / across), across, file, form, size=(5.2, 4.0), sharex=False, narrow=narrow) as axes:
         for ax in axes.flat[count:]:
             ax.set_visible(False)
         for ax, one in zip(axes.flat, maps[:count], strict=False):

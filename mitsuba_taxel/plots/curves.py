@@ -17,6 +17,7 @@ from mitsuba_taxel.plots.figures import (
     compared,
     figure_of,
     force_to_the_right,
+    label_below,
     label_with_prefix,
     legend_beside,
     style,
@@ -93,7 +94,7 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
     ]
 
 
-def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> None:
+def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png", narrow: bool = False) -> None:
     """Write a picture (png, svg, pdf) of power against the study's curve parameter.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or where derivatives by
@@ -103,17 +104,18 @@ def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> 
     differs from their mean, with the error of that difference. Several curves are compared: a line for each is
     the mean of its taxels, and the panel below shows its change in percent of the reading at rest. There are more
     panels, of the same axes, where one would hold more than :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines.
+    A ``narrow`` picture, for a phone, has its panels below each other and the legend below them.
     """
     curves = curves_of(study)
     if len(curves) == 1:
-        _plot_taxels(study, curves[0], file, form)
+        _plot_taxels(study, curves[0], file, form, narrow)
     else:
-        _plot_compared(study, curves, file, form)
+        _plot_compared(study, curves, file, form, narrow)
 
 
-def _plot_taxels(study: xr.Dataset, curve: Curve, file: Path | BinaryIO, form: str) -> None:
+def _plot_taxels(study: xr.Dataset, curve: Curve, file: Path | BinaryIO, form: str, narrow: bool) -> None:
     names, count = study.taxel.values.tolist(), study.sizes["taxel"]
-    with figure_of(2 if count > 1 else 1, 1, file, form) as axes:
+    with figure_of(2 if count > 1 else 1, 1, file, form, narrow=narrow) as axes:
         panels = axes[:, 0]
         _draw_lines(panels[0], curve, names)
         label_with_prefix(panels[:1], "optical power", "W")
@@ -121,13 +123,13 @@ def _plot_taxels(study: xr.Dataset, curve: Curve, file: Path | BinaryIO, form: s
             _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
             label_with_prefix(panels[1:], "difference from the taxels' mean", "W")
         _finish(axes, study)
-        legend_beside(panels[0].figure, panels[0], TAXELS)
+        legend_beside(panels[0].figure, panels[:1], TAXELS)
 
 
-def _plot_compared(study: xr.Dataset, curves: list[Curve], file: Path | BinaryIO, form: str) -> None:
+def _plot_compared(study: xr.Dataset, curves: list[Curve], file: Path | BinaryIO, form: str, narrow: bool) -> None:
     panels, left_out = compared(curves, lambda curve: curve.where)
     count, lines = study.sizes["taxel"], 2 if _changes(curves[0]) else 1
-    with _blocks(len(panels), lines, file, form) as blocks:
+    with _blocks(len(panels), lines, file, form, narrow) as blocks:
         for block, panel in zip(blocks, panels, strict=True):
             for number, (label, curve) in enumerate(panel.cases.items()):
                 mean = curve.weighted(np.full((count, 1), 1 / count))
@@ -139,13 +141,13 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], file: Path | BinaryIO
         if lines > 1:
             label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
         _finish(blocks, study, left_out)
-        legend_beside(blocks[0, 0].figure, blocks[0, 0])
+        legend_beside(blocks[0, 0].figure, blocks[:, 0])
 
 
-def plot_taxels(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> None:
+def plot_taxels(study: xr.Dataset, file: Path | BinaryIO, form: str = "png", narrow: bool = False) -> None:
     """Write a picture of how each taxel's reading changes, a panel for each curve of a study, with the same axes."""
     curves = curves_of(study)
-    with _blocks(min(len(curves), MOST_PANELS), 1, file, form) as blocks:
+    with _blocks(min(len(curves), MOST_PANELS), 1, file, form, narrow) as blocks:
         for (ax,), curve in zip(blocks, curves, strict=False):
             _draw_lines(ax, curve.relative(), study.taxel.values.tolist())
             ax.set_title(
@@ -153,7 +155,7 @@ def plot_taxels(study: xr.Dataset, file: Path | BinaryIO, form: str = "png") -> 
             )
         label_with_prefix(blocks[:, 0], _since(study, curves[0]), "%")
         _finish(blocks, study, len(curves) - len(blocks))
-        legend_beside(blocks[0, 0].figure, blocks[0, 0], TAXELS)
+        legend_beside(blocks[0, 0].figure, blocks[:, 0], TAXELS)
 
 
 def has_taxels_to_compare(study: xr.Dataset) -> bool:
@@ -171,11 +173,11 @@ def _since(study: xr.Dataset, curve: Curve) -> str:
 
 
 @contextmanager
-def _blocks(count: int, lines: int, file: Path | BinaryIO, form: str) -> Iterator[Any]:
+def _blocks(count: int, lines: int, file: Path | BinaryIO, form: str, narrow: bool) -> Iterator[Any]:
     """Axes (blocks, lines): blocks beside each other, the panels of each below each other, of one range in a line."""
-    across = min(math.ceil(math.sqrt(count)), 4)
+    across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
     down = math.ceil(count / across)
-    with figure_of(lines * down, across, file, form) as axes:
+    with figure_of(lines * down, across, file, form, narrow=narrow) as axes:
         blocks = axes.reshape(down, lines, across).transpose(0, 2, 1).reshape(-1, lines)
         for ax in blocks[count:].flat:
             ax.set_visible(False)
@@ -192,7 +194,7 @@ def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
     if coordinate is not None:
         force_to_the_right(axes[0, 0], name, coordinate.values)
     figure = axes[0, 0].figure
-    figure.supxlabel(f"{name} [{unit}]" if unit else name)
+    label_below(figure, axes.flat[-1], f"{name} [{unit}]" if unit else name)
     figure.suptitle(study.attrs["scene"] + (f" ({left_out} more curves left out)" if left_out else ""))
 
 

@@ -17,6 +17,8 @@ MARKERS = "osD^v<>Px"
 MOST_LINES = len(COLOURS)
 """Of one panel, where they are compared."""
 MOST_PANELS = 12
+NARROW = 4.2
+"""Inches in width of a figure for a phone: letters of 10 points are then as large as those around it."""
 
 Case = TypeVar("Case")
 
@@ -71,27 +73,26 @@ def figure_of(
     *,
     size: tuple[float, float] = (5.2, 3.2),
     sharex: Any = True,
-    sharey: Any = False,
+    narrow: bool = False,
 ) -> Iterator[Any]:
-    """Axes (rows, columns) of ``size`` in inches; the figure is written at the end."""
+    """Axes (rows, columns) of ``size`` in inches; the figure is written at the end.
+
+    A narrow one, for a phone, has them all in one column, and its legend below.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(
-        rows,
-        columns,
-        figsize=(size[0] * columns + 1.2, size[1] * rows + 0.6),
-        sharex=sharex,
-        sharey=sharey,
-        squeeze=False,
-        layout="constrained",
-    )
+    inches = (size[0] * columns + 1.2, size[1] * rows + 0.6)
+    shape = (rows, columns)
+    if narrow:
+        shape, inches = (rows * columns, 1), (NARROW, 2.6 * rows * columns + 1.2)
+    figure, axes = pyplot.subplots(*shape, figsize=inches, sharex=sharex, squeeze=False, layout="constrained")
     try:
         for ax in axes.flat:
             ax.grid(alpha=0.3)
-        yield axes
+        yield axes.reshape(rows, columns)
         figure.savefig(file, dpi=150, format=form)
     finally:
         pyplot.close(figure)
@@ -105,6 +106,14 @@ def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
     for ax in shown:
         ax.yaxis.set_major_formatter(lambda value, place: f"{round(value / factor, 9) + 0.0:.7g}".replace("-", "−"))
     shown[0].set_ylabel(f"{words} [{prefix_and_unit}]")
+
+
+def label_below(figure: Any, last: Any, words: str) -> None:
+    """Label the x axis that all panels share: below them all, or in one column below the last."""
+    if figure.get_figwidth() > NARROW:
+        figure.supxlabel(words)
+    else:
+        last.set_xlabel(words)
 
 
 def force_to_the_right(ax: Any, name: str, values: np.ndarray) -> None:
@@ -123,8 +132,17 @@ def style(number: int) -> dict[str, str]:
     }
 
 
-def legend_beside(figure: Any, ax: Any, title: str | None = None) -> None:
-    """The legend of a panel's lines, to the right of all panels."""
-    handles, labels = ax.get_legend_handles_labels()
-    if any(labels):
+def legend_beside(figure: Any, axes: Sequence[Any], title: str | None = None) -> None:
+    """The legend of the lines, which are the same in all panels: to the right of these; of a narrow figure below them,
+    or where they fill more than a screen, in each."""
+    handles, labels = axes[0].get_legend_handles_labels()
+    if not any(labels):
+        return
+    if figure.get_figwidth() > NARROW:
         figure.legend(handles, labels, title=title, loc="outside right center", frameon=False)
+    elif len(axes) > 2:
+        for ax in axes:
+            ax.legend(fontsize="x-small", framealpha=0.6, ncols=1 + len(labels) // 5)
+    else:
+        columns = max(1, min(5, 40 // (max(map(len, labels)) + 5)))
+        figure.legend(handles, labels, title=title, loc="outside lower center", frameon=False, ncols=columns)

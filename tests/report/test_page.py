@@ -112,7 +112,7 @@ def test_light_paths_run_from_the_led_to_the_phototransistor_of_the_cell_that_is
 class Checker(HTMLParser):
     """Collects what a page would fetch, its pictures, and whether its tags match."""
 
-    EMPTY = ("meta", "link", "img", "input", "br")
+    EMPTY = ("meta", "link", "img", "input", "br", "source")
 
     def __init__(self):
         super().__init__()
@@ -123,7 +123,7 @@ class Checker(HTMLParser):
         if tag not in self.EMPTY:
             self.open.append(tag)
         self.ids += [attrs["id"]] if "id" in attrs else []
-        self.fetched += [attrs[name] for name in ("src", "href") if name in attrs]
+        self.fetched += [attrs[name] for name in ("src", "srcset", "href") if name in attrs]
         self.alternatives += [attrs.get("alt")] if tag == "img" else []
 
     def handle_endtag(self, tag):

@@ -147,6 +147,31 @@ def test_all_is_there_and_nothing_is_wider_than_the_screen(opened):
     assert opened.evaluate(f"{controls}.every(one => (one.labels && one.labels.length) || one.ariaLabel)")
 
 
+@pytest.mark.parametrize("width", [390, 768, 1200])
+def test_plots_and_legends_are_in_view_and_tables_scroll_in_themselves(browser, page, width):
+    """Letters of 10 points, as plots have them, are at least 8 pixels high on the screen."""
+    with browser.new_context(viewport={"width": width, "height": 800}) as context:
+        tab = context.new_page()
+        tab.goto(page.as_uri())
+        drawn(tab, "cell = parallelepiped|2")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+        plots = tab.evaluate(
+            "[...document.querySelectorAll('img.plot')].map((one) => [one.getBoundingClientRect().left,"
+            " one.getBoundingClientRect().right, one.naturalWidth, one.naturalHeight])"
+        )
+        assert len(plots) == 5
+        for left, right, natural, tall in plots:
+            assert left >= 0 and right <= width and 10 * 96 / 72 * (right - left) / natural >= 8
+            assert width > 640 or tall > 0.8 * natural  # panels below each other
+        boxes = tab.evaluate(
+            "[...document.querySelectorAll('.scroll')].filter((one) => one.clientWidth)"
+            ".map((one) => [one.clientWidth, one.scrollWidth,"
+            " one.querySelector('caption').getBoundingClientRect().right])"
+        )
+        assert boxes and all(inner <= width and caption <= width for inner, _, caption in boxes)
+        assert width > 400 or any(whole > inner for inner, whole, _ in boxes)
+
+
 def luminance(colour):
     parts = np.array(colour) / 255
     linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)

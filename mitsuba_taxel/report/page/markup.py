@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from io import BytesIO
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 
 def section(name: str, title: str, *parts: str) -> str:
@@ -41,16 +41,27 @@ def folded(title: str, *parts: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{''.join(parts)}</details>"
 
 
-def plot(write: Callable[[BinaryIO], None], words: str, caption: str) -> str:
-    """A plot as an SVG picture; ``words`` say what it shows to those who do not see it."""
+class Writer(Protocol):
+    """Writes a plot into a file, a narrow one for a phone."""
+
+    def __call__(self, file: BinaryIO, *, narrow: bool = False) -> None: ...
+
+
+def plot(write: Writer, words: str, caption: str) -> str:
+    """A plot as an SVG picture, and a narrow one for narrow screens; ``words`` say what it shows to those who do not
+    see it."""
+    wide, narrow = (_svg(write, narrow) for narrow in (False, True))
+    return (
+        f'<figure><picture><source media="(max-width: 40rem)" srcset="{narrow}">'
+        f'<img class="plot" src="{wide}" alt="{escape(words)}"></picture>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
+
+
+def _svg(write: Writer, narrow: bool) -> str:
     import matplotlib
 
     picture = BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "page", "savefig.transparent": True}):
-        write(picture)
-    content = base64.b64encode(picture.getvalue()).decode("ascii")
-    source = f"data:image/svg+xml;base64,{content}"
-    return (
-        f'<figure><img class="plot" src="{source}" alt="{escape(words)}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+        write(picture, narrow=narrow)
+    return f"data:image/svg+xml;base64,{base64.b64encode(picture.getvalue()).decode('ascii')}"
