@@ -92,7 +92,8 @@ def _tangential(
         components = (forces / math.sqrt(2)).tolist()
         rows = {"fx": components, "fy": components}
         study = sweep(SCENE, {}, _pressed(cell), together=rows, derivatives=tuple(rows), **settings)
-        return study.assign_coords(resultant=("step", forces, {"units": "N"})).swap_dims(step="resultant")
+        diagonal = study.assign_coords(resultant=("step", forces, {"units": "N"}))
+        return diagonal.swap_dims(step="resultant").drop_vars("step")
 
     return store.study(name, {"forces": forces.tolist(), **settings}, compute)
 
