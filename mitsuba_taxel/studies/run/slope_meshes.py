@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.targets import MOST_MESHES, finer_mesh, smallest_mesh_size
+from mitsuba_taxel.sensing.targets import MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
@@ -51,22 +52,32 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
     from mitsuba_taxel.sensing.scene_rates import rates
 
     tried: list[tuple[float, float]] = []
-    size = scene.mesh_size
+    size, failed = scene.mesh_size, 0.0
     for _ in range(MOST_MESHES):
         try:
             ready = prepare(scene)
             found = derivatives_by([rates(scene, name) for name in forces], ready.scene)
-        except ComputationError:
+        except ComputationError:  # elements are too small, or the load path ends a little earlier
             if not tried:
                 raise
-            break  # elements are too small, or the load path ends a little earlier
-        size = scene.mesh_size
-        tried.append((smallest_mesh_size(ready), slope_share(found)))
+            assert scene.mesh_size is not None
+            failed = scene.mesh_size
+        else:
+            size = scene.mesh_size
+            tried.append((smallest_mesh_size(ready), slope_share(found)))
         finer = finer_mesh(scene, ready, tried, target)
+        if finer is not None and finer <= failed:
+            finer = _between(tried[-1][0], failed)
         if finer is None:
             break
         scene = scene.with_mesh_size(finer)
     return size
+
+
+def _between(size: float, failed: float) -> float | None:
+    """The mesh size halfway down the ladder from one that is not fine enough to one that is too fine."""
+    rungs = round(math.log(failed / size) / math.log(RUNG)) // 2
+    return size * RUNG**rungs if rungs else None
 
 
 def slope_share(derivatives: Derivatives) -> float:

@@ -40,9 +40,9 @@ def test_the_error_is_relative_to_the_steepest_slope_by_the_same_force():
     assert slope_meshes.slope_share(found) == pytest.approx(max(0.2 / 10, 0.01 / 0.2))
 
 
-@pytest.mark.parametrize(("target", "sizes"), [(0.5, 1), (0.01, 3), (1e-6, 3)])
+@pytest.mark.parametrize(("target", "sizes"), [(0.5, 1), (0.04, 2), (0.03, 4), (1e-6, 4)])
 def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monkeypatch, target, sizes):
-    """Errors fall with the square of the size; the third mesh is too fine for the light."""
+    """Errors fall with the square of the size; the third mesh is too fine, one halfway to it is not."""
     tried = []
 
     def read(changes, size):
@@ -60,7 +60,8 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
     monkeypatch.setattr(slope_meshes, "smallest_mesh_size", lambda ready: ready.scene)
     monkeypatch.setattr(slope_meshes, "finer_mesh", finer)
     chosen = slope_meshes._mesh_size(Scene(pad), ["fz"], target)
-    assert tried == [1.2, 0.6, 0.3][:sizes] and chosen == (None if sizes == 1 else 0.6)
+    assert tried == pytest.approx([1.2, 0.6, 0.3, 0.6 * 0.9**3][:sizes])
+    assert chosen == (None if sizes == 1 else tried[-1])
 
 
 def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
