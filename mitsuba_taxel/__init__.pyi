@@ -15,6 +15,12 @@ from .mechanics import (
     Grooves as Grooves,
 )
 from .mechanics import (
+    Indenter as Indenter,
+)
+from .mechanics import (
+    IndenterDisplacement as IndenterDisplacement,
+)
+from .mechanics import (
     LayerSteps as LayerSteps,
 )
 from .mechanics import (

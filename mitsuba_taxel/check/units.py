@@ -10,6 +10,7 @@ import numpy as np
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, Vector
 from mitsuba_taxel.specification import specifications
@@ -22,6 +23,8 @@ _OTHERS = {
 """What one of other units is in that of a parameter."""
 LARGEST_STRAIN = 3.0
 """Stress of a load on the top of a pad, over Young's modulus: beyond, no pad stands it."""
+PLACES_LOOKED_AT = 41
+"""Along each side of a pad's top, at which an indenter may touch it."""
 SMALLEST_STRAIN = 2e-5
 """Below, no reading shows the load."""
 
@@ -77,7 +80,7 @@ def _of_load(part: ScenePart) -> Iterator[Finding]:
         return
     load, given = pad.load[0], np.array(pad.load[1])
     said = f"{load.quantity} = {', '.join(f'{component:g}' for component in given)} {load.unit} of {PAD}"
-    for odd in (_pull(load.quantity, given), _size(load.quantity, given, pad)):
+    for odd in (_pull(load.quantity, given), _size(load.quantity, given, pad), _miss(load, given, pad)):
         if odd:
             yield part.finding("warning", f"{said} {odd}.", load.quantity)
 
@@ -86,6 +89,21 @@ def _pull(quantity: str, value: np.ndarray) -> str:
     if quantity == "pressure":
         return "is suction: a pressure that compresses is above 0" if value[0] < 0 else ""
     return "pulls at the pad: compression is negative along z" if value[2] > 0 else ""
+
+
+def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
+    """Whether an indenter touches nothing of a pad's top on its way."""
+    if not isinstance(load, IndenterDisplacement) or not isinstance(pad.pad, Pad) or value[2] > 0:
+        return ""
+    half = np.array(pad.pad.extent[:2]) / 2
+    at, top = np.array(load.indenter.at), np.linspace(-1, 1, PLACES_LOOKED_AT)
+    for share in (0.0, 1.0):  # pushed down, and moved sideways
+        tip = [*(at + share * value[:2]), value[2]]
+        places = np.stack(np.meshgrid(*(np.append(top, near) for near in np.clip(tip[:2] / half, -1, 1))), axis=-1)
+        places = np.concatenate([places.reshape(-1, 2) * half, np.zeros((places[..., 0].size, 1))], axis=1)
+        if load.indenter.gap(places - tip).size.min() < 0:
+            return ""
+    return "leaves the pad at rest: the indenter does not touch it"
 
 
 def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:

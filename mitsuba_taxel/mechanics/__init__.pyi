@@ -1,8 +1,12 @@
+from .contact.indenter import Indenter as Indenter
 from .contact.self_contact import (
     Contact as Contact,
 )
 from .contact.self_contact import (
     ContactTest as ContactTest,
+)
+from .elements.loads import (
+    IndenterDisplacement as IndenterDisplacement,
 )
 from .elements.loads import (
     Load as Load,

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
+    IndenterDisplacement,
     Load,
     PatchForce,
     PlateDisplacement,
@@ -43,11 +45,13 @@ LOADS: dict[str, Any] = {
     "plate_force": PlateForce,
     "plate_displacement": PlateDisplacement,
     "pressure": Pressure,
+    "indenter_displacement": IndenterDisplacement,
 }
 FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
 
 _NEO_HOOKEAN = ("material", "neo_hookean")
 _PATCH = ("load", "patch_force")
+_INDENTER = ("load", "indenter_displacement")
 
 
 def _of_pad(field: str) -> Any:
@@ -113,6 +117,7 @@ class DeformablePad(Specification):
             "plate_force": "on a rigid plate that is bonded to the top and does not turn",
             "plate_displacement": "of such a plate",
             "pressure": "of a fluid on top and outside",
+            "indenter_displacement": "of a rigid body that touches the pad from above",
         },
         "How it is loaded.",
     )
@@ -123,7 +128,10 @@ class DeformablePad(Specification):
         when=("load", *(word for word, load in LOADS.items() if load.quantity == "force")),
     )
     displacement: tuple[float, ...] | None = vector(
-        (0.0, 0.0, 0.0), "mm", "Displacement of the plate.", when=("load", "plate_displacement")
+        (0.0, 0.0, 0.0),
+        "mm",
+        "Displacement of the plate, or of the indenter from where its tip is as high as the pad.",
+        when=("load", "plate_displacement", "indenter_displacement"),
     )
     pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=("load", "pressure"))
     patch_width: float | None = number(
@@ -134,6 +142,12 @@ class DeformablePad(Specification):
     )
     patch_x: float | None = number(0.0, "mm", "Where the rectangle is centred, along x.", when=_PATCH)
     patch_y: float | None = number(0.0, "mm", "Where the rectangle is centred, along y.", when=_PATCH)
+    indenter: str | None = taken(Indenter, "shape", when=_INDENTER)
+    indenter_radius: float | None = taken(Indenter, "radius", when=("indenter", "sphere", "punch", "cylinder"))
+    indenter_edge_radius: float | None = taken(Indenter, "edge_radius", when=("indenter", "punch"))
+    indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "cylinder"))
+    indenter_x: float | None = number(0.0, "mm", "Where the indenter's tip is, along x.", when=_INDENTER)
+    indenter_y: float | None = number(0.0, "mm", "Where the indenter's tip is, along y.", when=_INDENTER)
 
     mesh_size: float | None = number(
         None,
@@ -191,6 +205,8 @@ class DeformablePad(Specification):
             )
         self.cell_numbers()
         self.build_material()
+        if self.load == "indenter_displacement":
+            self.build_load()
         if self.filename is None:  # a file is looked for beside the scene
             self.build_pad()
 
@@ -213,7 +229,8 @@ class DeformablePad(Specification):
 
     def build_load(self) -> tuple[Load, tuple[float, ...]]:
         """The load and its value."""
-        load: Load = LOADS[self.load]() if self.load != "patch_force" else self._patch()
+        parts = {"patch_force": self._patch, "indenter_displacement": self._indented}
+        load: Load = parts.get(self.load, LOADS[self.load])()
         value = getattr(self, load.quantity)
         return load, value if isinstance(value, tuple) else (value,)
 
@@ -221,6 +238,10 @@ class DeformablePad(Specification):
         centre: Any = (self.patch_x, self.patch_y)
         size: Any = (self.patch_width, self.patch_depth)
         return PatchForce(centre, size)
+
+    def _indented(self) -> IndenterDisplacement:
+        at: Any = (self.indenter_x, self.indenter_y)
+        return IndenterDisplacement(Indenter(at=at, **self._own(Indenter)))
 
     def build_finish(self) -> Finish | None:
         """The finish of the cells, None where they are smooth."""
@@ -259,6 +280,9 @@ class DeformablePad(Specification):
         if isinstance(load, PatchForce):
             (x, y), (width, depth) = load.centre, load.size
             given.update(patch_x=x, patch_y=y, patch_width=width, patch_depth=depth)
+        if isinstance(load, IndenterDisplacement):
+            x, y = load.indenter.at
+            given.update(indenter_x=x, indenter_y=y, **values_of(load.indenter))
         if finish is not None:
             given.update(finish=_word(FINISHES, finish), **values_of(finish))
         given.update(material=_word(LAWS, material), load=_word(LOADS, load))

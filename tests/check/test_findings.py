@@ -224,6 +224,16 @@ def test_other_loads(tmp_path, load, message):
     assert message is None or message in found[0].message
 
 
+@pytest.mark.parametrize("x, message", [("-9", "the indenter does not touch it"), ("-5", None)])
+def test_an_indenter_beside_the_pad(tmp_path, x, message):
+    load = parameter("load", "indenter_displacement", "string") + parameter("indenter_radius", 2)
+    text = PAD.replace('<vector name="force" value="0, 0, $fz"/>', load + parameter("indenter_x", x))
+    text = change(text, IN_PAD, parameter("displacement", "0.1, 0, -0.5", "vector"))
+    found = check(tmp_path, text.replace('<default name="fz" value="-5"/>', ""))
+    assert [finding.severity for finding in found] == ["warning"] * (message is not None)
+    assert message is None or message in found[0].message
+
+
 def test_a_wall_given_twice_is_odd(tmp_path):
     (finding,) = check(tmp_path, change(PAD, ("  </bsdf>", "{}  </bsdf>"), '<bsdf name="roof" type="wall"/>'))
     assert (finding.severity, finding.line) == ("warning", 10) and "roof is given twice" in finding.message

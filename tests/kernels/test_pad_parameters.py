@@ -11,6 +11,8 @@ from scipy.optimize import brentq
 from mitsuba_taxel import ComputationError, InputError, Pad, PadSensor, Scene, measure
 from mitsuba_taxel.kernels.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
     MooneyRivlin,
     NeoHookean,
     PatchForce,
@@ -102,6 +104,14 @@ def test_silicones(loaded, words, material):
             (0.125, 0, -0.25),
         ),
         (string("load", "pressure") + numbers(pressure=0.125), Pressure(), (0.125,)),
+        (
+            string("load", "indenter_displacement")
+            + string("indenter", "punch")
+            + numbers(indenter_radius=1.5, indenter_edge_radius=0.5, indenter_x=0.25)
+            + '<vector name="displacement" value="0, 0, -0.0625"/>',
+            IndenterDisplacement(Indenter("punch", radius=1.5, edge_radius=0.5, at=(0.25, 0))),
+            (0, 0, -0.0625),
+        ),
     ],
 )
 def test_loads_deform_the_pad_as_load_path_does(loaded, words, load, value):
@@ -149,6 +159,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(loaded, words, message):
         PadSensor(PAD, MooneyRivlin(0.5, 0.2), (0, 0, -1.0)),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PlateDisplacement()),
         PadSensor(PAD, NeoHookean(2.0), (0.125,), Pressure()),
+        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.0625), IndenterDisplacement(Indenter("plane"))),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PatchForce((0.5, 0.25), (1.0, 1.5))),
     ],
 )

@@ -15,6 +15,8 @@ from mitsuba_taxel import (
     Circuit,
     ComputationError,
     Grooves,
+    Indenter,
+    IndenterDisplacement,
     InputError,
     LayerSteps,
     MooneyRivlin,
@@ -91,6 +93,8 @@ def calls(there):
         "Pad": (Pad, Pad, {}),
         "PadFile": (PadFile, PadFile, {"path": "nowhere.stl"}),
         "PadSensor": (sensor, PadSensor, {}),
+        "Indenter": (Indenter, Indenter, {"radius": 1.0}),
+        "IndenterDisplacement": (IndenterDisplacement, IndenterDisplacement, {"indenter": Indenter(radius=1.0)}),
         "PatchForce": (PatchForce, PatchForce, {"centre": (0, 0), "size": (1, 1)}),
         "PhotoReflector": (lambda **k: sensor(photo_reflector=PhotoReflector(**k)), PhotoReflector, {}),
         "Phototransistor": (

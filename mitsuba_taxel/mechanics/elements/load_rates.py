@@ -7,20 +7,27 @@ from dataclasses import replace
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, PatchForce, Pressure, SpreadForce
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, wet_faces
+from mitsuba_taxel.mechanics.materials.laws import Material
 
 LOAD_STEP = 1e-4
 """Fastest node's way, relative to the mesh's height, that differences of a load's shares are taken with."""
 
 
 def load_rate(
-    mesh: VolumeMesh, load: Load, displacement: np.ndarray, value: np.ndarray, velocity: np.ndarray
+    mesh: VolumeMesh,
+    material: Material,
+    load: Load,
+    displacement: np.ndarray,
+    value: np.ndarray,
+    velocity: np.ndarray,
 ) -> np.ndarray:
     """(N, 3) rate of the nodal forces of a load on a whole pad.
 
-    A spread force keeps its total, a patch its place in space, a pressure follows the surface; what is on a bonded
-    plate stays as it is.
+    A spread force keeps its total, a patch its place in space, a pressure follows the surface, a body stands as
+    high above the pad as before; what is on a bonded plate stays as it is.
     """
     if isinstance(load, Pressure):
         faces, rate = wet_faces(mesh), np.zeros_like(displacement)
@@ -28,6 +35,9 @@ def load_rate(
         # the forces are quadratic in the places, so that this difference is exact
         np.add.at(rate, faces, 0.5 * (pressure_forces(places + moves) - pressure_forces(places - moves)))
         return value[0] * rate
+    if isinstance(load, IndenterDisplacement):
+        body = Indentation(mesh, load.indenter, material.youngs_modulus)
+        return body.shape_rate(body.pressing(displacement, value), mesh, velocity)
     fastest = float(np.abs(velocity).max(initial=0.0))
     if not isinstance(load, SpreadForce | PatchForce) or fastest == 0:
         return np.zeros_like(displacement)

@@ -12,9 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from mitsuba_taxel.base.arguments import require
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.pads.pad import REGIONS
 
 
@@ -25,6 +28,11 @@ class _Loading:
     unit: ClassVar[str] = "N"
     components: ClassVar[int] = 3
     bonded_plate: ClassVar[bool] = False
+
+    @property
+    def gives_displacement(self) -> bool:
+        """Whether forces follow from what is given."""
+        return self.unit == "mm"
 
 
 @dataclass(frozen=True)
@@ -105,9 +113,22 @@ class Pressure(_Loading):
     components: ClassVar[int] = 1
 
 
+@dataclass(frozen=True)
+class IndenterDisplacement(_Loading):
+    """A displacement of a rigid body that touches the pad without friction, and does not turn."""
+
+    indenter: Indenter
+
+    quantity: ClassVar[str] = "displacement"
+    unit: ClassVar[str] = "mm"
+
+    def __post_init__(self) -> None:
+        require("indenter", self.indenter, Indenter, "an Indenter")
+
+
 SPREAD_FORCE = SpreadForce()
 
-Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure
+Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure | IndenterDisplacement
 
 
 def loaded_area(mesh: VolumeMesh, load: Load) -> float:
@@ -128,8 +149,10 @@ def loaded_area(mesh: VolumeMesh, load: Load) -> float:
     return float(_areas(mesh, mesh.faces[mesh.face_region == REGIONS["top"]]).sum())
 
 
-def keeps(load: Load, mesh: VolumeMesh, image: np.ndarray) -> bool:
-    """Whether the mirror that takes nodes to their ``image`` (N,) leaves the distribution of a load as it is."""
+def keeps(load: Load, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
+    """Whether a mirror, which takes nodes to their ``image`` (N,), leaves the distribution of a load as it is."""
+    if isinstance(load, IndenterDisplacement):
+        return load.indenter.keeps(mirror)
     if not isinstance(load, PatchForce):
         return True  # it covers a region of the surface, as the mesh does
     nodal = load.nodal(mesh)

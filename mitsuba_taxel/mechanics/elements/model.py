@@ -10,9 +10,17 @@ import numpy as np
 
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.elements.assembly import Assembly, InternalForces
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.loads import Load, PatchForce, PlateDisplacement, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.elements.loads import (
+    IndenterDisplacement,
+    Load,
+    PatchForce,
+    PlateDisplacement,
+    Pressure,
+    SpreadForce,
+)
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -84,7 +92,16 @@ class Model:
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)
             self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
+        if isinstance(self.load, IndenterDisplacement):
+            return self._indented(inside, displacement, value)
         load = self.load_vector(displacement, value)
+        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
+
+    def _indented(self, inside: InternalForces, displacement: np.ndarray, value: np.ndarray) -> Configuration:
+        pressing = self.indentation.pressing(displacement, value)
+        if inside.entries is not None and len(pressing.face):
+            self.assembly.sparsity.add_blocks(inside.entries, *self.indentation.stiffness(pressing))
+        load = self.numbering.summed(self.indentation.pushed(pressing))
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 
     def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
@@ -104,6 +121,23 @@ class Model:
             return self.numbering.on_plate(np.asarray(value) / self.part.copies)
         return self.numbering.summed(self._share[:, None] * value)
 
+    def load_rate(self, displacement: np.ndarray, direction: np.ndarray, value: np.ndarray | None) -> np.ndarray:
+        """Derivative of the forces of the load over the unknowns by its value along ``direction``."""
+        if isinstance(self.load, IndenterDisplacement):
+            assert value is not None
+            pressing = self.indentation.pressing(displacement, value)
+            return self.numbering.summed(self.indentation.rate(pressing, direction))
+        return self.load_vector(displacement, direction)
+
+    def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
+        """Forces over the unknowns of a rigid body at what is in it, by the stiffness that a material has it hold."""
+        if not isinstance(self.load, IndenterDisplacement):
+            return 0.0
+        own = self.assembly.elements.material
+        pressing = self.indentation.pressing(displacement, value)
+        pushed = self.numbering.summed(self.indentation.pushed(pressing))
+        return material.youngs_modulus / own.youngs_modulus * pushed
+
     def _faces(self, region: str) -> np.ndarray:
         return self.mesh.faces[self.mesh.face_region == REGIONS[region]]
 
@@ -122,3 +156,9 @@ class Model:
     @cached_property
     def _wet_faces(self) -> np.ndarray:
         return wet_faces(self.mesh)
+
+    @cached_property
+    def indentation(self) -> Indentation:
+        """What the rigid body of the load does."""
+        assert isinstance(self.load, IndenterDisplacement)
+        return Indentation(self.mesh, self.load.indenter, self.assembly.elements.material.youngs_modulus)

@@ -6,13 +6,21 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, PlateDisplacement, Pressure, loaded_area
+from mitsuba_taxel.mechanics.elements.loads import (
+    SPREAD_FORCE,
+    IndenterDisplacement,
+    Load,
+    PlateDisplacement,
+    Pressure,
+    loaded_area,
+)
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, symmetric_product
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
@@ -62,7 +70,7 @@ class Rejected(Exception):
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     """Change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`: a step of a load path."""
-    if isinstance(load, PlateDisplacement):
+    if isinstance(load, PlateDisplacement | IndenterDisplacement):
         return NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
@@ -82,6 +90,9 @@ class LoadedPad:
     solver : str, optional
         Name of a linear solver; None takes the best there is.
     """
+
+    solves_between: ClassVar[bool] = False
+    """Whether states between the nodes of a path are solved for, and not interpolated."""
 
     def __init__(
         self,
@@ -194,7 +205,7 @@ class LoadedPad:
         """The unknowns of :meth:`solve`; whether they are stable is not asked."""
         return self._balanced(start, value).unknowns
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray) -> _Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
         linearised: Linearised | None = None
@@ -202,7 +213,7 @@ class LoadedPad:
             state = self._evaluate(unknowns, value, with_tangent=linearised is None)
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
-                return _Balance(unknowns, state, error, iteration, linearised, distance)
+                return Balance(unknowns, state, error, iteration, linearised, distance)
             if error > SLOW * last and state.entries is None:
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
@@ -215,11 +226,11 @@ class LoadedPad:
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _accepted(self, found: _Balance, checked: bool) -> Solution:
+    def _accepted(self, found: Balance, checked: bool) -> Solution:
         least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
         return Solution(found.unknowns, least, found.error, found.iterations, checked)
 
-    def _entries(self, found: _Balance, value: np.ndarray) -> np.ndarray:
+    def _entries(self, found: Balance, value: np.ndarray) -> np.ndarray:
         """Of the tangent where a balance was found."""
         entries = found.state.entries
         if entries is None:
@@ -306,9 +317,14 @@ class LoadedPad:
         except RuntimeError as failure:
             raise _singular(failure) from failure
 
-    def rate(self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Derivative of the unknowns of a state of balance by the load's value along ``direction``."""
-        force = self.model.load_vector(self.numbering.split(unknowns)[0], direction)
+    def rate(
+        self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Derivative of the unknowns of a state of balance by the load's value along ``direction``.
+
+        Where the load is no linear function of its ``value``, that is needed.
+        """
+        force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self._targets(direction))
 
     def _is_stable(self, linearised: Linearised) -> bool:
@@ -324,7 +340,7 @@ class LoadedPad:
 
 
 @dataclass(frozen=True)
-class _Balance:
+class Balance:
     """Where Newton's method has ended: unknowns, the pad there, what is left of the error, iterations.
 
     ``linearised`` is the last tangent that was factored, at a state at a ``distance`` of some mm, if there was one.

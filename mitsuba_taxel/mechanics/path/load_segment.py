@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,16 @@ class Node:
     iterations: int
     stability_checked: bool
     seconds: float
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Its fields by name, for the cache."""
+        return {field.name: np.array(getattr(self, field.name)) for field in fields(self)}
+
+    @classmethod
+    def of(cls, arrays: dict[str, np.ndarray]) -> Node:
+        """The node of :meth:`arrays`."""
+        values: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
+        return cls(**values)
 
 
 @dataclass(frozen=True)
@@ -168,12 +179,14 @@ class LoadSegment:
     def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
         began = time.perf_counter()
         solution, linearised = solve(guess, self.value(s))
-        tangent = pad.rate(linearised, solution.unknowns, self.direction)
+        tangent = pad.rate(linearised, solution.unknowns, self.direction, self.value(s))
         figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
         return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
 
     def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
         """Whether the interpolated midpoint is near equilibrium: one step of Newton's method says how near."""
+        if pad.solves_between:
+            return True
         middle = 0.5 * (start.s + end.s)
         unknowns = hermite(start, end, middle)
         correction = pad.correction(linearised, unknowns, self.value(middle))
@@ -227,6 +240,13 @@ class LoadSegment:
             start.stability_checked and end.stability_checked,
             sum(node.seconds for node in self.nodes[: after + 1]),
         )
+
+    def solved(self, pad: LoadedPad, s: float) -> Node:
+        """The state in balance at distance ``s``, which the segment must reach; raises Rejected if there is none."""
+        after = self._first_from(s)
+        if self.nodes[after].s == s:
+            return self.nodes[after]
+        return self._node(pad, pad.solve_linearised, s, hermite(*self._interval_to(after), s))[0]
 
     def rate(self, s: float) -> np.ndarray:
         """Derivative of the unknowns by the distance, where it is ``s``, which the segment must reach."""

@@ -8,19 +8,21 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import Load, keeps
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, keeps
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
 
 @lru_cache(maxsize=4)
 def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
     """The mirrors that leave mesh and load's distribution as they are, with the image (N,) of each node."""
-    return {mirror: image for mirror, image in node_images(mesh).items() if keeps(load, mesh, image)}
+    return {mirror: image for mirror, image in node_images(mesh).items() if keeps(load, mesh, mirror, image)}
 
 
 @lru_cache(maxsize=4)  # a normal and a tangential segment, and those of the coarser mesh: matrices take memory
 def loaded_pad(mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...]) -> LoadedPad:
     """The part of a pad between some of these mirrors."""
-    return LoadedPad(mesh, material, load, mirrors, mirror_images(mesh, load))
+    kind = IndentedPad if isinstance(load, IndenterDisplacement) else LoadedPad
+    return kind(mesh, material, load, mirrors, mirror_images(mesh, load))

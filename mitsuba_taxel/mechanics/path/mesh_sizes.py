@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, refusal
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterDisplacement, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, pad_path
 from mitsuba_taxel.pads.pad import Pad
@@ -68,5 +68,6 @@ def chosen_size(
     if size is not None and tolerance is not None:
         raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
     if tolerance is not None:
-        return mesh_size_for(pad, material, load, tolerance)
+        # At rest a body touches nothing: what a force on the top needs is taken, and elements are smaller under it.
+        return mesh_size_for(pad, material, SPREAD_FORCE if isinstance(load, IndenterDisplacement) else load, tolerance)
     return pad.default_mesh_size if size is None else float(size)

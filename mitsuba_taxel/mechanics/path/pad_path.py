@@ -14,15 +14,16 @@ from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.elements.loads import Load, PlateDisplacement
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
-from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
@@ -54,7 +55,10 @@ class PadPath:
     def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
         self._identity = [pad.identity, mesh_size]
+        if isinstance(load, IndenterDisplacement):  # under which elements are smaller
+            self._identity.append(asdict(load.indenter))
         self._segments: dict[tuple[float, ...], LoadSegment] = {}
+        self._asked: dict[LoadSegment, dict[float, Node]] = {}
         self._compared: dict[float, tuple[PadPath, RoofComparison] | None] = {}
 
     @cached_property
@@ -64,6 +68,8 @@ class PadPath:
             arrays = cache.load(name)
             if arrays is None:
                 mesh = self.pad.mesh(self.mesh_size)
+                if isinstance(self.load, IndenterDisplacement):
+                    mesh = mesh_under(mesh, self.load.indenter, self.mesh_size / self.pad.default_mesh_size)
                 cache.store(name, vars(mesh))
                 return mesh
         return VolumeMesh(**arrays)
@@ -124,7 +130,10 @@ class PadPath:
         with LOCK:
             segment, s = self._segments_to(value)[-1]
             direction = segment.direction
-            displacement = self._pad_for(segment.origin, direction).split(segment.rate(s))[0]
+            pad = self._pad_for(segment.origin, direction)
+            indented = isinstance(self.load, IndenterDisplacement)
+            rate = self._solved(segment, s, pad).tangent if indented else segment.rate(s)
+            displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
         return PathRate(direction, displacement)
@@ -155,10 +164,25 @@ class PadPath:
                     _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
                 )
             at = segment.at(s)
+            if isinstance(self.load, IndenterDisplacement):
+                node = self._solved(segment, s, pad)
+                at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
             seconds += at.seconds
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
+
+    def _solved(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
+        """The state in balance at a distance ``s`` that a segment reaches: where a body touches, cubics are far off."""
+        asked = self._asked.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("state", self._segment_name(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                asked[s] = segment.solved(pad, s) if arrays is None else Node.of(arrays)
+                if arrays is None:
+                    cache.store(name, asked[s].arrays())
+        return asked[s]
 
     def _error(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:
         """A canonical state compared with that of the same path on the first other mesh that bears the load."""
@@ -173,7 +197,7 @@ class PadPath:
                     return Comparison(
                         comparison.error(displacement, other),
                         partial(comparison.deviations, displacement, other),
-                        comparison.force_error(*forces) if isinstance(self.load, PlateDisplacement) else 0.0,
+                        comparison.force_error(*forces) if self.load.gives_displacement else 0.0,
                         at.seconds,
                     )
             except ComputationError:
@@ -221,7 +245,7 @@ class PadPath:
     def _rest_rate(self, direction: np.ndarray) -> np.ndarray:
         pad = self._pad_for(np.zeros_like(direction), direction)
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
-        return pad.split(pad.rate(linearised, at_rest.unknowns, direction))[0]
+        return pad.split(pad.rate(linearised, at_rest.unknowns, direction, np.zeros_like(direction)))[0]
 
     def _segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
         """The segments of the path to ``value``, and how far along each it goes."""

@@ -236,20 +236,23 @@ class LinearisedState:
 
     def _push_of_value(self, direction: np.ndarray) -> Push:
         parts = ((block, block.of_value(direction)) for block in self._blocks)
-        return {block: block.model.load_vector(self._on(block)[0], part) for block, part in parts if part.any()}
+        return {
+            block: block.model.load_rate(self._on(block)[0], part, self._value) for block, part in parts if part.any()
+        }
 
     def _push_of_material(self, name: str) -> Push:
         block = self._blocks[0]  # in which the whole state is
         strained, assembly = self._strained(block), block.model.assembly
 
         def put_up(material: Material) -> np.ndarray:
-            return assembly.over_unknowns(*strained.of(material))
+            held = block.model.pushed_as(material, self._on(block)[0], self._value)
+            return assembly.over_unknowns(*strained.of(material)) - held
 
         return {block: -material_rate(put_up, self._pad.material, name)}
 
     def _push_of_shape(self, velocity: np.ndarray) -> Push:
         pad, push = self._pad, {}
-        loads = load_rate(pad.whole, pad.load, self.displacement, self._value, velocity)
+        loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
         for block in self._blocks:
             part = block.of_field(velocity)
             if np.abs(part).max() > NO_PART * np.abs(velocity).max():

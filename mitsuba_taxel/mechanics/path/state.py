@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import Load, PlateDisplacement
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import RoofError
 
@@ -108,9 +108,9 @@ class State(Displayed):
 
     @property
     def force_error(self) -> float:
-        """N, of the board's force on the pad where a plate is moved, and 0 where a force is given; not a number where
-        that is not known."""
-        return self._compared.force_error if isinstance(self.load, PlateDisplacement) else 0.0
+        """N, of the board's force on the pad where a plate or an indenter is moved, and 0 where a force is given; not a
+        number where that is not known."""
+        return self._compared.force_error if self.load.gives_displacement else 0.0
 
     @property
     def seconds(self) -> float:

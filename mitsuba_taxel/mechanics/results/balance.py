@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.elements.loads import PatchForce, PlateForce, Pressure, SpreadForce
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, PatchForce, PlateForce, Pressure, SpreadForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.path.state import State
@@ -28,7 +29,7 @@ class Reactions:
     moment : (3,) ndarray
         N mm, of the board's forces on the deformed pad.
     applied_force : (3,) ndarray
-        In N; where the load is the displacement of a plate, what the plate does.
+        In N; where the load is the displacement of a plate or an indenter, what that does.
     applied_moment : (3,) ndarray
         N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning.
     size : float
@@ -86,6 +87,9 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
     if isinstance(load, SpreadForce | PatchForce):
         share = load.nodal(mesh)
         return share[:, None] / share.sum() * state.value
+    if isinstance(load, IndenterDisplacement):
+        body = Indentation(mesh, load.indenter, state.material.youngs_modulus)
+        return body.pushed(body.pressing(state.displacement, state.value))
     forces = np.zeros_like(places)
     if isinstance(load, Pressure):
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]

@@ -10,7 +10,8 @@ from itertools import permutations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.geometry.refinement import of_pieces
+from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
 _TET_CUTS = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 2), (1, 3)), 3: ((0, 3), (1, 3), (2, 3))}
 """Edges of a tetrahedron that are cut, if its first 1, 2 or 3 corners are singular; the cuts are its nodes 4, 5, ..."""
@@ -51,26 +52,7 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     cut = _Cut(at, edges[at[edges].sum(axis=1) == 1], fraction)
     tets, tet_place, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
     faces, _, face_parent = cut.pieces(faces, _FACE_CUTS, _FACE_PIECES)
-
-    ends, first, middle = np.unique(
-        np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    count = len(corners) + len(cut.edges)
-    key = ends[:, 0] * count + ends[:, 1]
-    face_ends = np.sort(faces[:, np.array(FACE_EDGES)], axis=2)
-    face_middle = np.searchsorted(key, face_ends[:, :, 0] * count + face_ends[:, :, 1])
-    _, owner = np.unique(tets, return_index=True)
-    middles = tet_place[:, np.array(TET_EDGES)].mean(axis=2).reshape(-1, 4)
-    place = np.concatenate([tet_place.reshape(-1, 4)[owner], middles[first]])
-    element = np.concatenate([parent[owner // 4], parent[first // len(TET_EDGES)]])
-    points = np.einsum("na,nai->ni", _functions(place), mesh.points[mesh.tets[element]])
-    return VolumeMesh(
-        points,
-        np.concatenate([tets, count + middle.reshape(-1, 6)], axis=1),
-        np.concatenate([faces, count + face_middle], axis=1),
-        mesh.face_region[face_parent],
-        mesh.face_cell[face_parent],
-    )
+    return of_pieces(mesh, tets, tet_place, parent, faces, face_parent)
 
 
 class _Cut:
@@ -132,9 +114,3 @@ def _simplices(nodes: np.ndarray, shape: np.ndarray, size: int) -> np.ndarray:
     other = own[:, [2, 4]].min(axis=1) < own[:, [1, 5]].min(axis=1)
     tets = _PRISM_TETS[other.astype(np.int64)]
     return shape[np.take_along_axis(turned[:, None], tets, axis=2)]
-
-
-def _functions(barycentric: np.ndarray) -> np.ndarray:
-    """Quadratic shape functions (Q, 10) of a tetrahedron at barycentric coordinates (Q, 4)."""
-    i, j = np.array(TET_EDGES).T
-    return np.concatenate([barycentric * (2 * barycentric - 1), 4 * barycentric[:, i] * barycentric[:, j]], axis=1)

@@ -1,0 +1,119 @@
+"""Second-order tetrahedra cut into pieces: any that are given, or by bisection down to a size.
+
+Elements are cut at the middle of their longest edge, and their neighbours as far as it takes for all to fit (M.-C.
+Rivara, Int. J. Numer. Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved elements that they are
+cut from, so that the solid stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+
+
+def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray]) -> VolumeMesh:
+    """The mesh with no edge longer than the ``size`` (n,) in mm at its middle (n, 3)."""
+    edges = np.array(TET_EDGES)
+    while True:
+        tets = mesh.tets[:, :4]
+        count = len(mesh.points)
+        sides = np.sort(tets[:, edges], axis=2)
+        keys, of_tets = np.unique(sides[..., 0] * count + sides[..., 1], return_inverse=True)
+        of_tets, ends = of_tets.reshape(-1, 6), np.stack(np.divmod(keys, count), axis=1)
+        places = mesh.points[ends]
+        squared = ((places[:, 0] - places[:, 1]) ** 2).sum(axis=1)
+        rank = np.empty(len(ends), dtype=np.int64)
+        rank[np.argsort(squared, kind="stable")] = np.arange(len(ends))
+        longest = np.take_along_axis(of_tets, rank[of_tets].argmax(axis=1)[:, None], axis=1)
+        cut = _with_longest(squared > size(places.mean(axis=1)) ** 2, of_tets, longest)
+        if not cut.any():
+            return mesh
+        cut[of_tets[cut[of_tets] & (of_tets != longest)]] = False  # their turn comes when they are the longest
+        mesh = _bisected(mesh, ends[cut])
+
+
+def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
+    """The edges (E,) to be cut, with the longest of every element that has one of them."""
+    while True:
+        more = cut.copy()
+        more[longest[cut[of_tets].any(axis=1)]] = True
+        if np.array_equal(more, cut):
+            return cut
+        cut = more
+
+
+def _bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
+    """The mesh with some edges (E, 2) cut, of which no element has more than one."""
+    corners = np.unique(mesh.tets[:, :4])
+    number = np.full(len(mesh.points), -1)
+    number[corners] = np.arange(len(corners))
+    keys = number[ends[:, 0]] * len(corners) + number[ends[:, 1]]
+    tets, place, parent = _halves(number[mesh.tets[:, :4]], TET_EDGES, keys, len(corners))
+    faces, _, face_parent = _halves(number[mesh.faces[:, :3]], FACE_EDGES, keys, len(corners))
+    return of_pieces(mesh, tets, place, parent, faces, face_parent)
+
+
+def _halves(
+    simplices: np.ndarray, pairs: tuple[tuple[int, int], ...], keys: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners (P, n) of simplices, those with an edge of ``keys`` halved; where they are (P, n, n), whose they are."""
+    ends = np.sort(simplices[:, np.array(pairs)], axis=2)
+    own = ends[..., 0] * count + ends[..., 1]
+    found = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
+    cut = keys[found] == own
+    size = simplices.shape[1]
+    whole, at = np.flatnonzero(~cut.any(axis=1)), np.flatnonzero(cut.any(axis=1))
+    edge, row = cut[at].argmax(axis=1), np.arange(len(at))
+    corners, places = [simplices[whole]], [np.tile(np.eye(size), (len(whole), 1, 1))]
+    for end in range(2):
+        half, place = simplices[at].copy(), np.tile(np.eye(size), (len(at), 1, 1))
+        moved = np.array(pairs)[edge, end]
+        half[row, moved] = count + found[at, edge]
+        place[row, moved] = 0.5 * np.eye(size)[np.array(pairs)[edge]].sum(axis=1)
+        corners.append(half)
+        places.append(place)
+    return np.concatenate(corners), np.concatenate(places), np.concatenate([whole, at, at])
+
+
+def of_pieces(
+    mesh: VolumeMesh,
+    tets: np.ndarray,
+    place: np.ndarray,
+    parent: np.ndarray,
+    faces: np.ndarray,
+    face_parent: np.ndarray,
+) -> VolumeMesh:
+    """The mesh that pieces of the elements of another make.
+
+    Parameters
+    ----------
+    tets : (M, 4) ndarray
+        Their corners, numbered from 0 on without a gap.
+    place : (M, 4, 4) ndarray
+        Barycentric coordinates of each corner in the element that the piece is of.
+    parent : (M,) ndarray
+        Number of that element.
+    faces, face_parent : ndarray
+        (B, 3) corners of the pieces of faces, and (B,) whose they are.
+    """
+    count = int(tets.max()) + 1
+    ends = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
+    key, first, middle = np.unique(ends[:, 0] * count + ends[:, 1], return_index=True, return_inverse=True)
+    face_ends = np.sort(faces[:, np.array(FACE_EDGES)], axis=2)
+    face_middle = np.searchsorted(key, face_ends[:, :, 0] * count + face_ends[:, :, 1])
+    _, owner = np.unique(tets, return_index=True)
+    middles = place[:, np.array(TET_EDGES)].mean(axis=2).reshape(-1, 4)
+    places = np.concatenate([place.reshape(-1, 4)[owner], middles[first]])
+    element = np.concatenate([parent[owner // 4], parent[first // len(TET_EDGES)]])
+    points = np.einsum("na,nai->ni", shape_functions(places), mesh.points[mesh.tets[element]])
+    return VolumeMesh(
+        points,
+        np.concatenate([tets, count + middle.reshape(-1, 6)], axis=1),
+        np.concatenate([faces, count + face_middle], axis=1),
+        mesh.face_region[face_parent],
+        mesh.face_cell[face_parent],
+    )

@@ -1,0 +1,170 @@
+"""Rigid bodies that press on a pad, as signed distances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
+
+INDENTERS = {
+    "sphere": "a ball",
+    "punch": "the flat end of a round rod, with a rounded edge",
+    "cylinder": "a rod that lies on the pad, as long as it takes",
+    "plane": "a plate as large as it takes",
+}
+TINY = np.finfo(float).tiny
+EDGE = 0.1
+"""Radius of a punch's edge, relative to its own, where nobody asks for another."""
+
+
+class Gap(NamedTuple):
+    """Distances from a body, negative inside.
+
+    Attributes
+    ----------
+    size : (n,) ndarray
+        In mm.
+    normal : (n, 3) ndarray
+        Its gradient: out of the body, of length 1.
+    curvature : (n, 3, 3) ndarray
+        Its second derivatives, 1/mm.
+    """
+
+    size: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+
+
+@dataclass(frozen=True)
+class Indenter(Checked):
+    """A rigid body that touches the pad from above; its tip starts at the height of the pad's highest point.
+
+    Raises
+    ------
+    InputError
+        if a value is not finite or out of range.
+    """
+
+    shape: str = choice("sphere", INDENTERS, "What presses on the pad.", name="indenter")
+    radius: float | None = number(
+        REQUIRED,
+        "mm",
+        "Radius of the ball, of the rod.",
+        above=0,
+        common=(0.02, 500),
+        when=("shape", "sphere", "punch", "cylinder"),
+        name="indenter_radius",
+    )
+    at: Sequence[float] = (0.0, 0.0)
+    angle: float | None = number(
+        0.0, "degrees", "From x to the axis of a cylinder.", when=("shape", "cylinder"), name="indenter_angle"
+    )
+    edge_radius: float | None = number(
+        None,
+        "mm",
+        "Of the rounded edge of a punch, at most its radius.",
+        above=0,
+        common=(0.002, 500),
+        when=("shape", "punch"),
+        name="indenter_edge_radius",
+        default_words="a tenth of its radius",
+    )
+
+    def _check(self) -> None:
+        try:
+            x, y = (float(place) for place in self.at)
+        except (TypeError, ValueError, OverflowError):
+            x = y = math.nan
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"indenter at = {self.at!r} is not allowed: two finite numbers are needed.")
+        object.__setattr__(self, "at", (x, y))
+        if self.edge_radius is not None and self.edge_radius > self._radius:
+            raise InputError(
+                f"indenter_edge_radius = {self.edge_radius:g} is not allowed: at most indenter_radius = "
+                f"{self._radius:g} is needed."
+            )
+
+    def gap(self, places: np.ndarray) -> Gap:
+        """Distances of places (n, 3), in mm from the tip."""
+        if self.shape == "plane":
+            down = np.broadcast_to([0.0, 0.0, -1.0], places.shape)
+            return Gap(-places[:, 2], down, np.zeros((len(places), 3, 3)))
+        if self.shape == "punch":
+            return self._of_punch(places)
+        from_middle = places - [0.0, 0.0, self._radius]
+        free = np.eye(3)
+        if self.shape == "cylinder":
+            free = free - np.outer(self._axis, self._axis)
+            from_middle = from_middle @ free
+        distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
+        normal = from_middle / distance[:, None]
+        curvature = (free - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
+        return Gap(distance - self._radius, normal, curvature)
+
+    def _of_punch(self, places: np.ndarray) -> Gap:
+        """A rod with a flat end, a core that is thinner by the edge's radius and rounded by it."""
+        edge = EDGE * self._radius if self.edge_radius is None else self.edge_radius
+        across = np.maximum(np.hypot(places[:, 0], places[:, 1]), TINY)
+        outwards = places * [1.0, 1.0, 0.0] / across[:, None]
+        around = outwards @ [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+        beyond, below = across - (self._radius - edge), edge - places[:, 2]
+        sideways, downwards = np.maximum(beyond, 0.0), np.maximum(below, 0.0)
+        distance = np.hypot(sideways, downwards)
+        inside = distance == 0  # the core, where the nearer of end and side counts
+        distance = np.where(inside, np.maximum(beyond, below), distance)
+        sideways = np.where(inside, beyond > below, sideways / np.where(inside, 1.0, distance))
+        downwards = np.where(inside, beyond <= below, downwards / np.where(inside, 1.0, distance))
+        down = np.array([0.0, 0.0, -1.0])
+        normal = sideways[:, None] * outwards + downwards[:, None] * down
+        along = downwards[:, None] * outwards - sideways[:, None] * down
+        rounded = (sideways > 0) & (downwards > 0)
+        bends = np.where(rounded, 1 / np.where(rounded, distance, 1.0), 0.0), sideways / across
+        curvature = sum(
+            bend[:, None, None] * way[:, :, None] * way[:, None, :]
+            for bend, way in zip(bends, (along, around), strict=True)
+        )
+        return Gap(distance - edge, normal, curvature)
+
+    @property
+    def _radius(self) -> float:
+        assert self.radius is not None
+        return self.radius
+
+    def keeps(self, mirror: Mirror) -> bool:
+        """Whether a mirror leaves the body as it is, where it starts."""
+        if self.shape == "plane":
+            return True
+        here = np.array([*self.at, 0.0])
+        if self.shape == "cylinder":
+            axis = np.round(self._axis, 12)
+            image, across = mirror.image(axis), np.array([-axis[1], axis[0], 0.0])
+            turned = not np.array_equal(image, axis) and not np.array_equal(image, -axis)
+            return not turned and across @ mirror.image(here) == across @ here
+        return bool(np.array_equal(mirror.image(here), here))
+
+    def from_contact(self, places: np.ndarray) -> np.ndarray:
+        """(n,) mm from places (n, 3), relative to the tip, to where the pressure changes most."""
+        if self.shape == "cylinder":
+            return np.linalg.norm(places - np.outer(places @ self._axis, self._axis), axis=1)
+        if self.shape == "punch":
+            return np.hypot(np.hypot(places[:, 0], places[:, 1]) - self._radius, places[:, 2])
+        return np.linalg.norm(places, axis=1)
+
+    @property
+    def _axis(self) -> np.ndarray:
+        """(3,) along a cylinder."""
+        angle = math.radians(self.angle or 0.0)
+        return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+    def contact_radius(self, depth: float) -> float:
+        """Half the width of what it touches at a depth in mm of a half-space, by Hertz; infinite for a plane."""
+        if self.shape == "plane":
+            return math.inf
+        return self._radius if self.shape == "punch" else math.sqrt(self._radius * depth)

@@ -1,0 +1,117 @@
+"""Bodies pressed on blocks, against closed forms.
+
+The bonded layer of thickness H under a contact is stiffer than a half-space: to first order by a shift of the depth of
+0.5665 F / (E* H) for rubber (E. K. Dimitriadis et al., Biophys. J. 82, 2002, equation 10, whose first term it is).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, mirrored
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
+from mitsuba_taxel.geometry.refinement import refined
+from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
+from mitsuba_taxel.mechanics.contact.indentation import BARYCENTRIC
+from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
+from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+
+LAW = NeoHookean(1.0, 0.49)
+MODULUS = 1 / (1 - 0.49**2)
+HEIGHT, RADIUS = 80.0, 20.0
+
+
+@pytest.fixture
+def half_space(symmetric_block):
+    """A function that makes blocks of 160 mm x 160 mm x 80 mm with small elements where it is asked for."""
+
+    def make(size):
+        mesh = symmetric_block((2 * HEIGHT, 2 * HEIGHT, HEIGHT), (1, 1, 1))
+        mesh = part_between(mesh, node_images(mesh), MIRRORS).mesh
+        mesh = refined(mesh, lambda places: size(places - [0, 0, HEIGHT]))
+        for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y):
+            mesh = mirrored(mesh, mirror)
+        order = np.concatenate([np.unique(mesh.tets[:, :4]), np.unique(mesh.tets[:, 4:])])
+        number = np.argsort(order)
+        return replace(mesh, points=mesh.points[order], tets=number[mesh.tets], faces=number[mesh.faces])
+
+    return make
+
+
+class Pressed:
+    """A block pressed deeper and deeper by a body."""
+
+    def __init__(self, mesh, body, material=LAW, mirrors=MIRRORS):
+        load, images = IndenterDisplacement(body), node_images(mesh)
+        self.pad = IndentedPad(mesh, material, load, mirrors, {mirror: images[mirror] for mirror in mirrors})
+        self.unknowns, self.depth, self.tangent = np.zeros(self.pad.unknowns), 0.0, 0.0
+
+    def to(self, depth):
+        value = np.array([0.0, 0.0, -depth])
+        start = self.unknowns + (depth - self.depth) * self.tangent
+        solution, linearised = self.pad.solve(start, value)
+        self.unknowns, self.depth = solution.unknowns, depth
+        self.tangent = self.pad.rate(linearised, self.unknowns, np.array([0.0, 0.0, -1.0]), value)
+        displacement = self.pad.numbering.split(self.unknowns)[0]
+        body = self.pad.model.indentation
+        self.pressing = body.pressing(displacement, value)
+        values = shape_functions(BARYCENTRIC)[self.pressing.point]
+        nodes = (self.pad.part.mesh.points + displacement)[body.faces[self.pressing.face]]
+        self.places = np.einsum("na,nai->ni", values, nodes)
+        return self
+
+    @property
+    def force(self):
+        return -self.pad.part.copies * float(self.pressing.force @ self.pressing.gap.normal[:, 2])
+
+
+def test_a_ball_presses_as_hertz_says(half_space):
+    mesh = half_space(lambda places: 0.5 * np.maximum(1.0, np.linalg.norm(places, axis=1)))  # half the contact's radius
+    block = Pressed(mesh, Indenter("sphere", radius=RADIUS))
+    for depth in (0.025, 0.05):
+        block.to(depth)
+        relative = np.sqrt(RADIUS * depth) / HEIGHT
+        layer = 1 + 1.133 * relative + 1.283 * relative**2
+        expected = 4 / 3 * MODULUS * np.sqrt(RADIUS) * depth**1.5 * layer
+        assert block.force == pytest.approx(expected, rel=5e-3)
+        squared = np.average((block.places[:, :2] ** 2).sum(axis=1), weights=block.pressing.force)
+        assert np.sqrt(2.5 * squared) == pytest.approx(np.sqrt(RADIUS * depth), rel=1e-2)  # of a half-ellipsoid
+        assert -np.average(block.pressing.gap.size, weights=block.pressing.force) < 2e-3 * depth
+
+
+def test_a_punch_presses_as_its_closed_form_says(half_space):
+    """A flat punch with a parabolic edge (V. L. Popov et al., Handbook of Contact Mechanics, 2019, section 2.5.7)."""
+    radius, edge, depth = 1.0, 0.2, 0.02
+    flat = radius - edge
+
+    def profile(x):  # of the equivalent one-dimensional punch
+        return x / edge * (np.sqrt(x**2 - flat**2) - flat * np.arccos(flat / x))
+
+    def force(deep):
+        touching = brentq(lambda x: profile(x) - deep, flat, radius)
+        return 2 * MODULUS * (deep * touching - quad(profile, flat, touching)[0])
+
+    expected = force(depth)
+    for _ in range(5):
+        expected = force(depth + 0.5665 * expected / (MODULUS * HEIGHT))
+
+    def size(places):
+        from_edge = np.hypot(np.hypot(places[:, 0], places[:, 1]) - radius, places[:, 2])
+        return np.where(np.linalg.norm(places, axis=1) < 2.0, 0.5 * np.maximum(0.5, from_edge), 0.7 * from_edge)
+
+    block = Pressed(half_space(size), Indenter("punch", radius=radius, edge_radius=edge))
+    assert block.to(0.5 * depth).to(depth).force == pytest.approx(expected, rel=1e-2)
+
+
+def test_a_plate_presses_evenly(block):
+    mesh = block((1.0, 1.0, 1.0), (2, 2, 2), distortion=0.2, curvature=0.05)
+    material, depth = NeoHookean(2.0, 0.0), 1e-5
+    pressed = Pressed(mesh, Indenter("plane"), material, ()).to(depth)
+    assert pressed.force == pytest.approx(2.0 * depth, rel=2e-3)
+    displacement, _ = pressed.pad.split(pressed.unknowns)
+    np.testing.assert_allclose(displacement, -depth * mesh.points * [0, 0, 1], atol=2e-3 * depth)

@@ -1,0 +1,71 @@
+"""Distances from rigid bodies, and what is refused of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
+from mitsuba_taxel.mechanics import Indenter
+
+BODIES = [
+    Indenter("sphere", radius=2.0),
+    Indenter("cylinder", radius=1.5, angle=30.0),
+    Indenter("punch", radius=1.0, edge_radius=0.3),
+    Indenter("plane"),
+]
+
+
+@pytest.mark.parametrize("body", BODIES, ids=lambda body: body.shape)
+def test_normal_and_curvature_are_the_derivatives_of_the_distance(body):
+    places = np.random.default_rng(1).uniform([-1.5, -1.5, -0.5], [1.5, 1.5, 0.6], (200, 3))
+    gap, step = body.gap(places), 1e-6
+    for axis in range(3):
+        ahead, behind = (body.gap(places + sign * step * np.eye(3)[axis]) for sign in (1, -1))
+        smooth = np.abs(ahead.normal - behind.normal).max(axis=1) < 0.1  # no edge in between
+        assert smooth.mean() > 0.95
+        slope = (ahead.size - behind.size) / (2 * step)
+        np.testing.assert_allclose(slope[smooth], gap.normal[smooth, axis], atol=1e-7)
+        bend = ((ahead.normal - behind.normal) / (2 * step))[smooth]
+        close = np.abs(bend - gap.curvature[smooth, :, axis]).max(axis=1) < 1e-5
+        assert close.mean() > 0.97  # the others are at lines where the curvature jumps
+
+
+def test_distances_are_those_of_the_solids():
+    places = np.array([[0, 0, -1.0], [0, 0, 0.5], [3.0, 0, 2.0]])
+    np.testing.assert_allclose(Indenter("sphere", radius=2.0).gap(places).size, [1.0, -0.5, 1.0])
+    np.testing.assert_allclose(Indenter("cylinder", radius=2.0).gap(places).size, [1.0, -0.5, -2.0])
+    np.testing.assert_allclose(Indenter("punch", radius=1.0).gap(places).size, [1.0, -0.5, 2.0])
+    np.testing.assert_allclose(Indenter("plane").gap(places).size, [1.0, -0.5, -2.0])
+    corner = Indenter("punch", radius=1.0, edge_radius=0.5).gap(np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(corner.size, 0.5 * (np.sqrt(2) - 1))
+
+
+def test_mirrors_that_leave_a_body_as_it_is():
+    def kept(body):
+        return [mirror for mirror in MIRRORS if body.keeps(mirror)]
+
+    assert kept(Indenter("plane", at=(1, 2))) == list(MIRRORS)
+    assert kept(Indenter("sphere", radius=1.0)) == list(MIRRORS)
+    assert kept(Indenter("punch", radius=1.0, at=(1, 0))) == [ACROSS_Y]
+    assert kept(Indenter("sphere", radius=1.0, at=(2, 2))) == [ACROSS_DIAGONAL]
+    assert kept(Indenter("cylinder", radius=1.0, at=(3, 0))) == [ACROSS_X, ACROSS_Y]
+    assert kept(Indenter("cylinder", radius=1.0, at=(0, 1), angle=90)) == [ACROSS_X, ACROSS_Y]
+    assert kept(Indenter("cylinder", radius=1.0, at=(1, 0), angle=90)) == [ACROSS_Y]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"shape": "cube"}, "indenter = 'cube' is not allowed: one of sphere, punch, cylinder, plane is needed"),
+        ({"shape": "sphere"}, "indenter_radius is missing"),
+        ({"shape": "sphere", "radius": 0.0}, "indenter_radius = 0 is not allowed"),
+        ({"shape": "plane", "radius": 1.0}, "indenter_radius is not allowed"),
+        ({"radius": 1.0, "at": (0, float("nan"))}, "indenter at"),
+        ({"shape": "punch", "radius": 1.0, "edge_radius": 2.0}, "indenter_edge_radius = 2 is not allowed"),
+    ],
+)
+def test_what_is_no_body_is_refused(given, said):
+    with pytest.raises(InputError, match=said.replace("(", r"\(")):
+        Indenter(**given)

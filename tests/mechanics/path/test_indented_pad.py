@@ -1,0 +1,131 @@
+"""Paths of pads that a rigid body presses on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, linearise, load_path, reactions
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.elements.assembly import Assembly
+from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.pads import Pad
+
+pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
+
+PAD, SIZE, LAW = Pad("hemispheric", rows=1, columns=1), 3.0, NeoHookean()
+BALL = IndenterDisplacement(Indenter("sphere", radius=2.5))
+ASIDE = IndenterDisplacement(Indenter("sphere", radius=2.5, at=(0.8, 0.0)))
+
+
+def pressed(*values, load=BALL, pad=PAD, material=LAW):
+    return load_path(pad, material, values, load=load, mesh_size=SIZE)
+
+
+def test_the_board_holds_what_the_body_does():
+    shallow, deep = pressed((0, 0, -0.2), (0, 0, -0.5))
+    for state in (shallow, deep):
+        held = reactions(state)
+        assert held.imbalance < 1e-8
+        assert held.force[2] > 0.1
+    assert reactions(deep).force[2] > 3 * reactions(shallow).force[2]
+
+
+def test_what_the_body_does_is_stored_in_the_pad():
+    """The derivative of the energy by the depth is the force, that of what the body sinks in included."""
+
+    def energy(state):
+        mesh = state.mesh
+        elements = Assembly(mesh, LAW, number_unknowns(mesh, np.zeros(len(mesh.points), bool))).elements
+        here = slice(None)
+        gradient = elements.gradient(here, state.displacement) + np.eye(3)
+        pressure = elements.pressures(here, state.pressure)
+        density = LAW.energy(gradient) + LAW.compressibility / 2 * pressure**2
+        body = Indentation(mesh, BALL.indenter, LAW.youngs_modulus)
+        sunk = body.pressing(state.displacement, state.value)
+        return (elements.weight * density).sum() + 0.5 * (sunk.force**2 / sunk.stiffness).sum()
+
+    depths = 0.4 + 5e-4 * np.array([-1, 0, 1])
+    states = pressed(*((0, 0, -depth) for depth in depths))
+    forces = [reactions(state).force[2] for state in states]
+    done = (depths[2] - depths[0]) * (forces[0] + 4 * forces[1] + forces[2]) / 6
+    assert energy(states[2]) - energy(states[0]) == pytest.approx(done, rel=1e-5)
+
+
+def test_a_symmetric_part_is_the_whole():
+    (state,) = pressed((0, 0, -0.3), load=ASIDE)
+    whole = IndentedPad(state.mesh, LAW, ASIDE)
+    unknowns = whole.balance(whole.gather(1.001 * state.displacement, state.pressure), state.value)
+    np.testing.assert_allclose(whole.split(unknowns)[0], state.displacement, atol=1e-9)
+    assert len(node_images(state.mesh)) == 1
+    assert 2 * IndentedPad(state.mesh, LAW, ASIDE, tuple(node_images(state.mesh)), node_images(state.mesh)).unknowns < (
+        1.2 * whole.unknowns
+    )
+
+
+def test_a_moved_body_is_one_that_starts_there():
+    """Without friction a pad does not know how the body came."""
+    (moved,) = pressed((0.4, 0.0, -0.3), load=BALL)
+    (placed,) = pressed((0.0, 0.0, -0.3), load=IndenterDisplacement(Indenter("sphere", radius=2.5, at=(0.4, 0.0))))
+    np.testing.assert_allclose(reactions(moved).force, reactions(placed).force, rtol=0.02, atol=0.01)
+
+
+def test_states_are_the_same_in_any_order(fresh):
+    together = pressed((0, 0, -0.25), (0, 0, -0.4))
+    kept = pressed((0, 0, -0.25))[0]
+    fresh()
+    alone = pressed((0, 0, -0.25))[0]
+    for state in (kept, alone):
+        np.testing.assert_array_equal(state.displacement, together[0].displacement)
+
+
+def test_a_body_that_does_not_touch_leaves_the_pad_at_rest():
+    beside = IndenterDisplacement(Indenter("sphere", radius=1.0, at=(50.0, 0.0)))
+    for load, value in ((beside, (0, 0, -0.5)), (BALL, (0, 0, 0.1)), (BALL, (0.2, 0, 0))):
+        (state,) = pressed(value, load=load)
+        assert not state.displacement.any()
+
+
+def test_derivatives_are_those_of_differences():
+    (state,) = pressed((0, 0, -0.4))
+    tangent, step = linearise(state), 1e-4
+    ahead, behind = pressed((0, 0, -0.4 + step), (0, 0, -0.4 - step))
+    by_depth = (ahead.displacement - behind.displacement) / (2 * step)
+    np.testing.assert_allclose(tangent.by_value((0, 0, 1)), by_depth, atol=2e-3)
+    sideways = tangent.by_value((1, 0, 0))
+    (aside,) = pressed((0.02, 0, -0.4))
+    np.testing.assert_allclose(sideways, (aside.displacement - state.displacement) / 0.02, atol=0.05)
+    softer, stiffer = (pressed((0, 0, -0.4), material=LAW.changed(youngs_modulus=e))[0] for e in (4.15, 4.17))
+    assert np.abs(stiffer.displacement - softer.displacement).max() < 1e-9  # of depth alone
+    assert np.abs(tangent.by_material("youngs_modulus")).max() < 1e-7
+
+
+def test_forces_change_with_the_shape_as_differences_say():
+    (state,) = pressed((0, 0, -0.4))
+    velocity = np.random.default_rng(2).normal(size=state.mesh.points.shape)
+    velocity[np.isclose(state.mesh.points[:, 2], PAD.height), 2] = 0.3  # or another node is the highest
+    body = Indentation(state.mesh, BALL.indenter, LAW.youngs_modulus)
+    rate = body.shape_rate(body.pressing(state.displacement, state.value), state.mesh, velocity)
+
+    def pushed(step):
+        mesh = replace(state.mesh, points=state.mesh.points + step * velocity)
+        other = Indentation(mesh, BALL.indenter, LAW.youngs_modulus)
+        return other.pushed(other.pressing(state.displacement, state.value))
+
+    step = 1e-9
+    np.testing.assert_allclose((pushed(step) - pushed(-step)) / (2 * step), rate, atol=1e-4 * np.abs(rate).max())
+
+
+def test_elements_are_small_where_the_body_touches():
+    mesh = pad_path(PAD, LAW, ASIDE, PAD.default_mesh_size).mesh
+    top = mesh.points[mesh.faces[mesh.faces[:, :3].max(axis=1) >= 0][:, :3]]
+    middle = top.mean(axis=1)
+    longest = np.linalg.norm(top - np.roll(top, 1, axis=1), axis=2).max(axis=1)
+    under = np.linalg.norm(middle - [0.8, 0.0, PAD.height], axis=1) < 0.4
+    assert longest[under].max() < 0.5
+    assert longest[~under].max() > 0.8
