@@ -1,0 +1,44 @@
+"""`taxel export`: a study as a fast model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, json_option
+
+
+@click.command(short_help="A study as a fast model for simulators (ONNX).")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), default=Path("model.onnx"), show_default=True,
+    metavar="FILE.onnx", help="The model.",
+)  # fmt: skip
+@json_option
+@debug_option
+def command(folder: Path, output: Path, as_json: bool) -> None:
+    """Write readings as a function of what the study in DIR varies, for any ONNX runtime.
+
+    A polynomial, tested on whole paths that its fit has not seen. The model says whether inputs lie within what the
+    study covers, and holds their units and its error.
+    """
+    from mitsuba_taxel import open_study
+    from mitsuba_taxel.studies.plan.files import check_new_file
+    from mitsuba_taxel.surrogates import export
+
+    check_new_file(output, ".onnx")
+    found, notes = export(open_study(folder), output)
+    if as_json:
+        import json
+
+        about = {"inputs": found.names, "units": found.units, "low": found.low.tolist(), "high": found.high.tolist()}
+        error = {"rms": found.rms, "worst": found.worst, "tested": found.tested}
+        click.echo(json.dumps({**about, "error": error, "notes": notes, "file": str(output)}))
+        return
+    for name, unit, low, high in zip(found.names, found.units, found.low, found.high, strict=True):
+        print(f"{name}: {low:g} to {high:g} {unit}".rstrip())
+    print(f"Error: {found.rms:.2%} of full scale (at worst {found.worst:.2%}), on {found.tested}.")
+    for note in notes:
+        print(note)
+    print(f"Results: {output}")

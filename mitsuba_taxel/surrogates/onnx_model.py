@@ -1,0 +1,114 @@
+"""A polynomial as an ONNX graph of a few operations, with its box, units and error inside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.surrogates.polynomial import Polynomial, polynomial_of
+
+OPSET, IR = 18, 8
+"""Versions of ONNX that runtimes since 2023 read."""
+TARGET = 0.01
+"""Of full scale: a larger error is told."""
+
+
+def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
+    """Write a model of a study's readings that needs nothing but an ONNX runtime.
+
+    Its input ``inputs`` (rows, inputs) takes what the study varies; its outputs are ``readings`` (rows, taxels) in W
+    and ``inside`` (rows,), whether the inputs lie in the box that the study covers. Beyond it the readings are those at
+    its edge. The metadata hold names, units and ranges of the inputs, the test error, scene, parameters and versions.
+
+    Parameters
+    ----------
+    study : xr.Dataset or xr.DataTree
+        As ``open_study`` returns it, of one scene.
+    file : str or Path
+        Ends in ``.onnx``.
+
+    Returns
+    -------
+    The polynomial that the model holds, and notes in words.
+
+    Raises
+    ------
+    InputError
+        if onnx is not installed, or the study holds several scenes, varied words or too few values.
+    """
+    if find_spec("onnx") is None:
+        raise InputError("export needs onnx: install mitsuba_taxel[export].")
+    if isinstance(study, xr.DataTree):
+        raise InputError("the study holds several scenes: the folder of one of them is needed.")
+    found = polynomial_of(study)
+    about = {
+        "inputs": json.dumps(list(found.names)),
+        "units": json.dumps(list(found.units)),
+        "low": json.dumps(found.low.tolist()),
+        "high": json.dumps(found.high.tolist()),
+        "readings": "optical power in W per taxel, row by row from (-x, +y)",
+        "error": json.dumps({"rms": found.rms, "worst": found.worst, "of": "full scale", "tested": found.tested}),
+        **{name: str(study.attrs[name]) for name in ("scene", "parameters", "seed", "points", "versions")},
+    }
+    content = _model(found, about)
+    with replacing(Path(file)) as temporary:
+        temporary.write_bytes(content)
+    notes = [f"error {found.rms:.2%} of full scale: more values, or more points, make it less"]
+    return found, notes if found.rms > TARGET else []
+
+
+def _model(polynomial: Polynomial, about: Mapping[str, str]) -> bytes:
+    from onnx import TensorProto, checker, helper, numpy_helper
+
+    def constant(name: str, value: Any, kind: Any = float) -> Any:
+        return numpy_helper.from_array(np.array(value, dtype=kind), name)
+
+    span = polynomial.high - polynomial.low
+    constants = [
+        constant("low", polynomial.low),
+        constant("high", polynomial.high),
+        constant("factor", 2 / span),
+        constant("shift", -1 - 2 * polynomial.low / span),
+        constant("exponents", polynomial.exponents[None]),
+        constant("weights", polynomial.weights),
+        constant("middle", [1], np.int64),
+        constant("last", [2], np.int64),
+    ]
+    steps: list[tuple[str, list[str], str, dict[str, Any]]] = [
+        ("Max", ["inputs", "low"], "raised", {}),
+        ("Min", ["raised", "high"], "clipped", {}),
+        ("Equal", ["clipped", "inputs"], "within", {}),
+        ("Cast", ["within"], "ones", {"to": TensorProto.INT32}),
+        ("ReduceMin", ["ones", "middle"], "all", {"keepdims": 0}),
+        ("Cast", ["all"], "inside", {"to": TensorProto.BOOL}),
+        ("Mul", ["clipped", "factor"], "stretched", {}),
+        ("Add", ["stretched", "shift"], "scaled", {}),
+        ("Unsqueeze", ["scaled", "middle"], "column", {}),
+        ("Pow", ["column", "exponents"], "powers", {}),
+        ("ReduceProd", ["powers", "last"], "terms", {"keepdims": 0}),
+        ("MatMul", ["terms", "weights"], "readings", {}),
+    ]
+    count, taxels = len(polynomial.names), polynomial.weights.shape[1]
+    graph = helper.make_graph(
+        [helper.make_node(kind, inputs, [output], **how) for kind, inputs, output, how in steps],
+        "readings",
+        [helper.make_tensor_value_info("inputs", TensorProto.DOUBLE, ["rows", count])],
+        [
+            helper.make_tensor_value_info("readings", TensorProto.DOUBLE, ["rows", taxels]),
+            helper.make_tensor_value_info("inside", TensorProto.BOOL, ["rows"]),
+        ],
+        constants,
+    )
+    opsets = [helper.make_opsetid("", OPSET)]
+    model = helper.make_model(graph, producer_name="mitsuba_taxel", opset_imports=opsets, ir_version=IR)
+    helper.set_model_props(model, dict(about))
+    checker.check_model(model)
+    return model.SerializeToString()

@@ -1,0 +1,130 @@
+"""Readings of a study as polynomials of its varied numbers, tested on whole paths that the fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.errors import InputError
+
+MOST_DEGREE = 8
+MOST_TESTS = 24
+"""Paths that are left out, one by one, spread evenly over those that may be."""
+
+
+class Polynomial(NamedTuple):
+    """Readings (rows, taxels) in W as a polynomial of inputs (rows, inputs), within a box.
+
+    ``names`` and ``units`` (inputs,); ``low`` and ``high`` (inputs,), the box; ``exponents`` (terms, inputs) of inputs
+    scaled to -1 ... 1; ``weights`` (terms, taxels) in W; ``rms`` and ``worst``, error of readings that the fit has not
+    seen, root mean square of the worst taxel and largest of all, relative to the taxel's full scale, the range of its
+    readings; ``tested``, on what, in words.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+    exponents: np.ndarray
+    weights: np.ndarray
+    rms: float
+    worst: float
+    tested: str
+
+    def __call__(self, inputs: np.ndarray) -> np.ndarray:
+        """Readings (rows, taxels) at inputs (rows, inputs); beyond the box those at its edge."""
+        scaled = 2 * (np.clip(inputs, self.low, self.high) - self.low) / (self.high - self.low) - 1
+        return _terms(scaled, self.exponents) @ self.weights
+
+
+def polynomial_of(study: xr.Dataset) -> Polynomial:
+    """The polynomial of the degree that predicts left-out paths best.
+
+    A path is all that lies along the study's curve at one combination of the other parameters. Those in the middle are
+    left out, so that the rest spans the same box; of a study of one path, points in the middle are.
+
+    Raises
+    ------
+    InputError
+        if words are varied, or fewer than three values of every number.
+    """
+    names, inputs, readings, path = _rows(study)
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    scaled = 2 * (inputs - low) / (high - low) - 1
+    most = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
+    if max(most) < 2:
+        raise InputError("a polynomial takes at least three values of what is varied: the study has two.")
+    groups, tested = _left_out(scaled, path)
+    scale = np.ptp(readings, axis=0)
+    scale = np.where(scale > 0, scale, np.inf)
+    found = []
+    for degree in range(1, max(most) + 1):
+        exponents = np.array([e for e in product(*(range(m + 1) for m in most)) if sum(e) <= degree])
+        if len(exponents) > len(scaled) - max(map(np.count_nonzero, groups)):
+            break
+        found.append((exponents, _misses(scaled, readings, exponents, groups) / scale))
+    rms = [np.sqrt(np.square(misses).mean(axis=0)).max() for _, misses in found]
+    exponents, misses = found[int(np.argmin(rms))]
+    weights = np.linalg.lstsq(_terms(scaled, exponents), readings, rcond=None)[0]
+    units = tuple(study[name].attrs.get("units", "") for name in names)
+    return Polynomial(names, units, low, high, exponents, weights, float(min(rms)), float(np.abs(misses).max()), tested)
+
+
+def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
+    """Names and values (rows, inputs) of the varied numbers, readings (rows, taxels) and the path of each row."""
+    curve = study.attrs["curve"]
+    power = study.smooth_power if "smooth_power" in study else study.power
+    stacked = power.stack(row=[dim for dim in power.dims if dim != "taxel"]).transpose("row", "taxel")
+    columns = {}
+    for name, coordinate in stacked.coords.items():
+        if coordinate.dims != ("row",) or name in ("row", "step"):
+            continue
+        if coordinate.dtype.kind not in "fi":
+            words = ", ".join(map(str, dict.fromkeys(coordinate.values.tolist())))
+            raise InputError(f"{name} is varied in words ({words}): a study of one of them is needed.")
+        if len(np.unique(coordinate.values)) > 1:
+            columns[str(name)] = coordinate.values.astype(float)
+    if not columns:
+        raise InputError("nothing is varied but one value: a study of several values is needed.")
+    known = np.isfinite(stacked.values).all(axis=1)
+    others = [values for name, values in columns.items() if study[name].dims != (curve,)]
+    path = np.unique(np.stack(others, axis=1), axis=0, return_inverse=True)[1].ravel() if others else 0 * known
+    return tuple(columns), np.stack(list(columns.values()), axis=1)[known], stacked.values[known], path[known]
+
+
+def _left_out(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
+    """Rows (rows,) of each test, and what they are in words: paths without which the box stays the same."""
+    paths = [path == number for number in np.unique(path)]
+    inside = [rows for rows in paths if not rows.all() and _spans(scaled[~rows])]
+    words = "path"
+    if not inside:
+        each = np.eye(len(scaled), dtype=bool)
+        inside = [rows for rows in each if _spans(scaled[~rows])]
+        words = "point"
+    chosen = np.unique(np.linspace(0, len(inside) - 1, min(len(inside), MOST_TESTS)).round().astype(int))
+    words = f"{len(chosen)} {words}{'s' if len(chosen) > 1 else ''} left out one by one"
+    return [inside[number] for number in chosen], words
+
+
+def _spans(scaled: np.ndarray) -> bool:
+    return bool(len(scaled) and (scaled.min(axis=0) == -1).all() and (scaled.max(axis=0) == 1).all())
+
+
+def _misses(
+    scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]
+) -> np.ndarray:
+    """(rows, taxels) W, by how much fits without each group miss it."""
+    terms, misses = _terms(scaled, exponents), []
+    for rows in groups:
+        weights = np.linalg.lstsq(terms[~rows], readings[~rows], rcond=None)[0]
+        misses.append(terms[rows] @ weights - readings[rows])
+    return np.concatenate(misses)
+
+
+def _terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """(rows, terms) products of powers."""
+    return np.prod(scaled[:, None] ** exponents[None], axis=2)

@@ -1,0 +1,104 @@
+"""Models of studies: what they say of their error, of their box, and that a runtime reads them as they are meant."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.surrogates import export, polynomial_of
+
+FORCE, PLACE = np.linspace(0, -10, 6), np.linspace(-2, 2, 9)
+
+
+def study(noise=0.0, **varied):
+    """Readings of two taxels: smooth in force and place, no polynomial."""
+    varied = varied or {"x": PLACE, "fz": FORCE}
+    grid = np.meshgrid(*varied.values(), indexing="ij")
+    at = dict(zip(varied, grid, strict=True))
+    power = [truth(at.get("fz", 0.0), at.get("x", 0.0), side) * np.ones(grid[0].shape) for side in (-1, 1)]
+    power = np.stack(power, axis=-1) + noise * np.random.default_rng(0).normal(size=(*grid[0].shape, 2))
+    about = {name: "" for name in ("scene", "parameters", "seed", "points", "versions")}
+    coords = {name: (name, values, {"units": "N" if name == "fz" else "mm"}) for name, values in varied.items()}
+    return xr.Dataset({"power": ([*varied, "taxel"], power)}, {**coords, "taxel": [1, 2]}, {"curve": "fz", **about})
+
+
+def truth(force, x, side):
+    return 4e-3 * (1 - 0.01 * force * np.exp(-((x - side) ** 2) / 8)) + 1e-7 * force**3
+
+
+def test_the_stated_error_is_that_of_paths_which_were_not_seen():
+    model = polynomial_of(study(noise=2e-6))
+    assert model.names == ("x", "fz") and model.units == ("mm", "N") and model.tested == "7 paths left out one by one"
+    x, force = np.random.default_rng(1).uniform([-2, -10], [2, 0], (500, 2)).T
+    expected = np.stack([truth(force, x, side) for side in (-1, 1)], axis=1)
+    scale = np.ptp(study().power.values, axis=(0, 1))
+    miss = (model(np.stack([x, force], axis=1)) - expected) / scale
+    rms = np.sqrt(np.square(miss).mean(axis=0)).max()
+    assert 0.3 * model.rms < rms < 2 * model.rms < 0.02 and np.abs(miss).max() < 2 * model.worst
+
+
+def test_one_path_is_tested_at_points():
+    model = polynomial_of(study(fz=FORCE))
+    assert model.names == ("fz",) and model.tested == "4 points left out one by one" and model.rms < 1e-3
+
+
+def test_a_path_of_several_forces():
+    steps = study(fz=FORCE).rename(fz="step").assign_attrs(curve="step")
+    steps = steps.assign_coords(step=np.arange(1, 7), fz=("step", FORCE), fx=("step", FORCE**2))
+    assert polynomial_of(steps).names == ("fz", "fx")
+
+
+@pytest.fixture
+def runtime(tmp_path):
+    pytest.importorskip("onnx")
+    onnxruntime = pytest.importorskip("onnxruntime")
+    model, notes = export(study(), tmp_path / "model.onnx")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    return model, notes, onnxruntime.InferenceSession(tmp_path / "model.onnx", options)
+
+
+def test_a_runtime_gives_what_the_polynomial_does(runtime):
+    model, notes, session = runtime
+    inputs = np.array([[0.3, -4.0], [-2.0, -10.0], [2.5, -4.0], [0.0, 1.0]])
+    readings, inside = session.run(None, {"inputs": inputs})
+    np.testing.assert_allclose(readings, model(inputs), rtol=1e-12)
+    assert inside.tolist() == [True, True, False, False] and notes == []
+    np.testing.assert_allclose(readings[2], model(np.array([[2.0, -4.0]]))[0], rtol=1e-12)
+    about = session.get_modelmeta().custom_metadata_map
+    assert json.loads(about["units"]) == ["mm", "N"] and json.loads(about["error"])["rms"] == model.rms < 0.01
+
+
+def test_a_reading_takes_20_microseconds(runtime):
+    """The best of many, as other programs may be at work."""
+    *_, session = runtime
+    inputs, least = {"inputs": np.array([[0.3, -4.0]])}, np.inf
+    for _ in range(2000):
+        start = time.perf_counter()
+        session.run(None, inputs)
+        least = min(least, time.perf_counter() - start)
+    assert least < 20e-6
+
+
+@pytest.mark.parametrize(
+    "one, complaint",
+    [
+        (study(fz=FORCE).expand_dims(cell=["a", "b"]), r"cell is varied in words \(a, b\): a study of one"),
+        (study(fz=FORCE[:2]), "at least three values"),
+        (study(fz=FORCE[:1]), "nothing is varied"),
+    ],
+)
+def test_what_cannot_be_a_model_is_refused(one, complaint):
+    with pytest.raises(InputError, match=complaint):
+        polynomial_of(one)
+
+
+def test_several_scenes_are_refused(tmp_path):
+    pytest.importorskip("onnx")
+    with pytest.raises(InputError, match="several scenes"):
+        export(xr.DataTree.from_dict({"a": study()}), tmp_path / "model.onnx")
