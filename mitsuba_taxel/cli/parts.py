@@ -1,0 +1,115 @@
+"""`taxel parts`: photo-reflectors from datasheets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, json_option
+
+
+@click.command(short_help="Photo-reflectors from datasheets.")
+@click.argument("name", metavar="[NAME|FILE.toml]", required=False)
+@click.option(
+    "-o", "--output", "file", type=click.Path(path_type=Path), metavar="PART.png", help="Draw it, as PNG or SVG."
+)
+@json_option
+@debug_option
+def command(name: str | None, file: Path | None, as_json: bool) -> None:
+    """List the parts of the catalogue, or tell what is known of one, by its name or from a file of one's own.
+
+    Body, windows and dies, figures of the datasheet and their source; what it does not tell; and the current under a
+    mirror beside that of the datasheet.
+    """
+    from mitsuba_taxel.parts import part_names, read_part
+
+    from .tables import print_table
+
+    if name is None:
+        if file is not None:
+            raise click.UsageError("-o is not allowed without a part.")
+        parts = [read_part(one) for one in part_names()]
+        if as_json:
+            _print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
+        else:
+            print_table(("part", "what it is"), ((part.name, part.title) for part in parts))
+        return
+    part = read_part(name)
+    if file is not None:
+        _draw(part, file)
+    if as_json:
+        from dataclasses import asdict
+
+        _print_json({**asdict(part), "mirror_curve": _curve(part)})
+    else:
+        _show(part)
+
+
+def _print_json(content: object) -> None:
+    import json
+
+    click.echo(json.dumps(content))
+
+
+def _draw(part, file: Path) -> None:
+    from mitsuba_taxel.base.atomic import replacing
+    from mitsuba_taxel.plots.parts import plot_part
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    check_new_file(file, ".png", ".svg")
+    with replacing(file) as new:
+        plot_part(part, new, file.suffix.lower().removeprefix("."))
+
+
+def _curve(part) -> list[tuple[float, float, float]]:
+    """Height, current of the datasheet and that of the dies, relative to the largest."""
+    import numpy as np
+
+    from mitsuba_taxel.parts import mirror_curve
+
+    if not part.distance_curve:
+        return []
+    heights, given = np.array(part.distance_curve).T
+    most = mirror_curve(part, np.linspace(heights.min(), heights.max(), 200)[:60]).max()
+    model = mirror_curve(part, heights)
+    return list(zip(heights.tolist(), given.tolist(), (model / max(most, model.max())).tolist(), strict=True))
+
+
+def _show(part) -> None:
+    from .tables import print_table
+
+    print(f"{part.title}\nSource: {part.source}")
+    print(
+        f"Body {' x '.join(f'{side:g}' for side in part.body)} mm, {part.wavelength:g} nm, resin {part.resin_index:g}\n"
+    )
+    print_table(
+        ("", "x [mm]", "y [mm]", "window [mm]", "die [mm]", "depth [mm]"),
+        (
+            (
+                name,
+                f"{side.x:g}",
+                f"{side.y:g}",
+                f"{side.window_width:g} x {side.window_length:g} {side.window_shape} at "
+                f"({side.window_centre[0]:g}, {side.window_centre[1]:g})",
+                f"{side.die_width:g} x {side.die_length:g}",
+                f"{side.die_depth:g}",
+            )
+            for name, side in (("emitter", part.emitter), ("detector", part.detector))
+        ),
+    )
+    if part.electrical:
+        print()
+        print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))
+    for title, lines in (("Not in the datasheet", part.unknown), ("Where numbers here come from", part.found)):
+        if lines:
+            print(f"\n{title}:")
+            for line in lines:
+                print(f"  {line}")
+    curve = _curve(part)
+    if curve:
+        print("\nCurrent under a mirror, relative to the largest")
+        print_table(
+            ("height [mm]", "datasheet", "these dies"), ((f"{z:g}", f"{a:.1%}", f"{b:.1%}") for z, a, b in curve)
+        )
+        print(f"Largest difference: {max(abs(a - b) for _, a, b in curve):.1%} of the peak")

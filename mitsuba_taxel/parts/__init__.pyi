@@ -1,0 +1,21 @@
+from .mirror import (
+    MirrorRays as MirrorRays,
+)
+from .mirror import (
+    mirror_curve as mirror_curve,
+)
+from .mirror import (
+    mirror_rays as mirror_rays,
+)
+from .part import (
+    Part as Part,
+)
+from .part import (
+    Side as Side,
+)
+from .part import (
+    part_names as part_names,
+)
+from .part import (
+    read_part as read_part,
+)

@@ -1,0 +1,181 @@
+"""A photo-reflector as a file describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.arguments import is_number, is_row, path_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10
+    import tomli as tomllib  # type: ignore[no-redef]
+
+SUFFIX = ".toml"
+
+
+@dataclass(frozen=True)
+class Side(Checked):
+    """A die, emitter or detector, and the window above it; from above, the body's centre being the origin."""
+
+    x: float = number(REQUIRED, "mm", "Of the middle of the die.")
+    y: float = number(0.0, "mm", "Likewise.")
+    window_x: float | None = number(None, "mm", "Of the middle of the window.", default_words="that of the die")
+    window_y: float | None = number(None, "mm", "Likewise.", default_words="that of the die")
+    window_width: float = number(REQUIRED, "mm", "Extent of the window along x.", above=0)
+    window_length: float = number(REQUIRED, "mm", "Extent of the window along y.", above=0)
+    window_shape: str = choice("rectangle", ("rectangle", "obround"), "An obround ends in half circles.")
+    die_width: float = number(REQUIRED, "mm", "Extent of the die along x.", above=0)
+    die_length: float = number(REQUIRED, "mm", "Extent of the die along y.", above=0)
+    die_depth: float = number(0.0, "mm", "Of the die below the surface of the window.", minimum=0)
+
+    @property
+    def window_centre(self) -> tuple[float, float]:
+        """In mm."""
+        return (
+            self.x if self.window_x is None else self.window_x,
+            self.y if self.window_y is None else self.window_y,
+        )
+
+    def _check(self) -> None:
+        if self.window_shape == "obround" and self.window_width > self.window_length:
+            raise InputError(
+                "window_shape = 'obround' is not allowed: a window_length of at least its width is needed."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A photo-reflector.
+
+    Attributes
+    ----------
+    name, title, source : str
+        Of the part, in words, and where its numbers are from.
+    body : tuple[float, float, float]
+        Extent along x, y, z in mm.
+    wavelength : float
+        In nm.
+    resin_index : float
+        Refractive index of what is above the dies.
+    emitter, detector : Side
+    electrical : dict[str, float]
+        Figures of the datasheet, by a name with its unit.
+    distance_curve : tuple[tuple[float, float], ...]
+        Of the datasheet: height of a mirror above the windows in mm, and current relative to the largest.
+    unknown, found : tuple[str, ...]
+        What the datasheet does not tell, and what numbers here that it does not tell come from.
+    """
+
+    name: str
+    title: str
+    source: str
+    body: tuple[float, float, float]
+    wavelength: float
+    resin_index: float
+    emitter: Side
+    detector: Side
+    electrical: dict[str, float] = field(default_factory=dict)
+    distance_curve: tuple[tuple[float, float], ...] = ()
+    unknown: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+
+
+def part_names() -> list[str]:
+    """Names of the parts that ship with the package."""
+    return sorted(file.stem for file in _catalogue().glob(f"*{SUFFIX}"))
+
+
+def read_part(part: str | Path) -> Part:
+    """A part by its name in the catalogue, or from a TOML file of the same kind.
+
+    Raises
+    ------
+    InputError
+        if there is no such part, or the file describes none.
+    """
+    path = path_of("part", part)
+    file = _catalogue() / f"{path.name.lower()}{SUFFIX}" if path.suffix.lower() != SUFFIX else path
+    if path.suffix.lower() != SUFFIX and file.stem not in part_names():
+        raise InputError(f"part = {str(part)!r} is not known: {', '.join(part_names())}, or a TOML file, is needed.")
+    try:
+        content = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"part {str(part)!r} cannot be read: {error.strerror}.") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"part {str(part)!r} is no TOML: {error}.") from error
+    return _part(file.stem, content)
+
+
+def _part(name: str, content: dict[str, Any]) -> Part:
+    for key in content:
+        if key not in _KINDS:
+            raise InputError(f"part {name}: {key} is not known: allowed are {', '.join(_KINDS)}.")
+    for key, (check, needed, required) in _KINDS.items():
+        if key in content and not check(content[key]):
+            raise InputError(f"part {name}: {key} = {content[key]!r} is not allowed: {needed} is needed.")
+        if key not in content and required:
+            raise InputError(f"part {name}: {key} is missing: {needed} is needed.")
+    given: dict[str, Any] = {**content, "body": tuple(content["body"])}
+    given |= {key: _side(name, key, content) for key in ("emitter", "detector")}
+    given |= {key: tuple(content.get(key, ())) for key in ("unknown", "found")}
+    given["distance_curve"] = tuple((float(z), float(share)) for z, share in content.get("distance_curve", ()))
+    return Part(name, **given)
+
+
+def _side(name: str, which: str, content: Mapping[str, Any]) -> Side:
+    table = content[which]
+    allowed = [one.name for one in fields(Side)]
+    for key in table:
+        if key not in allowed:
+            raise InputError(f"part {name}: {key} of {which} is not known: allowed are {', '.join(allowed)}.")
+    try:
+        side = Side(**table)
+    except InputError as error:
+        raise InputError(f"part {name}, {which}: {error}") from error
+    extents = (side.window_width, side.window_length)
+    for axis, centre, extent, length in zip("xy", side.window_centre, extents, content["body"], strict=False):
+        if 2 * abs(centre) + extent > length * (1 + 1e-9):
+            raise InputError(f"part {name}, {which}: its window lies over the edge of the body along {axis}.")
+    return side
+
+
+def _catalogue() -> Path:
+    return Path(__file__).parent / "catalogue"
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_size(value: object) -> bool:
+    return is_number(value) and value > 0  # type: ignore[operator]
+
+
+def _is_row_of(count: int, value: Any, of: Callable[[object], bool]) -> bool:
+    return is_row(value, of) and len(value) == count
+
+
+_KINDS: dict[str, tuple[Callable[[Any], bool], str, bool]] = {
+    "title": (_is_text, "text", True),
+    "source": (_is_text, "text", True),
+    "body": (lambda value: _is_row_of(3, value, _is_size), "three sizes in mm", True),
+    "wavelength": (_is_size, "a number of nm above 0", True),
+    "resin_index": (lambda value: is_number(value) and 1 <= value <= 4, "a number from 1 to 4", True),
+    "emitter": (lambda value: isinstance(value, dict), "a table", True),
+    "detector": (lambda value: isinstance(value, dict), "a table", True),
+    "electrical": (lambda v: isinstance(v, dict) and all(map(is_number, v.values())), "a table of numbers", False),
+    "distance_curve": (
+        lambda value: is_row(value, lambda row: _is_row_of(2, row, is_number)),
+        "rows of two numbers",
+        False,
+    ),
+    "unknown": (lambda value: is_row(value, _is_text), "a row of words", False),
+    "found": (lambda value: is_row(value, _is_text), "a row of words", False),
+}
+"""What a file may say: how it is checked, what is needed in words, and whether it must be there."""

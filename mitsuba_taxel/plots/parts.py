@@ -1,0 +1,61 @@
+"""Drawings of photo-reflectors: from above, and what comes back from a mirror."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from mitsuba_taxel.parts import Part, Side, mirror_curve
+from mitsuba_taxel.plots.figures import COLOURS, figure_of
+
+
+def plot_part(part: Part, file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture (png, svg, pdf) of a part: body, windows and dies from above; beside, the current under a mirror
+    over its height, relative to the largest, and points of the datasheet."""
+    with figure_of(1, 2, file, form, sharex=False, size=(5.2, 4.2)) as ((above, curve),):
+        _draw_from_above(above, part)
+        _draw_curve(curve, part)
+
+
+def _draw_from_above(ax: Any, part: Part) -> None:
+    from matplotlib.patches import Rectangle
+
+    length, width, _ = part.body
+    ax.add_patch(Rectangle((-length / 2, -width / 2), length, width, facecolor="0.35"))
+    for side, colour, name in ((part.emitter, COLOURS[1], "emitter"), (part.detector, COLOURS[2], "detector")):
+        ax.fill(*_outline(side).T, color=COLOURS[4], label="window" if name == "emitter" else None)
+        corner = (side.x - side.die_width / 2, side.y - side.die_length / 2)
+        ax.add_patch(Rectangle(corner, side.die_width, side.die_length, facecolor=colour, label=name))
+    ax.set_aspect("equal")
+    ax.set_xlim(-0.6 * length, 0.6 * length)
+    ax.set_ylim(-0.6 * max(length, width), 0.6 * max(length, width))
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("y [mm]")
+    ax.set_title(part.title, fontsize="medium")
+    ax.legend(loc="upper right", fontsize="small")
+
+
+def _outline(side: Side) -> np.ndarray:
+    """(N, 2) corners of a window."""
+    if side.window_shape == "rectangle":
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * (side.window_width, side.window_length)
+    else:
+        turn = np.linspace(0, 2 * np.pi, 200)
+        half = side.window_width / 2
+        ends = (side.window_length / 2 - half) * np.sign(np.sin(turn))
+        corners = np.stack([half * np.cos(turn), half * np.sin(turn) + ends], axis=1)
+    return corners + side.window_centre
+
+
+def _draw_curve(ax: Any, part: Part) -> None:
+    given = np.array(part.distance_curve or np.empty((0, 2)))
+    heights = np.geomspace(0.1, max(given[:, 0].max(initial=0.0), 3.0), 80)
+    power = mirror_curve(part, heights)
+    ax.plot(heights, 100 * power / power.max(), color=COLOURS[0], label="these dies, under a mirror")
+    if len(given):
+        ax.plot(*(given * (1, 100)).T, "o", color=COLOURS[1], markersize=4, label="datasheet")
+    ax.set_xlabel("height of the mirror above the windows [mm]")
+    ax.set_ylabel("current [% of the largest]")
+    ax.legend(fontsize="small")

@@ -1,0 +1,75 @@
+"""Files of parts, those of the catalogue and those that are none."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from taxel_program import run_program
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.parts import part_names, read_part
+
+SIDE = "x = {}\nwindow_width = 0.5\nwindow_length = 0.8\ndie_width = 0.2\ndie_length = 0.2\n"
+OWN = f"""title = "mine"
+source = "a drawing"
+body = [2, 1, 0.5]
+wavelength = 900
+resin_index = 1.4
+[emitter]
+{SIDE.format(-0.5)}
+[detector]
+{SIDE.format(0.5)}
+"""
+
+
+def test_the_catalogue_says_where_its_numbers_are_from():
+    assert part_names() == ["njl5908ar", "vcnt2020"]
+    for name in part_names():
+        part = read_part(name.upper())
+        assert part.source and part.unknown and part.found and part.emitter.x < 0 < part.detector.x
+
+
+def test_a_part_of_ones_own(tmp_path):
+    (tmp_path / "mine.toml").write_text(OWN)
+    part = read_part(tmp_path / "mine.toml")
+    assert part.name == "mine" and part.detector.x == 0.5 and part.emitter.die_depth == 0 and part.distance_curve == ()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ('title = "mine"\n', "", "title is missing"),
+        ("body = [2, 1, 0.5]", "body = [2, 1]", "body = [2, 1] is not allowed"),
+        ("body = [2, 1, 0.5]", "body = [2, 1, 0]", "body = [2, 1, 0] is not allowed"),
+        ("resin_index = 1.4", "resin_index = 0.9", "resin_index = 0.9"),
+        ("wavelength", "length", "length is not known"),
+        ("x = -0.5\n", "", "emitter: x is missing"),
+        ("x = -0.5\n", "x = -0.5\nz = 1\n", "z of emitter is not known"),
+        ("x = -0.5\n", "x = -0.5\ndie_depth = -1\n", "emitter: die_depth = -1"),
+        ("x = -0.5\n", "x = -0.5\nwindow_shape = 'star'\n", "window_shape = 'star'"),
+        ("x = -0.5\n", "x = -0.8\n", "emitter: its window lies over the edge of the body along x"),
+        ("x = -0.5\n", "x = -0.5\nwindow_y = 0.2\n", "emitter: its window lies over the edge of the body along y"),
+        ("[emitter]", "emitter", "is no TOML"),
+    ],
+)
+def test_what_is_no_part_is_refused(tmp_path, before, after, said):
+    (tmp_path / "mine.toml").write_text(OWN.replace(before, after, 1))
+    with pytest.raises(InputError) as refused:
+        read_part(tmp_path / "mine.toml")
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_the_program(tmp_path):
+    listed = run_program(tmp_path, "parts")
+    assert listed.returncode == 0 and "Vishay VCNT2020" in listed.stdout
+    one = run_program(tmp_path, "parts", "vcnt2020", "-o", "part.png", "--json")
+    answer = json.loads(one.stdout)
+    assert (tmp_path / "part.png").stat().st_size and len(answer["mirror_curve"]) == 13
+    assert "Largest difference: 2.4% of the peak" in run_program(tmp_path, "parts", "vcnt2020").stdout
+    for words, culprit in (
+        (("parts", "x1"), "part = 'x1' is not known"),
+        (("parts", "-o", "a.png"), "-o is not allowed"),
+    ):
+        bad = run_program(tmp_path, *words)
+        assert bad.returncode == 2 and culprit in bad.stderr and bad.stderr.count("\n") == 1
