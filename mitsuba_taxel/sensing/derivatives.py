@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -86,10 +86,12 @@ class _Linearised:
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
         # Many small products of matrices: each would wake and wait for threads of its own.
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
-            solved = list(pool.map(lambda number: _OfCell(self, number, nodal, others), range(len(self.patches))))
+            solved = list(
+                pool.map(lambda number: _OfCell(self, number, nodal, others).found(), range(len(self.patches)))
+            )
         power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
-        hidden = np.array([self.cells.hidden_share(each.fine) for each in solved])[:, None]
-        reading = np.array([each.fine.reading for each in solved])[:, None]
+        hidden = np.array([self.cells.hidden_share(*each.flows) for each in solved])[:, None]
+        reading = np.array([each.reading for each in solved])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise ComputationError(
                 f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
@@ -177,8 +179,17 @@ class _Nodal:
     deviations: np.ndarray | None
 
 
+class _Found(NamedTuple):
+    """Of a cell: its reading per W of its LED, derivatives by each of some changes, and where its light goes."""
+
+    reading: float
+    values: np.ndarray
+    errors: np.ndarray
+    flows: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
 class _OfCell:
-    """Derivatives of the reading of one cell, by each of some changes, per W of its LED."""
+    """One cell, and how its walls move."""
 
     def __init__(self, whole: _Linearised, number: int, nodal: list[_Nodal], others: list) -> None:
         self._whole, self._number = whole, number
@@ -188,15 +199,19 @@ class _OfCell:
         self._nodal, self._meshes = nodal, {degree: Mesh(self._rest, degree) for degree in (FINE, COARSE)}
         self._velocities = [self._velocity(each) for each in nodal]
         self._others = others
-        self.fine = self._solved(whole.degree, self._at)
-        self.values = self._derivatives(self.fine, self.fine.gradient())
-        self.errors = self._errors() if whole.with_errors else np.full_like(self.values, np.nan)
 
-    def _errors(self) -> np.ndarray:
+    def found(self) -> _Found:
+        """All that is kept of the cell: its pairs of points take much memory."""
+        fine = self._solved(self._whole.degree, self._at)
+        values = self._derivatives(fine, fine.gradient())
+        errors = self._errors(values) if self._whole.with_errors else np.full_like(values, np.nan)
+        return _Found(fine.reading, values, errors, fine.flows())
+
+    def _errors(self, values: np.ndarray) -> np.ndarray:
         cell = self._solved(COARSE, self._at)
         gradient = cell.gradient()
         coarse = self._derivatives(cell, gradient)
-        light = LIGHT_SHARE * np.abs(self.values - coarse)
+        light = LIGHT_SHARE * np.abs(values - coarse)
         return np.hypot(light, ERROR_SHARE * self._mechanics(gradient, coarse))
 
     def _solved(self, degree: int, places: np.ndarray) -> Cell:

@@ -159,9 +159,8 @@ class DiffuseCells:
         )
         return mi.Ray3f(mi.Point3f(origin), direction)
 
-    def hidden_share(self, cell: Cell) -> float:
-        """Share of a reading that comes by ways that something stands in."""
-        sources, ends, share = cell.flows()
+    def hidden_share(self, sources: np.ndarray, ends: np.ndarray, share: np.ndarray) -> float:
+        """Share of a reading that comes by ways that something stands in; see :meth:`Cell.flows`."""
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
         ray = self._rays(start, end - start)
