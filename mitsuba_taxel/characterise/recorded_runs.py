@@ -42,21 +42,32 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
     InputError
         if the force does not change by more than its noise, or not along one line.
     """
-    direction, force = _along_one_line(measurement)
+    name, direction, force, pieces = runs_of(measurement)
     noise = _noise(force)
-    turns = _turning_points(force, noise, measurement.file)
-    pieces = [slice(first, last + 1) for first, last in zip(turns[:-1], turns[1:], strict=True)]
-    spread = np.ptp(force)
-    pieces = [piece for piece in pieces if abs(force[piece.stop - 1] - force[piece.start]) > SMALLEST_RUN / 2 * spread]
     rows = min(piece.stop - piece.start for piece in pieces)
     replicates = REPLICATES if rows >= FEWEST_ROWS else 1
     curves = [_curve(force[piece], measurement.voltage[piece], noise, replicates) for piece in pieces]
     if replicates > 1 and not all(white for _, white in curves):
         curves = [(Branch(run.force, run.samples.mean(axis=1, keepdims=True)), white) for run, white in curves]
-    name = measurement.force_names[0] if len(measurement.force_names) == 1 else force_name(direction)
     runs = [run for run, _ in curves]
     rest = runs[0].samples[0]
     return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest)
+
+
+def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list[slice]]:
+    """Name and direction (3,) of the force's line, its component (rows,) along it in N, and the rows of each run.
+
+    Raises
+    ------
+    InputError
+        if the force does not change by more than its noise, or not along one line.
+    """
+    direction, force = _along_one_line(measurement)
+    name = measurement.force_names[0] if len(measurement.force_names) == 1 else force_name(direction)
+    turns = _turning_points(force, _noise(force), measurement.file)
+    pieces = [slice(first, last + 1) for first, last in zip(turns[:-1], turns[1:], strict=True)]
+    least = SMALLEST_RUN / 2 * np.ptp(force)
+    return name, direction, force, [run for run in pieces if abs(force[run.stop - 1] - force[run.start]) > least]
 
 
 def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ from .options import debug_option
 
 COMMANDS = (
     "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
-    "report", "export", "dataset", "deform", "parts", "plugins", "bench", "reproduce", "doctor",
+    "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce", "doctor",
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 
-class _Share(click.ParamType):
+class Share(click.ParamType):
     """A share strictly between 0 and 1, as a fraction (0.002) or in percent (0.2%)."""
 
     name = "share"
@@ -75,7 +75,7 @@ defines_option = click.option(
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",
-    type=_Share(),
+    type=Share(),
     help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
     "Where it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
@@ -89,7 +89,7 @@ seed_option = click.option(
 )
 target_slope_option = click.option(
     "--target-slope",
-    type=_Share(),
+    type=Share(),
     help="Error of slopes by the forces that are varied, as 1% or 0.01, relative to the steepest taxel's: takes them "
     "from derivatives, and chooses the mesh. Where it is not reached, the exit code is 3.",
 )

@@ -1,4 +1,11 @@
+from .calibration import (
+    Calibration as Calibration,
+)
+from .calibration import (
+    calibrate as calibrate,
+)
 from .onnx_model import export as export
+from .onnx_model import write_calibration as write_calibration
 from .polynomial import (
     Polynomial as Polynomial,
 )

@@ -13,6 +13,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial, polynomial_of
 
 OPSET, IR = 18, 8
@@ -44,8 +45,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     InputError
         if onnx is not installed, or the study holds several scenes, varied words or too few values.
     """
-    if find_spec("onnx") is None:
-        raise InputError("export needs onnx: install mitsuba_taxel[export].")
+    check_onnx()
     if isinstance(study, xr.DataTree):
         raise InputError("the study holds several scenes: the folder of one of them is needed.")
     found = polynomial_of(study)
@@ -65,13 +65,48 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
     return found, notes if found.rms > TARGET else []
 
 
-def _model(polynomial: Polynomial, about: Mapping[str, str]) -> bytes:
+def write_calibration(found: Calibration, file: str | Path) -> None:
+    """Write a calibration as a model: ``inputs`` (rows, taxels) are readings in its unit; its outputs are ``force``
+    (rows, forces) and ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie
+    in the ranges of those that it was fitted to.
+
+    Raises
+    ------
+    InputError
+        if onnx is not installed.
+    """
+    check_onnx()
+    model = found.polynomial
+    about = {
+        "inputs": json.dumps(list(model.names)),
+        "units": json.dumps(list(model.units)),
+        "low": json.dumps(model.low.tolist()),
+        "high": json.dumps(model.high.tolist()),
+        "forces": json.dumps(list(found.forces)),
+        "half_width": json.dumps(found.half_width.tolist()),
+        "coverage": json.dumps({"wanted": found.coverage, "found": found.covered, "tested": found.tested}),
+    }
+    content = _model(model, about, "force", found.half_width)
+    with replacing(Path(file)) as temporary:
+        temporary.write_bytes(content)
+
+
+def check_onnx() -> None:
+    """Raise `InputError` if models cannot be written here."""
+    if find_spec("onnx") is None:
+        raise InputError("models need onnx: install mitsuba_taxel[export].")
+
+
+def _model(
+    polynomial: Polynomial, about: Mapping[str, str], output: str = "readings", width: np.ndarray | None = None
+) -> bytes:
     from onnx import TensorProto, checker, helper, numpy_helper
 
     def constant(name: str, value: Any, kind: Any = float) -> Any:
         return numpy_helper.from_array(np.array(value, dtype=kind), name)
 
     span = polynomial.high - polynomial.low
+    span = np.where(span > 0, span, 1.0)
     constants = [
         constant("low", polynomial.low),
         constant("high", polynomial.high),
@@ -94,17 +129,22 @@ def _model(polynomial: Polynomial, about: Mapping[str, str]) -> bytes:
         ("Unsqueeze", ["scaled", "middle"], "column", {}),
         ("Pow", ["column", "exponents"], "powers", {}),
         ("ReduceProd", ["powers", "last"], "terms", {"keepdims": 0}),
-        ("MatMul", ["terms", "weights"], "readings", {}),
+        ("MatMul", ["terms", "weights"], output, {}),
     ]
-    count, taxels = len(polynomial.names), polynomial.weights.shape[1]
+    results = [
+        helper.make_tensor_value_info(output, TensorProto.DOUBLE, ["rows", polynomial.weights.shape[1]]),
+        helper.make_tensor_value_info("inside", TensorProto.BOOL, ["rows"]),
+    ]
+    if width is not None:
+        constants.append(constant("width", width))
+        steps.append(("Identity", ["width"], "half_width", {}))
+        results.append(helper.make_tensor_value_info("half_width", TensorProto.DOUBLE, [len(width)]))
+    count = len(polynomial.names)
     graph = helper.make_graph(
         [helper.make_node(kind, inputs, [output], **how) for kind, inputs, output, how in steps],
-        "readings",
+        output,
         [helper.make_tensor_value_info("inputs", TensorProto.DOUBLE, ["rows", count])],
-        [
-            helper.make_tensor_value_info("readings", TensorProto.DOUBLE, ["rows", taxels]),
-            helper.make_tensor_value_info("inside", TensorProto.BOOL, ["rows"]),
-        ],
+        results,
         constants,
     )
     opsets = [helper.make_opsetid("", OPSET)]

@@ -37,8 +37,9 @@ class Polynomial(NamedTuple):
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
         """Readings (rows, taxels) at inputs (rows, inputs); beyond the box those at its edge."""
-        scaled = 2 * (np.clip(inputs, self.low, self.high) - self.low) / (self.high - self.low) - 1
-        return _terms(scaled, self.exponents) @ self.weights
+        span = np.where(self.high > self.low, self.high - self.low, 1.0)
+        scaled = 2 * (np.clip(inputs, self.low, self.high) - self.low) / span - 1
+        return terms(scaled, self.exponents) @ self.weights
 
 
 def polynomial_of(study: xr.Dataset) -> Polynomial:
@@ -69,7 +70,7 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
         found.append((exponents, _misses(scaled, readings, exponents, groups) / scale))
     rms = [np.sqrt(np.square(misses).mean(axis=0)).max() for _, misses in found]
     exponents, misses = found[int(np.argmin(rms))]
-    weights = np.linalg.lstsq(_terms(scaled, exponents), readings, rcond=None)[0]
+    weights = np.linalg.lstsq(terms(scaled, exponents), readings, rcond=None)[0]
     units = tuple(study[name].attrs.get("units", "") for name in names)
     return Polynomial(names, units, low, high, exponents, weights, float(min(rms)), float(np.abs(misses).max()), tested)
 
@@ -118,13 +119,13 @@ def _misses(
     scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]
 ) -> np.ndarray:
     """(rows, taxels) W, by how much fits without each group miss it."""
-    terms, misses = _terms(scaled, exponents), []
+    columns, misses = terms(scaled, exponents), []
     for rows in groups:
-        weights = np.linalg.lstsq(terms[~rows], readings[~rows], rcond=None)[0]
-        misses.append(terms[rows] @ weights - readings[rows])
+        weights = np.linalg.lstsq(columns[~rows], readings[~rows], rcond=None)[0]
+        misses.append(columns[rows] @ weights - readings[rows])
     return np.concatenate(misses)
 
 
-def _terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """(rows, terms) products of powers."""
+def terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """(rows, terms) products of powers of inputs (rows, inputs) with exponents (terms, inputs)."""
     return np.prod(scaled[:, None] ** exponents[None], axis=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from mitsuba_taxel import sweep
@@ -19,4 +20,20 @@ def test_the_program_exports_a_study(taxel, tmp_path):
     assert about["inputs"] == ["offset_x", "z"] and about["high"] == [0.2, 0.9]
     for words in (("nowhere",), ("out", "-o", "plate.pt")):
         done = taxel("export", *words)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
+def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):
+    pytest.importorskip("onnx")
+    time = np.arange(0, 200, 0.1)
+    force = -5 * (1 - np.cos(time / 8))
+    table = np.stack([time, force, 1 - 0.05 * force + 1e-3 * np.random.default_rng(0).normal(size=len(time))], axis=1)
+    np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time_s,fz_N,v1_V", comments="")
+    done = taxel("calibrate", "bench.csv", "--coverage", "80%")
+    assert done.returncode == 0 and done.stderr == "" and "N holds 80%" in done.stdout
+    assert (tmp_path / "calibration.onnx").stat().st_size
+    about = json.loads(taxel("calibrate", "bench.csv", "--json").stdout)
+    assert abs(about["covered"] - 0.9) < 0.03 and set(about["half_width_N"]) == {"fz"}
+    for words in (("nowhere",), ("nowhere.csv",), ("bench.csv", "--coverage", "2")):
+        done = taxel("calibrate", *words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1

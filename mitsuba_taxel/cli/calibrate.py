@@ -1,0 +1,58 @@
+"""`taxel calibrate`: forces from readings, with intervals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import Share, debug_option, json_option
+
+
+@click.command(short_help="Forces from readings, with intervals that cover (ONNX).")
+@click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), default=Path("calibration.onnx"), show_default=True,
+    metavar="FILE.onnx", help="The calibration.",
+)  # fmt: skip
+@click.option(
+    "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should hold."
+)
+@click.option(
+    "--noise", type=Share(), default="0.5%", show_default=True,
+    help="Noise that is added to each reading of a study, relative; a measurement has its own.",
+)  # fmt: skip
+@json_option
+@debug_option
+def command(source: Path, output: Path, coverage: float, noise: float, as_json: bool) -> None:
+    """Fit forces to the readings of the study in DIR, or of a bench.
+
+    A polynomial of the readings, fitted and tested by whole paths: curves of a study, runs of a measurement. Intervals
+    are as wide as forces on paths that a fit has not seen need.
+    """
+    from mitsuba_taxel import open_study
+    from mitsuba_taxel.base.errors import InputError
+    from mitsuba_taxel.characterise import read_measurement
+    from mitsuba_taxel.studies.plan.files import check_new_file
+    from mitsuba_taxel.surrogates import calibrate, write_calibration
+
+    check_new_file(output, ".onnx")
+    measured = source.suffix.lower() == ".csv"
+    data = read_measurement(source) if measured else open_study(source)
+    if hasattr(data, "leaves"):
+        raise InputError("the study holds several scenes: the folder of one of them is needed.")
+    found = calibrate(data, coverage=coverage, noise=noise)
+    write_calibration(found, output)
+    widths = dict(zip(found.forces, found.half_width.tolist(), strict=True))
+    if as_json:
+        import json
+
+        about = {"half_width_N": widths, "coverage": found.coverage, "covered": found.covered, "tested": found.tested}
+        click.echo(json.dumps({**about, "rms_of_range": found.polynomial.rms, "file": str(output)}))
+        return
+    for name, width in widths.items():
+        print(f"{name}: +- {width:.3g} N holds {found.coverage:.0%}")
+    print(f"Tested on {found.tested}: intervals by the others hold {found.covered:.1%}.")
+    if not measured:
+        print(f"Readings with {noise:.2g} relative noise; the study's own errors are not in it.")
+    print(f"Results: {output}")

@@ -1,0 +1,70 @@
+"""Forces from readings: intervals hold as many as they say, on paths that were not seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.characterise import Measurement
+from mitsuba_taxel.surrogates import calibrate, write_calibration
+
+FORCE, NOISE = np.linspace(0, -10, 11), 0.005
+
+
+def readings(fx, fz, stiffness):
+    """Of four taxels, of pads whose stiffness differs from path to path."""
+    return 4e-3 * np.stack(
+        [1 - stiffness * (0.02 * fz * (1 - 0.01 * fz) + side * 0.03 * fx) for side in (-1, -0.3, 0.4, 1)], axis=-1
+    )
+
+
+def study(paths=24):
+    fx = np.linspace(-2, 2, paths)
+    stiffness = 1 + 0.02 * np.random.default_rng(5).normal(size=paths)
+    power = readings(fx[:, None], FORCE[None], stiffness[:, None])
+    coords = {"fx": fx, "fz": FORCE, "taxel": range(1, 5)}
+    return xr.Dataset({"power": (["fx", "fz", "taxel"], power)}, coords, {"curve": "fz"})
+
+
+@pytest.mark.parametrize("coverage", [0.5, 0.9])
+def test_intervals_cover_on_new_paths(coverage):
+    """400 pads that are not in the study: what they spread by, the paths that were left out have shown."""
+    found = calibrate(study(), coverage=coverage, noise=NOISE)
+    assert found.forces == ("fx", "fz") and abs(found.covered - coverage) < 0.05
+    rng = np.random.default_rng(7)
+    fx, fz = rng.uniform(-2, 2, 400), rng.uniform(-10, 0, 400)
+    shown = readings(fx, fz, 1 + 0.02 * rng.normal(size=400)) * (1 + NOISE * rng.normal(size=(400, 4)))
+    inside = np.abs(found.polynomial(shown) - np.stack([fx, fz], axis=1)) <= found.half_width
+    assert abs(inside.mean() - coverage) < 0.1 and found.half_width[1] < 2
+
+
+def test_a_measurement_is_calibrated_by_its_runs():
+    time = np.arange(0, 400, 0.1)
+    force = -5 * (1 - np.cos(time / 8))
+    rng = np.random.default_rng(2)
+    volts = 1 - 0.05 * force[:, None] * [1, 0.5] + 2e-3 * rng.normal(size=(len(time), 2))
+    bench = Measurement(time, force[:, None], ("fz",), volts, np.array([1, 2]), "bench.csv")
+    found = calibrate(bench, coverage=0.9)
+    assert found.unit == "V" and found.forces == ("fz",) and abs(found.covered - 0.9) < 0.02
+    assert found.half_width[0] == pytest.approx(1.645 * 2e-3 / 0.05 / np.hypot(1, 0.5), rel=0.1)  # the best there is
+
+
+def test_a_runtime_reads_it(tmp_path):
+    pytest.importorskip("onnx")
+    onnxruntime = pytest.importorskip("onnxruntime")
+    found = calibrate(study(), noise=NOISE)
+    write_calibration(found, tmp_path / "c.onnx")
+    session = onnxruntime.InferenceSession(tmp_path / "c.onnx")
+    shown = readings(np.array([0.5, 9.0]), np.array([-3.0, -50.0]), 1.0)
+    force, inside, width = session.run(["force", "inside", "half_width"], {"inputs": shown})
+    np.testing.assert_allclose(force, found.polynomial(shown), rtol=1e-9)
+    assert inside.tolist() == [True, False] and width.tolist() == found.half_width.tolist()
+
+
+def test_too_little_is_refused():
+    with pytest.raises(InputError, match="at least three curves"):
+        calibrate(study().isel(fx=slice(0, 2)))
+    with pytest.raises(InputError, match="no force is varied"):
+        calibrate(study().rename(fx="a", fz="b").assign_attrs(curve="b"))
