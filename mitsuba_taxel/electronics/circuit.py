@@ -21,6 +21,7 @@ except ModuleNotFoundError:  # Python 3.10
 ROOM_TEMPERATURE = 25.0
 """In degrees C: that of the figures of datasheets."""
 ZERO_CELSIUS = 273.15
+MOST_DECADES = 100
 BOLTZMANN = 1.380649e-23
 """In J/K."""
 CHARGE = 1.602176634e-19
@@ -104,6 +105,11 @@ class Circuit(Checked):
             raise InputError(
                 f"saturation_voltage = {self.saturation_voltage:g} is not allowed: less than supply = {self.supply:g} "
                 "is needed, or the circuit cannot work."
+            )
+        if (self.temperature - ROOM_TEMPERATURE) / self.dark_decade > MOST_DECADES:
+            raise InputError(
+                f"dark_decade = {self.dark_decade:g} is not allowed at temperature = {self.temperature:g}: at most "
+                f"{MOST_DECADES} decades above the dark current are possible."
             )
         for name in ("led_drift", "transfer_drift"):
             if self._grown(getattr(self, name)) <= 0:

@@ -21,6 +21,8 @@ from mitsuba_taxel.electronics.circuit import Circuit
 BISECTIONS = 80
 """Halvings of the range that the voltage lies in: beyond double precision."""
 LARGEST_EXPONENT = 700.0
+LEAST_CONDUCTANCE = 1e-200
+"""In 1/Ohm; below it nothing is connected."""
 
 
 class Response(NamedTuple):
@@ -69,7 +71,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
     passed, steepness = _passed(circuit, u)
     emitter = _emitter_voltage(circuit, current, conductance, u, passed)
     known = conductance + current * steepness / circuit.thermal_voltage
-    resistance = np.divide(1.0, known, out=np.zeros_like(known), where=known > 0)
+    resistance = np.divide(1.0, known, out=np.zeros_like(known), where=known > LEAST_CONDUCTANCE)
     voltage = circuit.buffer_gain * emitter
     free = (emitter < circuit.supply) & (voltage < circuit.supply)
     rate = np.where(free, circuit.buffer_gain * passed * resistance * circuit.current_per_power, 0.0)

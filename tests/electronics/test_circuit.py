@@ -31,6 +31,7 @@ NEEDED = {"supply": 3.3, "load_resistance": 22e3, "transfer": 8.0}
         ({"transfer_drift": -0.02, "temperature": 80.0}, "transfer_drift = -0.02"),
         ({"led_drift": -0.1, "temperature": 35.0}, "led_drift = -0.1"),
         ({"temperature": -300.0}, "temperature = -300"),
+        ({"dark_decade": 0.001, "temperature": 30.0}, "dark_decade = 0.001"),
         ({"bandwidth": 0.0}, "bandwidth = 0"),
         ({"voltage": 5}, "circuit: voltage is not known"),
     ],
