@@ -53,6 +53,13 @@ _SCENE = """\
     <default name="depth" value="0.3"/>                  <!-- mm, along y -->
     <default name="quantum_efficiency" value="1"/>       <!-- electrons per photon, above 0, at most 1 -->
 
+    <!-- Assembly: how the board, with all packages, lies off the pad. -->
+    <default name="dx" value="0"/>                       <!-- mm, packages to the right of their cells' centres -->
+    <default name="dy" value="0"/>                       <!-- mm, towards +y -->
+    <default name="gap" value="0"/>                      <!-- mm, from board to pad, as of glue; 0 or more -->
+    <default name="tilt" value="0"/>                     <!-- degrees, of all packages about the x axis -->
+    <default name="board" value="absorbing"/>            <!-- mirror, lambertian, isotropic, absorbing -->
+
     <integrator type="taxel_tracer"/>
 
     <shape type="deformable_pad">
@@ -85,6 +92,10 @@ _SCENE = """\
         <integer name="columns" value="$columns"/>
         <float name="pitch" value="$pitch"/>
         <float name="spacing" value="$spacing"/>
+        <transform name="to_world">
+            <rotate x="1" angle="$tilt"/>
+            <translate x="$dx" y="$dy" z="-$gap"/>
+        </transform>
         <emitter type="annular_led">
             <float name="power" value="$led_power"/>
             <float name="wavelength" value="$wavelength"/>
@@ -99,10 +110,10 @@ _SCENE = """\
         </sensor>
     </shape>
 
-    <!-- The board, in the plane of the pad's bottom. -->
+    <!-- The board, under the packages. -->
     <shape type="rectangle">
-        <transform name="to_world"><scale value="100"/></transform>
-        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+        <transform name="to_world"><scale value="100"/><translate z="-$gap"/></transform>
+        <bsdf type="wall"> <string name="scattering" value="$board"/> </bsdf>
     </shape>
 </scene>
 """
