@@ -21,6 +21,9 @@ from .mechanics import (
     IndenterDisplacement as IndenterDisplacement,
 )
 from .mechanics import (
+    IndenterForce as IndenterForce,
+)
+from .mechanics import (
     LayerSteps as LayerSteps,
 )
 from .mechanics import (

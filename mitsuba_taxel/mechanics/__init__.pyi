@@ -9,6 +9,9 @@ from .elements.loads import (
     IndenterDisplacement as IndenterDisplacement,
 )
 from .elements.loads import (
+    IndenterForce as IndenterForce,
+)
+from .elements.loads import (
     Load as Load,
 )
 from .elements.loads import (

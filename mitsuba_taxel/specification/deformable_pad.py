@@ -10,6 +10,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
+    IndenterForce,
     Load,
     PatchForce,
     PlateDisplacement,
@@ -46,12 +47,13 @@ LOADS: dict[str, Any] = {
     "plate_displacement": PlateDisplacement,
     "pressure": Pressure,
     "indenter_displacement": IndenterDisplacement,
+    "indenter_force": IndenterForce,
 }
 FINISHES: dict[str, type[Finish]] = {"layer_steps": LayerSteps, "grooves": Grooves, "random": RandomRoughness}
 
 _NEO_HOOKEAN = ("material", "neo_hookean")
 _PATCH = ("load", "patch_force")
-_INDENTER = ("load", "indenter_displacement")
+_INDENTER = ("load", "indenter_displacement", "indenter_force")
 
 
 def _of_pad(field: str) -> Any:
@@ -118,6 +120,7 @@ class DeformablePad(Specification):
             "plate_displacement": "of such a plate",
             "pressure": "of a fluid on top and outside",
             "indenter_displacement": "of a rigid body that touches the pad from above",
+            "indenter_force": "on such a body, along -z",
         },
         "How it is loaded.",
     )
@@ -205,8 +208,10 @@ class DeformablePad(Specification):
             )
         self.cell_numbers()
         self.build_material()
-        if self.load == "indenter_displacement":
-            self.build_load()
+        if self.indenter is not None:
+            load, value = self.build_load()
+            if isinstance(load, IndenterForce):
+                load.check(value)
         if self.filename is None:  # a file is looked for beside the scene
             self.build_pad()
 
@@ -229,8 +234,10 @@ class DeformablePad(Specification):
 
     def build_load(self) -> tuple[Load, tuple[float, ...]]:
         """The load and its value."""
-        parts = {"patch_force": self._patch, "indenter_displacement": self._indented}
-        load: Load = parts.get(self.load, LOADS[self.load])()
+        kind = LOADS[self.load]
+        load: Load = (
+            self._patch() if kind is PatchForce else kind() if self.indenter is None else kind(self._own_indenter())
+        )
         value = getattr(self, load.quantity)
         return load, value if isinstance(value, tuple) else (value,)
 
@@ -239,9 +246,9 @@ class DeformablePad(Specification):
         size: Any = (self.patch_width, self.patch_depth)
         return PatchForce(centre, size)
 
-    def _indented(self) -> IndenterDisplacement:
+    def _own_indenter(self) -> Indenter:
         at: Any = (self.indenter_x, self.indenter_y)
-        return IndenterDisplacement(Indenter(at=at, **self._own(Indenter)))
+        return Indenter(at=at, **self._own(Indenter))
 
     def build_finish(self) -> Finish | None:
         """The finish of the cells, None where they are smooth."""
@@ -280,7 +287,7 @@ class DeformablePad(Specification):
         if isinstance(load, PatchForce):
             (x, y), (width, depth) = load.centre, load.size
             given.update(patch_x=x, patch_y=y, patch_width=width, patch_depth=depth)
-        if isinstance(load, IndenterDisplacement):
+        if isinstance(load, IndenterDisplacement | IndenterForce):
             x, y = load.indenter.at
             given.update(indenter_x=x, indenter_y=y, **values_of(load.indenter))
         if finish is not None:

@@ -13,6 +13,7 @@ from mitsuba_taxel.kernels.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,
+    IndenterForce,
     MooneyRivlin,
     NeoHookean,
     PatchForce,
@@ -160,6 +161,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(loaded, words, message):
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PlateDisplacement()),
         PadSensor(PAD, NeoHookean(2.0), (0.125,), Pressure()),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.0625), IndenterDisplacement(Indenter("plane"))),
+        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.5), IndenterForce(Indenter("sphere", radius=2.0, at=(0.5, 0)))),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PatchForce((0.5, 0.25), (1.0, 1.5))),
     ],
 )

@@ -17,6 +17,7 @@ from mitsuba_taxel import (
     Grooves,
     Indenter,
     IndenterDisplacement,
+    IndenterForce,
     InputError,
     LayerSteps,
     MooneyRivlin,
@@ -95,6 +96,7 @@ def calls(there):
         "PadSensor": (sensor, PadSensor, {}),
         "Indenter": (Indenter, Indenter, {"radius": 1.0}),
         "IndenterDisplacement": (IndenterDisplacement, IndenterDisplacement, {"indenter": Indenter(radius=1.0)}),
+        "IndenterForce": (IndenterForce, IndenterForce, {"indenter": Indenter(radius=1.0)}),
         "PatchForce": (PatchForce, PatchForce, {"centre": (0, 0), "size": (1, 1)}),
         "PhotoReflector": (lambda **k: sensor(photo_reflector=PhotoReflector(**k)), PhotoReflector, {}),
         "Phototransistor": (

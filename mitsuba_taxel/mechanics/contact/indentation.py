@@ -100,6 +100,11 @@ class Indentation:
         """(N, 3) by how much nodal forces grow while the body moves along ``direction`` (3,)."""
         return self.forces(at, _blocks(at) @ direction)
 
+    def force_rate(self, at: Pressing, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """(3,) by how much the total force grows while the body moves along ``direction`` (3,), nodes by ``rate``."""
+        moves = direction - np.einsum("na,nai->ni", _VALUES[at.point], rate[self.faces[at.face]])
+        return np.einsum("nij,nj->i", _blocks(at), moves)
+
     def shape_rate(self, at: Pressing, mesh: VolumeMesh, velocity: np.ndarray) -> np.ndarray:
         """(N, 3) by how much nodal forces grow as the undeformed nodes move by ``velocity`` (N, 3), and the body with
         the highest of them."""

@@ -7,6 +7,7 @@ pressure [MPa].
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -126,9 +127,29 @@ class IndenterDisplacement(_Loading):
         require("indenter", self.indenter, Indenter, "an Indenter")
 
 
+@dataclass(frozen=True)
+class IndenterForce(_Loading):
+    """A normal force on a rigid body that touches the pad without friction, and does not turn or move sideways.
+
+    It is pushed down as far as that takes.
+    """
+
+    indenter: Indenter
+
+    def __post_init__(self) -> None:
+        require("indenter", self.indenter, Indenter, "an Indenter")
+
+    def check(self, value: Sequence[float] | np.ndarray) -> None:
+        """Refuse forces that it cannot bear; raises `InputError`."""
+        x, y, z = value
+        if x or y or z > 0:
+            shown = ", ".join(f"{component:g}" for component in value)
+            raise InputError(f"force = ({shown}) is not allowed: without friction an indenter only pushes, along -z.")
+
+
 SPREAD_FORCE = SpreadForce()
 
-Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure | IndenterDisplacement
+Load = SpreadForce | PatchForce | PlateForce | PlateDisplacement | Pressure | IndenterDisplacement | IndenterForce
 
 
 def loaded_area(mesh: VolumeMesh, load: Load) -> float:
@@ -151,7 +172,7 @@ def loaded_area(mesh: VolumeMesh, load: Load) -> float:
 
 def keeps(load: Load, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
     """Whether a mirror, which takes nodes to their ``image`` (N,), leaves the distribution of a load as it is."""
-    if isinstance(load, IndenterDisplacement):
+    if isinstance(load, IndenterDisplacement | IndenterForce):
         return load.indenter.keeps(mirror)
     if not isinstance(load, PatchForce):
         return True  # it covers a region of the surface, as the mesh does

@@ -16,14 +16,15 @@ from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
-from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment, Node
+from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
@@ -55,7 +56,7 @@ class PadPath:
     def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
         self._identity = [pad.identity, mesh_size]
-        if isinstance(load, IndenterDisplacement):  # under which elements are smaller
+        if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
         self._segments: dict[tuple[float, ...], LoadSegment] = {}
         self._asked: dict[LoadSegment, dict[float, Node]] = {}
@@ -63,6 +64,8 @@ class PadPath:
 
     @cached_property
     def mesh(self) -> VolumeMesh:
+        if isinstance(self.load, IndenterForce):
+            return self._driven.mesh
         name = cache.key("mesh", self._identity)
         with cache.alone(name):
             arrays = cache.load(name)
@@ -73,6 +76,31 @@ class PadPath:
                 cache.store(name, vars(mesh))
                 return mesh
         return VolumeMesh(**arrays)
+
+    @cached_property
+    def _driven(self) -> PadPath:
+        """The path on which the body is moved that presses with a force."""
+        assert isinstance(self.load, IndenterForce)
+        moved = IndenterDisplacement(self.load.indenter)
+        return pad_path(self.pad, self.material, moved, self.mesh_size, self.judged)
+
+    def _driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
+        """How far the body moves under a force (3,)."""
+        driven, down = self._driven, np.array([0.0, 0.0, -1.0])
+        segment, pad = driven._segment(np.zeros(3), down), driven._pad_for(np.zeros(3), down)
+        name = cache.key("depth", driven._segment_name(segment), value.tolist())
+        arrays = cache.load(name)
+        if arrays is None:
+            while not segment.nodes or force_at(pad, segment, segment.nodes[-1]) < -value[2]:
+                reached = segment.nodes[-1].s if segment.nodes else 0.0
+                if reached > float(np.ptp(self.mesh.points[:, 2])):
+                    raise InputError("an indenter that touches nothing cannot press: place it over the pad.")
+                further = (math.floor(reached / segment.step + 0.5 / TICKS) + 1) * segment.step
+                driven._canonical(further * down, [], obstacles)
+            depth = depth_under(pad, segment, -value[2])
+            arrays = {"depth": np.array(depth)}
+            cache.store(name, arrays)
+        return float(arrays["depth"]) * down
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
@@ -93,6 +121,8 @@ class PadPath:
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
+        if isinstance(self.load, IndenterForce):
+            self.load.check(value)
         used: list[Mirror] = []
         turned = value = np.array(value)
         for mirror in MIRRORS:
@@ -127,6 +157,8 @@ class PadPath:
         """How a canonical state that ``mirrors`` took there goes on."""
         if not value.any():
             return None
+        if isinstance(self.load, IndenterForce):
+            return self._rate_of_force(value)
         with LOCK:
             segment, s = self._segments_to(value)[-1]
             direction = segment.direction
@@ -138,6 +170,15 @@ class PadPath:
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
         return PathRate(direction, displacement)
 
+    def _rate_of_force(self, value: np.ndarray) -> PathRate:
+        with LOCK:
+            driven = self._driven
+            ((segment, s),) = driven._segments_to(self._driven_to(value, None))
+            pad = driven._pad_for(segment.origin, segment.direction)
+            node = driven._solved(segment, s, pad)
+            displacement = pad.split(node.tangent)[0] / stiffness_at(pad, segment, node)
+        return PathRate(value / np.linalg.norm(value), displacement)
+
     def _canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
@@ -148,6 +189,8 @@ class PadPath:
         found = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
         if not value.any():
             return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
+        if isinstance(self.load, IndenterForce):
+            return self._driven._canonical(self._driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, found), 0.0
         for segment, s in self._segments_to(value):
             pad = self._pad_for(segment.origin, segment.direction)

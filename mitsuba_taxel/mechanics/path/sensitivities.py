@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import array_of, require
+from mitsuba_taxel.base.arguments import array_of, refusal, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.load_rates import load_rate
-from mitsuba_taxel.mechanics.elements.loads import Load, PlateDisplacement
+from mitsuba_taxel.mechanics.elements.loads import IndenterForce, Load, PlateDisplacement
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
@@ -75,6 +75,8 @@ def linearise(state: State) -> LinearisedState:
         suffice.
     """
     require("state", state, State, "a State, as load_path returns it,")
+    if isinstance(state.load, IndenterForce):
+        raise refusal("state", state.load, "derivatives of an indenter's displacement are needed, not of its force")
     with _told(state.load, state.value):
         pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
         blocks = _blocks(pad)

@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, linearise, load_path, reactions
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    IndenterForce,
+    NeoHookean,
+    linearise,
+    load_path,
+    reactions,
+)
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
@@ -55,6 +64,35 @@ def test_what_the_body_does_is_stored_in_the_pad():
     forces = [reactions(state).force[2] for state in states]
     done = (depths[2] - depths[0]) * (forces[0] + 4 * forces[1] + forces[2]) / 6
     assert energy(states[2]) - energy(states[0]) == pytest.approx(done, rel=1e-5)
+
+
+def test_a_force_presses_as_deep_as_it_takes(fresh):
+    (moved,) = pressed((0, 0, -0.3), load=ASIDE)
+    force = reactions(moved).applied_force[2]
+    by_force = IndenterForce(ASIDE.indenter)
+    (pushed,) = pressed((0, 0, force), load=by_force)
+    np.testing.assert_allclose(pushed.displacement, moved.displacement, atol=1e-8)
+    assert reactions(pushed).applied_force[2] == pytest.approx(force)
+    assert reactions(pushed).imbalance < 1e-8
+    more, less = pressed((0, 0, force * 1.001), (0, 0, force * 0.999), load=by_force)
+    difference = (more.displacement - less.displacement) / (0.002 * abs(force))
+    rate = pushed.path_rate()
+    np.testing.assert_allclose(rate.displacement, difference, atol=2e-2 * np.abs(difference).max())
+    (at_rest,) = pressed((0, 0, 0), load=by_force)
+    assert not at_rest.displacement.any()
+
+
+@pytest.mark.parametrize(
+    ("value", "at", "said"),
+    [
+        ((0, 0, 1.0), 0.0, "an indenter only pushes"),
+        ((0.1, 0, -1.0), 0.0, "an indenter only pushes"),
+        ((0, 0, -1.0), 50.0, "touches nothing"),
+    ],
+)
+def test_a_force_that_no_body_can_bear(value, at, said):
+    with pytest.raises(InputError, match=said):
+        pressed(value, load=IndenterForce(Indenter("sphere", radius=2.5, at=(at, 0.0))))
 
 
 def test_a_symmetric_part_is_the_whole():
