@@ -22,8 +22,8 @@ The paper does not say where LED and phototransistor lie in the package, which w
 centre of the LED is, which of two "conical" emission laws it used, or Poisson's ratio. The *nominal* sensor is that
 of `pad.xml`: {spacing:g} mm between the dies, LED at -x, phototransistor's long side along x, dark centre 0.1 mm, LED
 uniform per solid angle up to 88 degrees, neo-Hookean silicone with nu = 0.49, roofs isotropic, all else absorbing.
-Nothing is fitted to the paper's numbers. Errors are one standard error of the light; 1 W per LED. The source power
-scales all readings and slopes alike and needs no computation.
+Nothing is fitted to the paper's numbers. Errors are one standard deviation: of slopes in total, of readings that of the
+light; 1 W per LED. The source power scales all readings and slopes alike and needs no computation.
 """
 
 SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (

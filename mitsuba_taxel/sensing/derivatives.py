@@ -38,7 +38,7 @@ SMALL = 1e-4
 TINY = np.finfo(float).tiny
 PARALLEL = 1e-8
 """One minus the cosine up to which two changes of a load count as one."""
-MOST_HIDDEN = 1e-3
+MOST_HIDDEN = 3e-3
 """Share of a reading by ways that something stands in, which derivatives do not follow."""
 
 
