@@ -52,6 +52,7 @@ def plot_spreads(
 def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
     place, unit = np.arange(len(rows)), 100 / rows.nominal.to_numpy()
     low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
+    ax.use_sticky_edges = False
     ax.bar(place, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")
     ax.errorbar(
         place - 0.12, mean, rows.sd * abs(unit), fmt="o", color=COLOURS[0], markersize=4, label="mean and 1 sigma"
@@ -60,7 +61,6 @@ def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
         zero, linear = np.zeros(len(rows)), rows.linear_sd * abs(unit)
         ax.errorbar(place + 0.12, zero, linear, fmt="s", color=COLOURS[1], markersize=3, label="1 sigma, linear")
     ax.axhline(0, color="black", linewidth=0.6)
-    ax.use_sticky_edges = False
     ax.set_xlim(-1, len(rows))
     ax.set_xticks(place, rows.taxel.astype(str))
     ax.set_ylabel(f"{TITLES[name]}\n[% of nominal]")
