@@ -38,8 +38,8 @@ class PadSensor(Displayed):
     force : sequence of float
         Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
     load : Load
-        How it acts: `SpreadForce`, `PatchForce` or `PlateForce`; for `PlateDisplacement` ``force`` is the displacement
-        in mm, for `Pressure` it is ``(pressure,)`` in MPa.
+        How it acts: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`; for `PlateDisplacement` and
+        `IndenterDisplacement` ``force`` is the displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa.
     photo_reflector : PhotoReflector
         Its rows, columns and pitch are those of the pad, whatever it says.
     roof, side : Wall

@@ -19,6 +19,7 @@ from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.probes import refuse_unreadable
 from mitsuba_taxel.sensing.readings import Readings
 from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 REPLICATES = 32
@@ -50,6 +51,8 @@ def prepare(scene: Any) -> Prepared:
         notes.append("integrator taxel_tracer: it joins paths from both ends, and is right for every wall")
     refuse_unmodelled(live, integrator)
     refuse_unreadable(live, integrator)
+    if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
+        notes.append("a pad is at rest: its indenter does not touch it")  # whatever else loads a pad moves it
     return Prepared(live, integrator, parameters, notes)
 
 

@@ -5,8 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel import AnnularLed, Pad, PadSensor, PhotoReflector, Scene, Wall, measure
+from mitsuba_taxel import (
+    AnnularLed,
+    Indenter,
+    IndenterDisplacement,
+    Pad,
+    PadSensor,
+    PhotoReflector,
+    Scene,
+    Wall,
+    measure,
+)
 from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.sensing.runs import prepare
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 
@@ -200,3 +211,14 @@ def test_plain_loading_of_several_pads_at_once(llvm_mono, optimize):
     reading = measure(scene, points=1024)
     assert reading.power.shape == (2,) and np.all(reading.power > 1e-3)
     assert reading.power[0] != reading.power[1]
+
+
+@pytest.mark.parametrize(("x", "notes"), [(0.0, []), (9.0, ["a pad is at rest: its indenter does not touch it"])])
+def test_an_indenter_that_misses_the_pad_is_told(llvm_mono, x, notes):
+    sensor = PadSensor(
+        Pad("cylindrical", 1, 1),
+        load=IndenterDisplacement(Indenter("sphere", radius=0.8, at=(x, 0.0))),
+        force=(0, 0, -0.1),
+    )
+    ready = prepare(sensor.scene().with_mesh_size(1.7))
+    assert [note for note in ready.notes if "indenter" in note] == notes
