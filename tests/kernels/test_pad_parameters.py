@@ -107,10 +107,10 @@ def test_silicones(loaded, words, material):
         (string("load", "pressure") + numbers(pressure=0.125), Pressure(), (0.125,)),
         (
             string("load", "indenter_displacement")
-            + string("indenter", "punch")
-            + numbers(indenter_radius=1.5, indenter_edge_radius=0.5, indenter_x=0.25)
+            + string("indenter", "sphere")
+            + numbers(indenter_radius=20, indenter_x=0.25)
             + '<vector name="displacement" value="0, 0, -0.0625"/>',
-            IndenterDisplacement(Indenter("punch", radius=1.5, edge_radius=0.5, at=(0.25, 0))),
+            IndenterDisplacement(Indenter("sphere", radius=20, at=(0.25, 0))),
             (0, 0, -0.0625),
         ),
     ],
@@ -161,7 +161,7 @@ def test_what_makes_no_sense_is_refused_in_one_line(loaded, words, message):
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PlateDisplacement()),
         PadSensor(PAD, NeoHookean(2.0), (0.125,), Pressure()),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.0625), IndenterDisplacement(Indenter("plane"))),
-        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.5), IndenterForce(Indenter("sphere", radius=2.0, at=(0.5, 0)))),
+        PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.5), IndenterForce(Indenter("sphere", radius=20.0, at=(0.5, 0)))),
         PadSensor(PAD, NeoHookean(2.0), (0, 0, -0.25), PatchForce((0.5, 0.25), (1.0, 1.5))),
     ],
 )

@@ -17,7 +17,7 @@ from mitsuba_taxel.studies.plan.batch import Batch
 
 ROOMS = (
     "backend", "base", "geometry", "parameters", "pads", "mechanics", "transport", "specification", "kernels",
-    "sensing", "plugins", "studies",
+    "electronics", "sensing", "plugins", "studies",
 )  # fmt: skip
 """Where the code is that decides what a reading of a study is."""
 
