@@ -16,7 +16,8 @@ import numpy as np
 from drjit.llvm import Array3f64, Float64, UInt32
 
 HORIZON = 4e-3
-"""Cosine up to which a way counts for what goes along the horizon; with half of it derivatives change by 5e-4."""
+"""Cosine up to which a way counts for what goes along the horizon; with half of it slopes of bent roofs change by up to
+2e-3."""
 _TURN = threading.Lock()
 """Threads that make kernels take turns."""
 
