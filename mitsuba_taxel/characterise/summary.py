@@ -50,6 +50,7 @@ def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
     words = ""
     if len(found) > 1 and len({one.force for one in found}) == 1:
         weights, words = common_channel(found)
+    if words:
         found, *off = ([one.weighted(weights) for one in all_] for all_ in (found, *off))
     table = characteristics(found, off)
     return words, table[table.loading == 1].drop(columns="taxel" if words else [])

@@ -47,6 +47,16 @@ def test_relative_slope_is_free_of_noise_that_readings_share():
     assert slope_summary(study)[1].set_index("figure").value["relative_slope"] == pytest.approx(-1)
 
 
+@pytest.mark.parametrize(("taxels", "words"), [(1, ""), (2, "mean of 2 taxels")])
+def test_curves_of_one_taxel_keep_its_number(taxels, words):
+    power = 2e-3 * (1 - 0.01 * FORCE[:, None, None, None]) + np.zeros((3, 2, 32, taxels))
+    dims = ["fz", "spacing", "replicate", "taxel"]
+    coords = {"fz": FORCE, "spacing": [0.7, 0.9], "taxel": np.arange(1, taxels + 1)}
+    said, table = slope_summary(xr.Dataset({"replicate_power": (dims, power)}, coords))
+    assert said == words and len(table) == 2 * len(set(table.figure))
+    assert ("taxel" in table) == (taxels == 1) and set(table.get("taxel", [1])) == {1}
+
+
 def test_tangents_of_a_sum():
     slope = np.array([[1.0, 3.0]] * 3)
     run = Branch(FORCE, np.zeros((3, 4, 2)), Tangents(0 * slope, slope, slope / 10))
