@@ -43,14 +43,22 @@ def test_all_eleven_are_there():
         ("```python\nimport os\n```\n\n```python\nassert os.sep == ''\n```\n", "line 6"),
         ("```sh\ntouch here\n```\n<!-- makes: here there -->\n", "there"),
         ("words alone\n", "without steps"),
+        ("```python\nprint('P = 2.02 W')\n```\n\n```text\nP = 2.00 W\n```\n", "P = 2.02 W"),
+        ("```sh\necho a; echo b; echo c\n```\n\n```text\na\nc\n```\n", "printed:\na\nb\nc"),
     ],
-    ids=["sh", "python", "files", "nothing"],
+    ids=["sh", "python", "files", "nothing", "number", "lines"],
 )
 def test_a_tutorial_that_does_not_work_is_found(text, culprit, tmp_path):
     page = tmp_path / "page.md"
     page.write_text(text)
     done = run(page, tmp_path)
     assert done.returncode != 0 and culprit in done.stderr
+
+
+def test_listings_may_differ_in_their_last_digits_and_in_times(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```sh\necho 'P  = 1.001e-03 W'; echo 'Seconds: 3.2'\n```\n```text\nP = 1.0e-03 W\nSeconds: 1.0\n```\n")
+    assert run(page, tmp_path).returncode == 0
 
 
 def test_shown_files_are_written(tmp_path):
