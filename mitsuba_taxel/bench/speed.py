@@ -9,11 +9,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import xarray as xr
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.bench.peers.cases import CASES
@@ -21,12 +24,13 @@ from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.surrogates import export
 
 RAYS = 1 << 22
 
 
 def speed(target_error: float) -> Iterator[str]:
-    """All three, a line each as they come.
+    """All of them, a line each as they come.
 
     Parameters
     ----------
@@ -37,6 +41,7 @@ def speed(target_error: float) -> Iterator[str]:
         points, error, seconds = nine_taxels(cell, target_error)
         yield f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}"
     yield f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s"
+    yield f"a reading of nine taxels from an exported model of two forces, one core: {1e6 * exported_model():.1f} us"
     for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
         gc.collect()
         traced, raw = ray_rates(CASES[name].load("taxel_tracer"))
@@ -62,6 +67,28 @@ def first_answer() -> float:
 
     run()
     return _seconds(run)
+
+
+def exported_model() -> float:
+    """Seconds of one reading in onnxruntime, the least of many: of nine taxels, of powers of two forces up to 5."""
+    import onnxruntime
+
+    fx, fz = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(0, -10, 6), indexing="ij")
+    power = 4e-3 * np.exp((0.1 + 0.05 * np.arange(9)) * (fx - fz)[..., None] / 5)
+    coords = {"fx": fx[:, 0], "fz": fz[0], "taxel": range(1, 10)}
+    about = dict.fromkeys(("scene", "parameters", "seed", "points", "versions"), "")
+    study = xr.Dataset({"power": (("fx", "fz", "taxel"), power)}, coords, {"curve": "fz", **about})
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    with TemporaryDirectory() as folder:
+        export(study, file := Path(folder) / "model.onnx")
+        session = onnxruntime.InferenceSession(file, options)
+    inputs, least = {"inputs": np.array([[0.3, -4.0]])}, np.inf
+    for _ in range(10_000):
+        start = time.perf_counter()
+        session.run(None, inputs)
+        least = min(least, time.perf_counter() - start)
+    return least
 
 
 def ray_rates(scene: Any) -> tuple[float, float]:

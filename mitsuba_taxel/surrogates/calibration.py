@@ -7,8 +7,8 @@ their half width is what the wanted share of forces, on paths that a fit has not
 from __future__ import annotations
 
 import math
-from itertools import combinations_with_replacement
-from typing import NamedTuple
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -17,9 +17,13 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.measurement import Measurement
 from mitsuba_taxel.characterise.recorded_runs import runs_of
-from mitsuba_taxel.surrogates.polynomial import Polynomial, terms
+from mitsuba_taxel.surrogates.polynomial import Polynomial
 
-FOLDS = 10
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
+
+FOLDS = 5
+"""Parts of the paths, of which one is left out at a time: to test, and within the rest, to choose."""
 COPIES = 8
 """Noisy ones of each reading of a study."""
 DEGREES, STRENGTHS = (1, 2, 3), (1e-10, 1e-7, 1e-5, 1e-3)
@@ -67,40 +71,66 @@ def calibrate(
     Raises
     ------
     InputError
-        if fewer than three paths, or no force, are varied.
+        if scikit-learn is not installed, or if fewer than three paths, or no force, are varied.
     """
+    if find_spec("sklearn") is None:
+        raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
     if isinstance(source, Measurement):
         names, unit, rows = _measured(source)
     else:
         names, unit, rows = _simulated(source, noise, seed)
-    folds = rows.path % FOLDS
-    if len(np.unique(rows.path)) < 3:
+    paths = len(np.unique(rows.path))
+    if paths < 3:
         raise InputError("a calibration is tested on whole paths: at least three curves, or runs, are needed.")
-    low, high = rows.readings.min(axis=0), rows.readings.max(axis=0)
-    scaled = 2 * (rows.readings - low) / np.where(high > low, high - low, 1) - 1
     size = np.ptp(rows.forces, axis=0)
-    found = []
-    for degree in DEGREES:
-        exponents = _exponents(scaled.shape[1], degree)
-        if len(exponents) > min(MOST_TERMS, len(scaled) // 4):
-            break
-        columns = terms(scaled, exponents)
-        for strength in STRENGTHS:
-            missed = np.empty_like(rows.forces)
-            for fold in np.unique(folds):
-                out = folds == fold
-                weights = _ridge(columns[~out], rows.forces[~out], strength)
-                missed[out] = columns[out] @ weights - rows.forces[out]
-            found.append((float(np.sqrt(np.mean((missed / size) ** 2))), exponents, strength, missed))
-    _, exponents, strength, missed = min(found, key=lambda one: one[0])
-    weights = _ridge(terms(scaled, exponents), rows.forces, strength)
-    half_width = _quantile(np.abs(missed), coverage)
-    rms = np.sqrt(np.mean((missed / size) ** 2, axis=0)).max()
-    tested = f"{len(np.unique(rows.path))} paths, left out a part of them at a time"
-    labels = tuple(f"reading_{number}" for number in range(1, scaled.shape[1] + 1))
-    worst = float((np.abs(missed) / size).max())
-    model = Polynomial(labels, (unit,) * len(labels), low, high, exponents, weights, float(rms), worst, tested)
-    return Calibration(model, names, half_width, coverage, _covered(missed, folds, coverage), unit, tested)
+    rows = rows._replace(forces=rows.forces / size)
+    missed, fold = _left_out(rows)
+    half_width = size * _quantile(np.abs(missed), coverage)
+    tested = f"{paths} paths, left out a part of them at a time"
+    model = _polynomial(_fit(rows), size, unit, missed, tested)
+    return Calibration(model, names, half_width, coverage, _covered(missed, fold, coverage), unit, tested)
+
+
+def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
+    """By how much (rows, forces) fits and choices without a row's paths miss its forces, and the part it was in."""
+    from sklearn.model_selection import GroupKFold
+
+    missed, fold = np.empty_like(rows.forces), np.empty(len(rows.path), dtype=int)
+    parts = GroupKFold(min(FOLDS, len(np.unique(rows.path)))).split(rows.readings, groups=rows.path)
+    for number, (inside, out) in enumerate(parts):
+        fitted = _fit(_Rows(*(column[inside] for column in rows)))
+        wanted = rows.forces[out]
+        missed[out], fold[out] = fitted.predict(rows.readings[out]).reshape(wanted.shape) - wanted, number
+    return missed, fold
+
+
+def _fit(rows: _Rows) -> Pipeline:
+    """The polynomial of the degree and the penalty that predict paths best which were left out of these rows."""
+    from sklearn.linear_model import Ridge
+    from sklearn.model_selection import GridSearchCV, GroupKFold
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
+
+    count, inputs = rows.readings.shape
+    most = min(MOST_TERMS, count // 4)
+    degrees = [degree for degree in DEGREES if degree == 1 or math.comb(inputs + degree, degree) <= most]
+    model = make_pipeline(MinMaxScaler((-1, 1), clip=True), PolynomialFeatures(include_bias=False), Ridge())
+    choices = {"polynomialfeatures__degree": degrees, "ridge__alpha": [count * each for each in STRENGTHS]}
+    folds = GroupKFold(min(FOLDS, len(np.unique(rows.path))))
+    search = GridSearchCV(model, choices, cv=folds, scoring="neg_mean_squared_error")
+    return search.fit(rows.readings, rows.forces, groups=rows.path).best_estimator_
+
+
+def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
+    """Of readings in their unit, giving forces in N, from one that gives them relative to their range."""
+    scaler, features, ridge = (step for _, step in fitted.steps)
+    inputs = len(scaler.data_min_)
+    labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))
+    exponents = np.concatenate([np.zeros((1, inputs), dtype=int), features.powers_])
+    weights = np.concatenate([np.atleast_1d(ridge.intercept_)[None], np.atleast_2d(ridge.coef_).T]) * size
+    rms, worst = float(np.sqrt(np.mean(missed**2, axis=0)).max()), float(np.abs(missed).max())
+    low, high = scaler.data_min_, scaler.data_max_
+    return Polynomial(labels, (unit,) * inputs, low, high, exponents, weights, rms, worst, tested)
 
 
 def _quantile(sizes: np.ndarray, coverage: float) -> np.ndarray:
@@ -115,19 +145,6 @@ def _covered(missed: np.ndarray, folds: np.ndarray, coverage: float) -> float:
         np.abs(missed[folds == fold]) <= _quantile(np.abs(missed[folds != fold]), coverage) for fold in np.unique(folds)
     ]
     return float(np.concatenate(inside).mean())
-
-
-def _exponents(inputs: int, degree: int) -> np.ndarray:
-    """(terms, inputs) of all products of up to so many inputs."""
-    chosen = [each for d in range(degree + 1) for each in combinations_with_replacement(range(inputs), d)]
-    return np.array([[each.count(number) for number in range(inputs)] for each in chosen])
-
-
-def _ridge(columns: np.ndarray, wanted: np.ndarray, strength: float) -> np.ndarray:
-    """Least squares with a penalty on all weights but the first, which is the constant's."""
-    penalty = strength * len(columns) * np.eye(columns.shape[1])
-    penalty[0, 0] = 0
-    return np.linalg.lstsq(columns.T @ columns + penalty, columns.T @ wanted, rcond=None)[0]
 
 
 def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:

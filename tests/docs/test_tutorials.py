@@ -57,7 +57,8 @@ def test_a_tutorial_that_does_not_work_is_found(text, culprit, tmp_path):
 
 def test_listings_may_differ_in_their_last_digits_and_in_times(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text("```sh\necho 'P  = 1.001e-03 W'; echo 'Seconds: 3.2'\n```\n```text\nP = 1.0e-03 W\nSeconds: 1.0\n```\n")
+    steps = "```sh\necho 'P  = 1.001e-03 W'; echo 'Seconds: 3.2'\n```\n"
+    page.write_text(f"{steps}\n```text\nP = 1.0e-03 W\nSeconds: 1.0\n```\n")
     assert run(page, tmp_path).returncode == 0
 
 

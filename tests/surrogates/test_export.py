@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import numpy as np
 import pytest
@@ -72,17 +71,6 @@ def test_a_runtime_gives_what_the_polynomial_does(runtime):
     np.testing.assert_allclose(readings[2], model(np.array([[2.0, -4.0]]))[0], rtol=1e-12)
     about = session.get_modelmeta().custom_metadata_map
     assert json.loads(about["units"]) == ["mm", "N"] and json.loads(about["error"])["rms"] == model.rms < 0.01
-
-
-def test_a_reading_takes_20_microseconds(runtime):
-    """The best of many, as other programs may be at work."""
-    *_, session = runtime
-    inputs, least = {"inputs": np.array([[0.3, -4.0]])}, np.inf
-    for _ in range(2000):
-        start = time.perf_counter()
-        session.run(None, inputs)
-        least = min(least, time.perf_counter() - start)
-    assert least < 20e-6
 
 
 @pytest.mark.parametrize(
