@@ -37,12 +37,13 @@ class Comparison(NamedTuple):
 
     ``table`` : ``rank``; what the variants differ in; a column for each figure and its ``_error``; ``allowed``, the
     probability that the variant meets the limits; ``first``, that it is the best of those that do; ``behind``, by how
-    much the first one is better, and ``behind_error``. ``unit`` of each figure; ``channel``, what stands for the
-    taxels; ``notes``.
+    much the first one is better, and ``behind_error``. ``by`` which figure; ``limits`` of some; ``unit`` of each;
+    ``channel``, what stands for the taxels; ``notes``.
     """
 
     table: pandas.DataFrame
     by: str
+    limits: dict[str, float]
     unit: dict[str, str]
     channel: str
     notes: list[str]
@@ -69,7 +70,7 @@ def compare(
     first; deviations the smallest first. Errors are those of ``taxel characterise``. Variants of the same seed and
     points share their random numbers, and what these do to both drops out of a difference, as far as the replicates,
     left out one by one, say so. So does what the errors of mechanics and geometry do to both, with the sign that their
-    estimates have: all variants are off by them together.
+    estimates have, where variants differ in numbers alone; those of other shapes or scenes have errors of their own.
 
     Parameters
     ----------
@@ -110,7 +111,8 @@ def compare(
     first = np.bincount(score.argmax(axis=1)[allowed.any(axis=1)], minlength=len(variants)) / DRAWS
     meets = allowed.mean(axis=0)
     order = np.lexsort((-_score(by, value[0]), meets < 0.5))
-    return Comparison(_table(variants, names, value, covariance, meets, first, order), by, units, channel, notes)
+    table = _table(variants, names, value, covariance, meets, first, order)
+    return Comparison(table, by, limits, units, channel, notes)
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
@@ -208,7 +210,9 @@ def _covariance(
     correlation = np.where(shared, share @ share.T, 0.0)
     np.fill_diagonal(correlation, 1.0)
     errors = light.ravel()
-    return correlation * np.outer(errors, errors) + sum(np.outer(shift, shift) for shift in shifts)
+    kinds = [[value for value in variant.where.values() if isinstance(value, str)] for variant in variants]
+    alike = np.tile([[one == other for other in kinds] for one in kinds], (len(names), len(names)))
+    return correlation * np.outer(errors, errors) + alike * sum(np.outer(shift, shift) for shift in shifts)
 
 
 def _without_each(reading: Experiment) -> list[Experiment]:
@@ -270,12 +274,16 @@ def _in_words(name: str, value: float, error: float, factor: float) -> str:
     return NOT_RESOLVED if size <= error else with_error(value / factor, error / factor)
 
 
+def varied_names(found: Comparison) -> list[str]:
+    """Columns that tell the variants apart."""
+    names = list(found.table.columns)
+    return names[1 : names.index(found.by)]
+
+
 def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a comparison, in words."""
-    table = found.table
+    table, where = found.table, varied_names(found)
     names = [name for name in table.columns if f"{name}_error" in table.columns]
-    where = [name for name in table.columns if name not in ("rank", "allowed", "first")]
-    where = [name for name in where if name not in (*names, *(f"{name}_error" for name in names))]
     units = {**found.unit, "behind": found.unit[found.by]}
     scale = {name: prefixed(float(table[name].abs().max()), units[name]) for name in names}
     limited = bool((table.allowed < 1).any()) or len(names) > 2

@@ -22,7 +22,9 @@ FIGURES = (
 )  # fmt: skip
 @click.option("--force", metavar="NAME", help="Along which force, where several are varied.")
 @click.option("--up-to", type=click.FloatRange(min=0, min_open=True), metavar="N", help="Only forces up to so many N.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE.csv", help="Also write the table.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Also write comparison.csv and a plot."
+)
 @json_option
 @debug_option
 def command(
@@ -42,20 +44,22 @@ def command(
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import compare, comparison_rows
-    from mitsuba_taxel.studies.plan.files import check_new_file
+    from mitsuba_taxel.studies.plan.files import make_folder
 
     from .tables import print_figures
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
-    if output is not None:
-        check_new_file(output, ".csv")
     studies = {str(folder): open_study(folder) for folder in folders}
     found = compare(studies, by, limits, force=force, up_to=up_to)
     if output is not None:
         from mitsuba_taxel.base.atomic import replacing
+        from mitsuba_taxel.plots.ranking import plot_ranking
 
-        with replacing(output) as file:
+        make_folder(output)
+        with replacing(output / "comparison.csv") as file:
             found.table.to_csv(file, index=False)
+        with replacing(output / "comparison.png") as file:
+            plot_ranking(found, file)
     if as_json:
         import json
 

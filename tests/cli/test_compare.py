@@ -28,8 +28,9 @@ def test_a_study_is_ranked(taxel, tmp_path):
     (tmp_path / "scene.xml").write_text(SCENE)
     vary = {"reflectance": "0.5,1", "fz": "0.6,0.8,1"}
     mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
-    done = taxel("compare", "out", "--by", "mean_slope", "-o", "table.csv")
-    assert done.returncode == 0 and done.stderr == "" and (tmp_path / "table.csv").stat().st_size
+    done = taxel("compare", "out", "--by", "mean_slope", "-o", "ranking")
+    assert done.returncode == 0 and done.stderr == ""
+    assert {file.name for file in (tmp_path / "ranking").iterdir()} == {"comparison.csv", "comparison.png"}
     title, _, _, first, *_ = done.stdout.splitlines()
     assert title == "By mean slope:" and first.split()[:2] == ["1", "1"] and "100.0%" in first
     rows = json.loads(taxel("compare", "out", "--at-most", "nonlinearity=100", "--json").stdout)["variants"]

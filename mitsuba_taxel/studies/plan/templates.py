@@ -58,6 +58,7 @@ _SCENE = """\
     <default name="dy" value="0"/>                       <!-- mm, towards +y -->
     <default name="gap" value="0"/>                      <!-- mm, from board to pad, as of glue; 0 or more -->
     <default name="tilt" value="0"/>                     <!-- degrees, of all packages about the x axis -->
+    <default name="turn" value="0"/>                     <!-- degrees, of the board about the z axis -->
     <default name="board" value="absorbing"/>            <!-- mirror, lambertian, isotropic, absorbing -->
 
     <integrator type="taxel_tracer"/>
@@ -94,6 +95,7 @@ _SCENE = """\
         <float name="spacing" value="$spacing"/>
         <transform name="to_world">
             <rotate x="1" angle="$tilt"/>
+            <rotate z="1" angle="$turn"/>
             <translate x="$dx" y="$dy" z="-$gap"/>
         </transform>
         <emitter type="annular_led">

@@ -68,6 +68,17 @@ def test_assembly_offsets_to_both_sides_are_alike(llvm_mono, template, name, val
     assert plain.power[0] - one.power[0] > 5 * np.hypot(plain.standard_error[0], one.standard_error[0])
 
 
+def test_a_turned_board_is_the_cell_turned_back(llvm_mono, template):
+    """A square cell has the symmetry of 90 degrees, a package on its own has not."""
+
+    def read(**given):
+        return measure(Scene.from_file(template["scene"], **SMALL, **given), points=512, mechanics_error=False)
+
+    right, up, turned = read(dx=0.3), read(dy=0.3), read(dy=0.3, turn=90)
+    np.testing.assert_allclose(turned.power, right.power, rtol=1e-4)
+    assert abs(up.power[0] - right.power[0]) > 5 * np.hypot(up.standard_error[0], right.standard_error[0])
+
+
 def test_a_gap_takes_the_roof_away(llvm_mono, template):
     """As a pad that is so much higher, and so are its cells, but for light through the gap, which the board absorbs."""
 
