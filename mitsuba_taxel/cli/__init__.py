@@ -21,7 +21,8 @@ from .options import debug_option
 
 COMMANDS = (
     "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
-    "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce", "doctor",
+    "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce",
+    "doctor",
 )  # fmt: skip
 
 

@@ -59,6 +59,7 @@ CASES = {
     "vary nothing": ((*SWEEP, "--vary", "z=", "-o", "out"), "name=value"),
     "vary and define": ((*SWEEP, "--vary", "z=1,2", "-D", "z=1", "-o", "out"), "both"),
     "vary to a bad value": ((*SWEEP, "--vary", "law=silent,loud", "-o", "out"), "law=silent"),
+    "optimise without a study": (("optimise", "none.toml", "-o", "out"), "none.toml"),
     "tolerance without a study": (("tolerance", "none.toml", "-o", "out"), "none.toml"),
     "vary a result": ((*SWEEP, "--vary", "power=1,2", "-o", "out"), "power cannot be varied"),
     "no plugin": (("plugins", "wal"), "wal"),

@@ -33,7 +33,7 @@ def symmetric_part(pad: Pad) -> Any:
         solid = solid - _beyond_diagonal(pad)
     for x, y in pad.cell_centres:
         if min(x, y) > -0.5 * pad.cell_size and not (is_square(pad) and y - x > pad.cell_size):
-            solid = solid - _cell_solid(pad, x, y)
+            solid = solid - cell_solid(pad, x, y)
     return solid
 
 
@@ -56,7 +56,7 @@ def _name_of_box_face(centre: Any, pad: Pad) -> str:
     return "top" if centre.z > pad.height - tolerance else "outer"
 
 
-def _cell_solid(pad: Pad, x: float, y: float) -> Any:
+def cell_solid(pad: Pad, x: float, y: float) -> Any:
     """One cell; it reaches below the board, so that cutting it leaves a clean rim."""
     from netgen.occ import Box, Cylinder, Pnt, Sphere, Z
 

@@ -1,0 +1,103 @@
+"""`taxel optimise`: the best design within bounds and constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option, json_option
+
+
+@click.command(short_help="The best design of a scene within bounds and constraints.")
+@click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
+@folder_option
+@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+)
+@click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@json_option
+@debug_option
+def command(
+    source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
+) -> None:
+    """Find the design that the table [optimise] of STUDY.toml asks for, by gradients of the whole chain.
+
+    Each load of each design is in DIR as soon as it is there; the same command goes on where it was stopped. Tables, a
+    plot, a page optimum.md, the best design as a scene, and drawings of its pad and mould go into DIR.
+    """
+    from mitsuba_taxel.optimum import optimise
+
+    with _best_so_far() as progress:
+        result = optimise(
+            source, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=progress
+        )
+    if as_json:
+        import json
+
+        click.echo(json.dumps({**_as_json(result), "output": str(folder)}))
+        return
+    _show(result)
+    print(f"Results: {folder}")
+
+
+@contextmanager
+def _best_so_far() -> Iterator[Callable]:
+    """A function of an optimisation's ``Progress`` that shows it on a terminal."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda progress: None
+        return
+    with console.status("design 1") as status:
+
+        def show(progress) -> None:
+            failed = f", {progress.failed} failed" if progress.failed else ""
+            status.update(f"{progress.designs} designs{failed}; best so far: {progress.best or 'none allowed'}")
+
+        yield show
+
+
+def _as_json(result) -> dict[str, object]:
+    from .tables import known
+
+    tables = {"figures", "variables", "slopes", "history"}
+    shown: dict[str, object] = {}
+    for name, value in vars(result).items():
+        if name in tables:
+            value = value.astype(object).where(value.notna(), None).to_dict("records")
+        shown[name] = known(value) if isinstance(value, float) else value
+    return shown
+
+
+def _show(result) -> None:
+    from mitsuba_taxel.optimum.outputs import changes, cost_line, gain_line
+
+    from .tables import print_table
+
+    finer = "best_finer" in result.figures
+    columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
+    print_table(
+        ("figure", "unit", *(name.replace("_", ", ") for name in columns), "binds"),
+        (
+            (
+                row["figure"],
+                row["unit"],
+                *(f"{row[name]:.4g}" for name in columns),
+                f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
+            )
+            for row in result.figures.to_dict("records")
+        ),
+    )
+    print()
+    print_table(("parameter", "before", "best", "bound"), changes(result))
+    print(gain_line(result))
+    print(cost_line(result))
+    for warning in result.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    for note in result.notes:
+        print(note)

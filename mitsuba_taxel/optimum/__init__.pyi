@@ -1,0 +1,6 @@
+from .result import (
+    Optimum as Optimum,
+)
+from .run import (
+    optimise as optimise,
+)

@@ -1,0 +1,203 @@
+"""Designs, read: every load of each is a job of one study that grows, so that nothing is computed twice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.plan import Design, Plan
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.sensing.derivable import without_derivative
+from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import STEP, Axis
+from mitsuba_taxel.studies.run.pool import Pool
+from mitsuba_taxel.studies.run.study import run_batch
+from mitsuba_taxel.studies.store.folder import Store
+from mitsuba_taxel.studies.store.opening import stored_study
+
+SHIFT = 0.01
+"""Of the bounds' width: how far a variable is moved to each side for a difference of readings."""
+SMALL = 1e-4
+"""The same for thicknesses, which are no matter of computation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """A design that was read.
+
+    Attributes
+    ----------
+    values : Seen
+    by : list[Seen]
+        The same with derivatives by each variable, in the unit cube, times `TINY` as imaginary parts.
+    """
+
+    values: Seen
+    by: list[Seen]
+
+
+class Designs:
+    """Reads designs, in ``folder``, by derivatives where there are such, else by differences.
+
+    Attributes
+    ----------
+    loads : int
+        Load steps that were asked for, each once.
+    seconds : float
+        Those of all jobs, of this and earlier runs.
+    failures : dict[Design, str]
+        Why a design could not be read.
+    notes : list[str]
+    """
+
+    def __init__(self, plan: Plan, pool: Pool, folder: Path, retry_failed: bool, batch: Batch | None = None) -> None:
+        self._plan, self._pool, self._folder, self._retry = plan, pool, folder, retry_failed
+        self._batch = replace(batch or plan.batch, bare=True)
+        self._names = [one.name for one in plan.variables]
+        refused = without_derivative(plan.scene(plan.before), self._names)
+        self.notes = [f"by differences of readings: {name} ({why})" for name, why in refused.items()]
+        self._by = [name for name in self._names if name not in refused]
+        self.failures: dict[Design, str] = {}
+        self.loads, self.seconds = 0, 0.0
+        self._known: dict[Design, Read] = {}
+
+    def read(self, designs: Sequence[Design]) -> list[Read | None]:
+        """Each design as it was read; None if it cannot be."""
+        new = [design for design in dict.fromkeys(designs) if design not in self._known | self.failures]
+        for design in new:
+            refusal = self._plan.refusal(design)
+            if refusal is not None:
+                self.failures[design] = str(refusal)
+        self._read([design for design in new if design not in self.failures])
+        return [self._known.get(design) for design in designs]
+
+    def _read(self, designs: list[Design]) -> None:
+        if not designs:
+            return
+        shifted = {design: self._shifted(design) for design in designs}
+        needed = [each for design in designs for each in (design, *shifted[design].values())]
+        study, place = self._study(needed)
+        if self._by and "smooth_power" not in study:
+            self.notes += [f"by differences of readings: {study.attrs['notes'].splitlines()[0]}"]
+            self._by = []
+            self._read(designs)
+            return
+        self.loads, self.seconds = study.sizes[STEP], float(study.seconds.sum())
+        failed = Store(self._place).failures()
+        for design in designs:
+            rows = {each: place[each] for each in (design, *shifted[design].values())}
+            power = {each: self._power(study, numbers) for each, numbers in rows.items()}
+            rates = self._rates(study, design, rows[design], shifted[design], power)
+            known = np.concatenate([power[design].ravel(), rates.ravel()])
+            if np.isfinite(known).all():
+                self._known[design] = self._seen(design, power[design], rates)
+            else:
+                why = [failed[number].message for numbers in rows.values() for number in numbers if number in failed]
+                self.failures[design] = next(iter([*why, *study.attrs["notes"].splitlines()]), "a reading is missing")
+
+    @property
+    def _place(self) -> Path:
+        return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
+
+    def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
+        """Designs to both sides of one, by the number of the variable that has no derivative, and the sign."""
+        found = {}
+        for number, name in enumerate(self._names):
+            for sign in (1, -1) if name not in self._by else ():
+                other = _moved(design, number, sign * SHIFT)
+                found[number, sign] = design if self._plan.refusal(other) else other
+        return found
+
+    def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, list[int]]]:
+        """The study with these designs, and where in it the loads of each are."""
+        names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
+        base = self._plan.base
+        stored = stored_study(self._place).get("together", {})
+        rows = dict.fromkeys(zip(*(stored[name] for name in names), strict=True)) if set(names) == set(stored) else {}
+        wanted: dict[Design, list[tuple[str, ...]]] = {}
+        for design in designs:
+            told = {**base, **self._plan.parameters(design)}
+            wanted[design] = [tuple({**told, **load}[name] for name in names) for load in self._plan.loads]
+            rows |= dict.fromkeys(wanted[design])
+        columns = {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+        batch = replace(self._batch, axes=(Axis(STEP, columns),), derivatives=tuple(self._by))
+        study = run_batch(batch, self._pool, self._place, self._retry)
+        self._retry = False
+        number = {row: place for place, row in enumerate(rows)}
+        return study, {design: [number[row] for row in needed] for design, needed in wanted.items()}
+
+    def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
+        """(loads, taxels)."""
+        power = study.smooth_power if self._by else study.replicate_power.mean("replicate")
+        return power.transpose(STEP, "taxel").values[rows]
+
+    def _rates(
+        self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
+    ) -> np.ndarray:
+        """(variables, loads, taxels), by variables in the unit cube."""
+        rates = np.zeros((len(self._names), *power[design].shape))
+        for number, one in enumerate(self._plan.variables):
+            if one.name in self._by:
+                derivative = study.derivative.sel(parameter=one.name).transpose(STEP, "taxel").values[rows]
+                rates[number] = (one.high - one.low) * derivative
+            else:
+                ahead, behind = (shifted[number, sign] for sign in (1, -1))
+                width = ahead.x[number] - behind.x[number]
+                rates[number] = (power[ahead] - power[behind]) / width if width else np.nan
+        return rates
+
+    def _seen(self, design: Design, power: np.ndarray, rates: np.ndarray) -> Read:
+        walls, wall_rates = self._walls(design)
+        loads = [frozenset(load.items()) for load in self._plan.loads]
+
+        def seen(power: np.ndarray, walls: np.ndarray) -> Seen:
+            lines = {}
+            for name, (along, rows) in self._plan.lines.items():
+                values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
+                lines[name] = Line(values, power[[loads.index(frozenset(row.items())) for row in rows]])
+            return Seen(lines, walls, self._plan.circuit)
+
+        pairs = zip(1j * TINY * rates, 1j * TINY * wall_rates, strict=True)
+        return Read(seen(power + 0j, walls + 0j), [seen(power + rate, walls + of) for rate, of in pairs])
+
+    def _walls(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) thicknesses, and (variables, N) derivatives."""
+        walls, rates = self._walls_of(design), []
+        for number in range(len(self._names)):
+            ends = [_moved(design, number, sign * SMALL) for sign in (1, -1)]
+            ahead, behind = (design if self._plan.refusal(end) else end for end in ends)
+            rates.append((self._walls_of(ahead) - self._walls_of(behind)) / (ahead.x[number] - behind.x[number]))
+        return walls, np.array(rates)
+
+    def _walls_of(self, design: Design) -> np.ndarray:
+        found = [part for pad in pads_of(self._plan.scene(design)) for part in thicknesses(pad)]
+        return np.array(found, dtype=float)
+
+
+def _moved(design: Design, number: int, step: float) -> Design:
+    """A design with one variable a little larger or smaller, within its bounds."""
+    x = list(design.x)
+    x[number] = min(max(x[number] + step, 0.0), 1.0)
+    return Design(design.choice, tuple(x))
+
+
+def pads_of(scene: Scene) -> list[Pad]:
+    """The undeformed pads of a scene, but for those from files."""
+    with scene.files_beside_it():
+        nodes = scene.parsed(parser_config(activate_variant())).nodes
+        parts = [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]
+    return [pad for part in parts if isinstance(pad := part.build_pad(), Pad)]
+
+
+def thicknesses(pad: Pad) -> list[float]:
+    """In mm: around the outer cells, above all, and between neighbours."""
+    between = [pad.pitch - pad.cell_size] if pad.rows * pad.columns > 1 else []
+    return [pad.wall, pad.height - pad.top_of_cell, *between]

@@ -1,0 +1,217 @@
+"""Figures of merit of a design, in a designer's words, each with its gradient.
+
+A figure is a row of components, such as the sensitivities of all taxels, the worst of which counts. They are analytic
+functions of readings and dimensions, which are handed in as complex numbers. Their imaginary parts are derivatives by
+one variable; those of the components come out to the last digit (Squire and Trapp, SIAM Review 40, 1998).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.electronics import Circuit, respond, total_noise
+
+SMALL = 1e-6
+"""Relative step of a difference of noise, which is smooth in the power."""
+TINY = 1e-150
+"""By what derivatives are multiplied: their squares vanish."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Readings along loads one after the other.
+
+    Attributes
+    ----------
+    values : (K,) ndarray
+        Of the parameter that changes along it, as a force in N.
+    power : (K, T) ndarray of complex
+        Readings in W.
+    """
+
+    values: np.ndarray
+    power: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a design is seen to do.
+
+    Attributes
+    ----------
+    lines : Mapping[str, Line]
+        Of loads, by name.
+    walls : (N,) ndarray of complex
+        Thicknesses of the silicone between cells and around them, in mm.
+    circuit : Circuit or None
+        That shows volts in place of watts.
+    """
+
+    lines: Mapping[str, Line]
+    walls: np.ndarray
+    circuit: Circuit | None
+
+    def readings(self, line: str) -> np.ndarray:
+        """(K, T) in W, or in V with a circuit."""
+        power = self.lines[line].power
+        if self.circuit is None:
+            return power
+        shown = respond(self.circuit, np.maximum(power.real, 0.0))
+        return shown.voltage + 1j * shown.rate * power.imag
+
+    def slopes(self, line: str) -> np.ndarray:
+        """(T,) mean slopes along a line, between its ends."""
+        readings, values = self.readings(line), self.lines[line].values
+        return (readings[-1] - readings[0]) / (values[-1] - values[0])
+
+    def noise(self, line: str, stated: float | None) -> np.ndarray:
+        """(K, T) one standard deviation of each reading."""
+        power = self.lines[line].power
+        if stated is not None:
+            return np.full(power.shape, complex(stated))
+        assert self.circuit is not None
+        lit = np.maximum(power.real, 0.0)
+        step = SMALL * lit.max()
+        ends = [total_noise(self.circuit, np.maximum(lit + sign * step, 0.0)) for sign in (1, -1)]
+        return total_noise(self.circuit, lit) + 1j * (ends[0] - ends[1]) / (2 * step) * power.imag
+
+
+def _magnitude(values: np.ndarray) -> np.ndarray:
+    return np.where(values.real < 0, -values, values)
+
+
+def _both_signs(values: np.ndarray) -> np.ndarray:
+    """Of a row whose largest magnitude counts, what is smooth."""
+    return np.concatenate([values.ravel(), -values.ravel()])
+
+
+def sensitivity(seen: Seen, along: str) -> np.ndarray:
+    """Magnitude of each taxel's mean slope."""
+    return _magnitude(seen.slopes(along))
+
+
+def relative_sensitivity(seen: Seen, along: str) -> np.ndarray:
+    """The same over the first reading."""
+    return _magnitude(seen.slopes(along) / seen.readings(along)[0])
+
+
+def nonlinearity(seen: Seen, along: str) -> np.ndarray:
+    """Distance of each reading from the line between the ends, over the taxel's largest change: equation 7."""
+    readings, values = seen.readings(along), seen.lines[along].values
+    change = readings - readings[0]
+    most = np.take_along_axis(change, np.abs(change.real).argmax(axis=0)[None], axis=0)[0]
+    share = (values - values[0]) / (values[-1] - values[0])
+    return _both_signs(((change - share[:, None] * change[-1]) / most)[1:-1])
+
+
+def cross_talk(seen: Seen, along: str, taxel: int) -> np.ndarray:
+    """Relative change of each other taxel's reading over that of the loaded one."""
+    readings = seen.readings(along)
+    change = readings[-1] / readings[0] - 1
+    return _both_signs(np.delete(change / change[taxel - 1], taxel - 1))
+
+
+def cross_sensitivity(seen: Seen, along: str, by: str) -> np.ndarray:
+    """How many N along ``along`` a force of 1 N along ``by`` is taken for, where the change of all readings is matched
+    with that by a force along ``along`` alone."""
+    own, other = seen.slopes(along), seen.slopes(by)
+    return _both_signs(np.atleast_1d(own @ other / (own @ own)))
+
+
+def rest(seen: Seen, along: str) -> np.ndarray:
+    """First reading of each taxel."""
+    return seen.readings(along)[0]
+
+
+def largest_reading(seen: Seen, along: str) -> np.ndarray:
+    """All readings of all taxels."""
+    return seen.readings(along).ravel()
+
+
+def saturation(seen: Seen, along: str) -> np.ndarray:
+    """All voltages over that from which the circuit counts as saturated."""
+    assert seen.circuit is not None
+    return seen.readings(along).ravel() / seen.circuit.limit
+
+
+def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -> np.ndarray:
+    """Noise of each reading as a force, by the mean slope of its taxel."""
+    return (seen.noise(along, noise) / _magnitude(seen.slopes(along))).ravel()
+
+
+def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -> np.ndarray:
+    """One standard deviation of each force where all are told from all readings at once.
+
+    They are the roots of the diagonal of the inverse of the Fisher information, of mean slopes and of the noise of the
+    first readings.
+    """
+    slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
+    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+
+
+def least_wall(seen: Seen) -> np.ndarray:
+    """Thicknesses between cells, around the outer ones, and above them."""
+    return seen.walls
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of figure.
+
+    Attributes
+    ----------
+    components : Callable
+        Of what is seen, and what the figure is told.
+    unit : str
+        With ``{u}`` for that of readings, and ``{f}`` for that of what changes along its line.
+    takes : tuple[str, ...]
+        What it is told besides its lines.
+    steps, lines : int
+        How many of both it needs; without lines, it is none of readings.
+    """
+
+    components: Callable[..., np.ndarray]
+    unit: str
+    takes: tuple[str, ...] = ()
+    steps: int = 2
+    lines: int = 1
+
+
+KINDS: dict[str, Kind] = {
+    "sensitivity": Kind(sensitivity, "{u}/{f}"),
+    "relative_sensitivity": Kind(relative_sensitivity, "1/{f}"),
+    "nonlinearity": Kind(nonlinearity, "1", steps=3),
+    "cross_talk": Kind(cross_talk, "1", ("taxel",)),
+    "cross_sensitivity": Kind(cross_sensitivity, "1", ("by",)),
+    "rest": Kind(rest, "{u}", steps=1),
+    "largest_reading": Kind(largest_reading, "{u}", steps=1),
+    "saturation": Kind(saturation, "1", steps=1),
+    "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
+    "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
+    "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a study: its kind, what that is told, and its unit."""
+
+    kind: str
+    told: dict[str, Any]
+    unit: str
+
+    @property
+    def words(self) -> str:
+        """As ``nonlinearity along normal``."""
+        along = self.told.get("along", ())
+        lines = along if isinstance(along, str) else ", ".join(along)
+        return " ".join(filter(None, [self.kind.replace("_", " "), f"along {lines}" if lines else ""]))
+
+    def components(self, seen: Seen) -> np.ndarray:
+        """(N,) complex."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return KINDS[self.kind].components(seen, **self.told)

@@ -1,0 +1,92 @@
+"""Files of an optimisation: tables, plots, the best design as a scene and as drawings, and a page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.optimum.designs import pads_of
+from mitsuba_taxel.optimum.plan import Design, Plan
+from mitsuba_taxel.optimum.result import Optimum
+from mitsuba_taxel.pads.parametric.drawings import write_drawings
+from mitsuba_taxel.plots.optimum import plot_optimum
+from mitsuba_taxel.sensing import write_xml
+
+if TYPE_CHECKING:
+    import pandas
+
+TABLES = ("figures", "variables", "slopes", "history")
+
+
+def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
+    """Write all files of a result."""
+    for name in TABLES:
+        with replacing(folder / f"{name}.csv") as file:
+            getattr(result, name).to_csv(file, index=False)
+    for form in ("png", "svg"):
+        with replacing(folder / f"optimum.{form}") as file:
+            plot_optimum(result.figures, result.variables, result.history, file, form)
+    scene = plan.scene(best)
+    write_xml(scene, folder / "best.xml")
+    for pad in pads_of(scene):
+        write_drawings(pad, folder)
+    with replacing(folder / "optimum.md") as file:
+        file.write_text(page(result), encoding="utf-8")
+
+
+def page(result: Optimum) -> str:
+    """The result in words and tables, in Markdown."""
+    title = result.figures.figure[0]
+    lines = [gain_line(result), cost_line(result), *result.warnings, *result.notes]
+    return "\n\n".join(
+        [
+            f"# {title[0].upper()}{title[1:]}",
+            "\n".join(f"- {line}" for line in lines),
+            "![Course, figures and variables before and after](optimum.png)",
+            markdown_table(["parameter", "before", "best", "bound"], changes(result)),
+            as_markdown(result.figures),
+            "## Around the best design\nChange of the worst components, per unit of a variable and over its bounds:",
+            as_markdown(result.slopes),
+        ]
+    )
+
+
+def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
+    """Parameters that the best design has other values of: both values, and the bound that holds it."""
+    at = dict(zip(result.variables.variable, result.variables["at"], strict=True))
+    pairs = ((name, result.before[name], word) for name, word in result.best.items())
+    return [(name, old, f"{at_best(word)}", at.get(name, "")) for name, old, word in pairs if word != old]
+
+
+def at_best(word: str) -> str:
+    """A value with digits enough to make it."""
+    try:
+        return f"{float(word):.6g}"
+    except ValueError:
+        return word
+
+
+def as_markdown(table: pandas.DataFrame) -> str:
+    """A table of words and numbers, these with four digits."""
+    rows = [[each if isinstance(each, str) else f"{each:.4g}" for each in row] for row in table.to_numpy().tolist()]
+    return markdown_table([name.replace("_", " ") for name in table], rows)
+
+
+def gain_line(result: Optimum) -> str:
+    """How much better the best design is, and how certain that is."""
+    if result.gain_error != result.gain_error:
+        return f"Improvement: {result.gain:.1%}, not judged again."
+    return (
+        f"Improvement, judged again on a finer mesh: {result.gain:.1%} ± {result.gain_error:.1%}; it is one with "
+        f"probability {result.probability:.4f}."
+    )
+
+
+def cost_line(result: Optimum) -> str:
+    """What it took, and what is left."""
+    return (
+        f"{len(result.history)} designs, {result.load_steps} load steps, {result.seconds:.0f} s of jobs. Neither "
+        f"constraints nor bounds balance {result.unbalanced:.1%} of the objective's slope."
+    )

@@ -1,0 +1,357 @@
+"""What is to be optimised: a study file with a table ``[optimise]``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number, is_row, is_whole
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
+from mitsuba_taxel.optimum.figures import KINDS, Figure
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.parameter_units import units_of_parameters
+from mitsuba_taxel.sensing.parsed_parts import refusal_of
+from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study
+
+POINTS = 16
+"""Of readings that are taken without random numbers besides."""
+READ_KEYS = ("points", "mesh_size", "seed")
+KEYS = ("maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations")
+TRIED = 256
+"""Points within the bounds of which a pad is looked for."""
+AT_REST = ""
+"""The line of a study without loads: the scene as it is."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number of the scene, its bounds, and where it begins."""
+
+    name: str
+    low: float
+    high: float
+    start: float
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A figure to be maximised (sign -1) or minimised (1)."""
+
+    figure: Figure
+    sign: int
+
+    @property
+    def words(self) -> str:
+        """As ``maximise sensitivity along normal``."""
+        return f"{'maximise' if self.sign < 0 else 'minimise'} {self.figure.words}"
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A figure of which all components must be at least (sign -1) or at most (1) a bound."""
+
+    figure: Figure
+    sign: int
+    bound: float
+
+    @property
+    def words(self) -> str:
+        """As ``nonlinearity along normal <= 0.03``."""
+        return f"{self.figure.words} {'>=' if self.sign < 0 else '<='} {self.bound:g}"
+
+
+@dataclass(frozen=True)
+class Design:
+    """Words of the choices, and the variables in the unit cube of their bounds."""
+
+    choice: tuple[str, ...]
+    x: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An optimisation.
+
+    Attributes
+    ----------
+    batch : Batch
+        The scene, and how it is read; its one row is the scene as it is.
+    circuit : Circuit or None
+    variables : list[Variable]
+    choices : dict[str, list[str]]
+        Words of parameters that are tried one by one.
+    lines : dict[str, tuple[str, list[dict[str, str]]]]
+        By name: the parameter that changes, and the values of all parameters at each load.
+    goal : Goal
+    limits : list[Limit]
+    starts, evaluations : int
+        For each choice, and for each start.
+    """
+
+    batch: Batch
+    circuit: Circuit | None
+    variables: list[Variable]
+    choices: dict[str, list[str]]
+    lines: dict[str, tuple[str, list[dict[str, str]]]]
+    goal: Goal
+    limits: list[Limit]
+    starts: int
+    evaluations: int
+
+    @property
+    def asked(self) -> list[Goal | Limit]:
+        """The objective, and all constraints."""
+        return [self.goal, *self.limits]
+
+    @property
+    def base(self) -> dict[str, str]:
+        """Parameters of the scene as it is."""
+        return self.batch.scene({}).parameters
+
+    @property
+    def loads(self) -> list[dict[str, str]]:
+        """All loads of all lines, each once."""
+        rows = [tuple(sorted(row.items())) for _, rows in self.lines.values() for row in rows]
+        return [dict(row) for row in dict.fromkeys(rows)]
+
+    @property
+    def before(self) -> Design:
+        """The scene as it is, as far as its words are among the choices."""
+        base = self.base
+        choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
+        return Design(choice, tuple((one.start - one.low) / (one.high - one.low) for one in self.variables))
+
+    def values(self, design: Design) -> dict[str, float]:
+        """The variables of a design, as they are written."""
+        pairs = zip(self.variables, design.x, strict=True)
+        return {one.name: float(f"{one.low + x * (one.high - one.low):.12g}") for one, x in pairs}
+
+    def parameters(self, design: Design) -> dict[str, str]:
+        """What a scene is told of a design."""
+        numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
+        return {**dict(zip(self.choices, design.choice, strict=True)), **numbers}
+
+    def refusal(self, design: Design) -> InputError | None:
+        """Why there is no such sensor, as far as its description tells."""
+        return refusal_of(self.scene(design))
+
+    def scene(self, design: Design) -> Scene:
+        """The scene of a design."""
+        return self.batch.scene(self.parameters(design))
+
+    def begun(self) -> list[Design]:
+        """For each choice where to begin: where the scene is, if it can be there, and at points of a Sobol' set.
+
+        Raises
+        ------
+        InputError
+            if no point of the bounds is allowed, saying why one is not.
+        """
+        found: list[Design] = []
+        for choice in product(*self.choices.values()):
+            places = chain([self.before.x], _spread(len(self.variables), self.batch.seed))
+            allowed = (one for x in places if self.refusal(one := Design(choice, x)) is None)
+            found += [design for design, _ in zip(allowed, range(self.starts), strict=False)]
+        if not found:
+            raise InputError(f"no sensor within the bounds of variables is possible: {self.refusal(self.before)}")
+        return found
+
+
+def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random(TRIED)
+    yield from map(tuple, points.tolist())
+
+
+def read_plan(file: Path) -> Plan:
+    """The plan in a study file.
+
+    Raises
+    ------
+    InputError
+        if it is no such study, or asks for what its scene does not have.
+    """
+    content = read_study(file, besides=("optimise",))
+    table = content.pop("optimise", None)
+    (scene, *others) = content.pop("scenes")
+    if others or "name" in scene:
+        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    if not isinstance(table, dict) or not isinstance(table.get("variables"), dict) or not table["variables"]:
+        raise InputError(f"study {file.name} has nothing to optimise: a table [optimise.variables] is needed.")
+    for name in [*content, *scene]:
+        if name not in (*READ_KEYS, "circuit", "scene", "define"):
+            raise InputError(f"{name} is not allowed beside [optimise].")
+    for name in table:
+        if name not in KEYS:
+            raise InputError(f"optimise: {name} is not known: allowed are {', '.join(KEYS)}.")
+    circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
+    defines, reading = dict(scene.get("define", {})), {"points": POINTS, **content}
+    source, folder = str(scene.get("scene", "")), file.resolve().parent
+    first = next(iter(table["variables"]))
+    batch = make_batch(source, {}, defines, together={first: ["0"]}, folder=folder, **reading)
+    base = batch.scene({}).parameters
+    variables = [_variable(name, given, base) for name, given in table["variables"].items()]
+    choices = {name: _words(name, given, base) for name, given in _table(table, "choices").items()}
+    lines = {name: _line(name, given, base) for name, given in _table(table, "loads").items()} or {AT_REST: ("", [{}])}
+    _refuse_twice(variables, choices, lines, defines)
+    asked = _Asked(lines, circuit, units_of_parameters(batch.file))
+    return Plan(
+        batch, circuit, variables, choices, lines, asked.goal(table), asked.limits(table.get("constraints", [])),
+        _count(table, "starts", 1), _count(table, "evaluations", 12),
+    )  # fmt: skip
+
+
+def _table(table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    given = table.get(name, {})
+    if not isinstance(given, dict):
+        raise InputError(f"optimise: {name} = {given!r} is not allowed: a table [optimise.{name}] is needed.")
+    return given
+
+
+def _count(table: Mapping[str, Any], name: str, default: int) -> int:
+    count = table.get(name, default)
+    if not (is_whole(count) and 1 <= count <= TRIED):
+        raise InputError(f"optimise: {name} = {count!r} is not allowed: a whole number from 1 to {TRIED} is needed.")
+    return count
+
+
+def _variable(name: str, given: Any, base: Mapping[str, str]) -> Variable:
+    table = {"low": given[0], "high": given[1]} if is_row(given, is_number) and len(given) == 2 else given
+    allowed = isinstance(table, Mapping) and {"low", "high"} <= set(table) <= {"low", "high", "start"}
+    if not allowed or not all(map(is_number, table.values())):
+        raise InputError(
+            f"variable {name} = {given!r} is not allowed: [low, high], or low, high and start, are needed."
+        )
+    word = table.get("start", _known(name, base))
+    try:
+        start = float(word)
+    except ValueError:
+        raise InputError(f"variable {name} = {word!r} is not allowed: a number in the scene is needed.") from None
+    if not table["low"] < table["high"]:
+        raise InputError(f"variable {name}: low = {table['low']:g} must be below high = {table['high']:g}.")
+    if not table["low"] <= start <= table["high"]:
+        raise InputError(f"variable {name}: start = {start:g} must lie from {table['low']:g} to {table['high']:g}.")
+    return Variable(name, float(table["low"]), float(table["high"]), start)
+
+
+def _known(name: str, base: Mapping[str, str]) -> str:
+    if name not in base:
+        raise InputError(f"{name} is no <default> of the scene with a value: it has {', '.join(base) or 'none'}.")
+    return base[name]
+
+
+def _words(name: str, given: Any, base: Mapping[str, str]) -> list[str]:
+    _known(name, base)
+    words = [str(word) for word in given] if isinstance(given, list) else []
+    if not words or len(set(words)) < len(words):
+        raise InputError(f"choice {name} = {given!r} is not allowed: a list of different values is needed.")
+    return words
+
+
+def _line(name: str, given: Any, base: Mapping[str, str]) -> tuple[str, list[dict[str, str]]]:
+    rows = [key for key, value in given.items() if isinstance(value, list)] if isinstance(given, dict) else []
+    if len(rows) != 1 or not is_row(given[rows[0]], is_number) or len(given[rows[0]]) < 2:
+        raise InputError(f"loads {name} = {given!r} are not allowed: one list of two numbers or more is needed.")
+    (along,) = rows
+    values = np.array(given[along], dtype=float)
+    if not (np.all(np.diff(values) > 0) or np.all(np.diff(values) < 0)):
+        raise InputError(f"loads {name}: {along} = {given[along]} must rise or fall all along.")
+    fixed = {key: str(value) for key, value in given.items() if key != along}
+    for key in given:
+        _known(key, base)
+    return along, [{**fixed, along: f"{value:.12g}"} for value in values.tolist()]
+
+
+def _refuse_twice(
+    variables: Sequence[Variable], choices: Mapping[str, Any], lines: Mapping[str, Any], defines: Mapping[str, Any]
+) -> None:
+    loads = {name for _, rows in lines.values() for name in rows[0]}
+    places = [{one.name for one in variables}, set(choices), loads]
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        for name in sorted(places[one] & places[other]):
+            raise InputError(f"{name} is given twice in [optimise]: as variable, choice or load.")
+    for name in sorted((places[0] | places[1]) & set(defines)):
+        raise InputError(f"{name} is both given a value and to be found: take one of them out.")
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Reads figures of a study with these lines, circuit, and units of parameters."""
+
+    lines: Mapping[str, tuple[str, list[dict[str, str]]]]
+    circuit: Circuit | None
+    units: Mapping[str, str]
+
+    def goal(self, table: Mapping[str, Any]) -> Goal:
+        given = [name for name in ("maximise", "minimise") if name in table]
+        if len(given) != 1:
+            raise InputError("optimise: either maximise or minimise, with the name of a figure, is needed.")
+        return Goal(self.figure(table[given[0]]), -1 if given[0] == "maximise" else 1)
+
+    def limits(self, given: Any) -> list[Limit]:
+        if not isinstance(given, list) or not all(isinstance(one, dict) for one in given):
+            raise InputError("optimise: constraints are not allowed as they stand: [[optimise.constraints]] is needed.")
+        limits = []
+        for one in given:
+            bounds = {name: value for name, value in one.items() if name in ("least", "most")}
+            if not bounds or not all(map(is_number, bounds.values())):
+                raise InputError(f"constraint {one!r} is not allowed: a number for least, most or both is needed.")
+            figure = self.figure({name: value for name, value in one.items() if name not in bounds})
+            limits += [Limit(figure, -1 if name == "least" else 1, float(value)) for name, value in bounds.items()]
+        return limits
+
+    def figure(self, given: Any) -> Figure:
+        table = {"figure": given} if isinstance(given, str) else given
+        kind = KINDS.get(table.get("figure", "")) if isinstance(table, dict) else None
+        if kind is None:
+            raise InputError(f"figure {given!r} is not known: one of {', '.join(KINDS)} is needed.")
+        told = {name: value for name, value in table.items() if name != "figure"}
+        name = table["figure"]
+        allowed = (*kind.takes, *(("along",) if kind.lines else ()))
+        for key in told:
+            if key not in allowed:
+                raise InputError(f"{name}: {key} is not known: allowed are {', '.join(allowed) or 'none'}.")
+        if kind.lines:
+            told["along"] = self._along(name, told.get("along"))
+        self._check(name, told)
+        along = told.get("along", ())
+        first = along if isinstance(along, str) else next(iter(along), "")
+        of = self.units.get(self.lines[first][0], "1") if first else "1"
+        return Figure(name, told, kind.unit.format(u="W" if self.circuit is None else "V", f=of))
+
+    def _along(self, name: str, given: Any) -> str | tuple[str, ...]:
+        several = KINDS[name].lines > 1
+        names = (list(self.lines) if several else list(self.lines)[:1]) if given is None else given
+        names = [names] if isinstance(names, str) else names
+        if not is_row(names, lambda one: isinstance(one, str) and one in self.lines) or len(names) < KINDS[name].lines:
+            some = "lines of loads, two or more" if several else "one line of loads"
+            raise InputError(f"{name}: along = {given!r} is not allowed: {some} of {', '.join(self.lines)} is needed.")
+        for line in names:
+            if len(self.lines[line][1]) < KINDS[name].steps:
+                along = f" along {line}" if line else ""
+                raise InputError(f"{name}{along} cannot be told: {KINDS[name].steps} loads or more are needed.")
+        if several and len({self.lines[line][0] for line in names}) < len(names):
+            raise InputError(f"{name}: along = {names} is not allowed: each must have a load of its own that changes.")
+        return tuple(names) if several else names[0]
+
+    def _check(self, name: str, told: Mapping[str, Any]) -> None:
+        takes = KINDS[name].takes
+        if name == "saturation" and self.circuit is None:
+            raise InputError("saturation cannot be told without a table [circuit].")
+        if "noise" in takes:
+            noise = told.get("noise")
+            if noise is None and self.circuit is None:
+                raise InputError(f"{name} cannot be told without a table [circuit], or a noise of readings in W.")
+            if noise is not None and not (is_number(noise) and noise > 0):
+                raise InputError(f"{name}: noise = {noise!r} is not allowed: a number above 0 is needed.")
+        if "taxel" in takes and not (is_whole(told.get("taxel")) and told["taxel"] > 0):
+            raise InputError(f"{name}: taxel = {told.get('taxel')!r} is not allowed: the number of a taxel is needed.")
+        if "by" in takes and told.get("by") not in self.lines:
+            raise InputError(f"{name}: by = {told.get('by')!r} is not allowed: a line of loads is needed.")

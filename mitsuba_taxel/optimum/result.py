@@ -1,0 +1,169 @@
+"""What an optimisation found, put together."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
+from mitsuba_taxel.optimum.designs import Designs
+from mitsuba_taxel.optimum.plan import Design, Plan
+from mitsuba_taxel.optimum.search import Balance, balance
+
+if TYPE_CHECKING:
+    import pandas
+
+BALANCED = 0.05
+"""Share of the objective's slope that may be left where a design counts as an optimum."""
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """What an optimisation found.
+
+    Attributes
+    ----------
+    before, best : dict[str, str]
+        Parameters of the scene as it is, and of the best design.
+    figures : DataFrame
+        One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
+        ``before_finer`` and ``best_finer``, the same judged again on a finer mesh; ``multiplier``, by how much of
+        itself the objective would gain if the bound were wider by its own size: above 0 where the constraint binds.
+    variables : DataFrame
+        One row per variable: ``low``, ``high``, ``before``, ``best``, and the bound that holds it, ``at``.
+    slopes : DataFrame
+        Derivatives of the worst components at the best design, one row per figure and variable.
+    history : DataFrame
+        One row per design, in order, with the ``best`` value of the objective so far.
+    gain, gain_error, probability : float
+        Relative improvement of the objective as judged again, what the finer mesh changed of it, and the probability
+        that there is one, were that change a standard deviation.
+    unbalanced : float
+        Share of the objective's slope that neither constraints nor bounds balance; 0 at an optimum.
+    load_steps : int
+        That were computed for all designs, judging apart.
+    seconds : float
+        Those of their jobs.
+    warnings, notes : list[str]
+    """
+
+    before: dict[str, str]
+    best: dict[str, str]
+    figures: pandas.DataFrame
+    variables: pandas.DataFrame
+    slopes: pandas.DataFrame
+    history: pandas.DataFrame
+    gain: float
+    gain_error: float
+    probability: float
+    unbalanced: float
+    load_steps: int
+    seconds: float
+    warnings: list[str]
+    notes: list[str]
+
+
+def told(course: Course, best: Design, again: Designs | None) -> Optimum:
+    """The best design beside the first, and what holds it; ``again`` has both on a finer mesh."""
+    import pandas
+
+    plan, before, notes = course.plan, course.before, list(course.designs.notes)
+    judged = course.judged(best, plan.goal, plan.limits)
+    assert judged is not None
+    held = balance(np.array(best.x), judged)
+    if again is None:
+        notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
+    asked = plan.asked
+    reads = {"before": course.read(before), "best": course.read(best)}
+    if again is not None:
+        pair = again.read([before, best])
+        finer = zip(("before_finer", "best_finer"), pair, strict=True)
+        reads |= {name: read for name, read in finer if read is not None}
+    sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
+    multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
+    figures = pandas.DataFrame(
+        {
+            "figure": [one.words for one in asked],
+            "unit": [one.figure.unit for one in asked],
+            **{name: [worst_of(one, read) for one in asked] for name, read in reads.items()},
+            "multiplier": [math.nan, *multipliers],
+        }
+    )
+    gain, error, probability = _gain(figures, plan.goal.sign)
+    base = plan.base
+    return Optimum(
+        {**base, **plan.parameters(before)},
+        {**base, **plan.parameters(best)},
+        figures,
+        _variables(plan, before, best, held),
+        _slopes(plan, reads["best"]),
+        pandas.DataFrame(course.rows()),
+        gain,
+        error,
+        probability,
+        held.left,
+        course.designs.loads,
+        course.designs.seconds,
+        _doubts(course, held, probability),
+        notes,
+    )
+
+
+def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
+    """Relative improvement, its error, and the probability that it is one."""
+    from scipy.stats import norm
+
+    goal = figures.iloc[0]
+    if "best_finer" not in goal:
+        return -sign * (goal.best - goal.before) / abs(goal.before), math.nan, math.nan
+    scale = abs(goal.before_finer)
+    gain = -sign * (goal.best_finer - goal.before_finer) / scale
+    error = math.hypot(goal.best_finer - goal.best, goal.before_finer - goal.before) / scale
+    return gain, error, float(norm.cdf(gain / error)) if error > 0 else float(gain > 0)
+
+
+def _variables(plan: Plan, before: Design, best: Design, held: Balance) -> pandas.DataFrame:
+    import pandas
+
+    at = ["low" if force < 0 else "high" if force > 0 else "" for force in held.bounds]
+    return pandas.DataFrame(
+        {
+            "variable": [one.name for one in plan.variables],
+            "low": [one.low for one in plan.variables],
+            "high": [one.high for one in plan.variables],
+            "before": list(plan.values(before).values()),
+            "best": list(plan.values(best).values()),
+            "at": at,
+        }
+    )
+
+
+def _slopes(plan: Plan, read: Any) -> pandas.DataFrame:
+    import pandas
+
+    rows = []
+    for asked in plan.asked:
+        values, rates = with_rates(asked.figure, read)
+        place = int((asked.sign * values).argmax())
+        for variable, rate in zip(plan.variables, rates[place], strict=True):
+            slope = rate / (variable.high - variable.low)
+            rows.append({"figure": asked.words, "variable": variable.name, "slope": slope, "over_the_bounds": rate})
+    return pandas.DataFrame(rows)
+
+
+def _doubts(course: Course, held: Balance, probability: float) -> list[str]:
+    warnings = []
+    if held.left > BALANCED:
+        warnings.append(
+            f"{held.left:.0%} of the objective's slope is left: more evaluations may find better, or the mesh is too "
+            "coarse"
+        )
+    if probability < 0.95:
+        warnings.append(f"that the best design is better is certain by {probability:.0%} only")
+    failed = len(course.designs.failures)
+    if failed:
+        warnings.append(f"{failed} of {len(course.history)} designs could not be read; history.csv says why")
+    return warnings

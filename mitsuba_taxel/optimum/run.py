@@ -1,0 +1,121 @@
+"""Optimisations: a study file with variables, an objective and constraints in, the best design with its proof out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.optimum.course import Course, Progress, worst_of
+from mitsuba_taxel.optimum.designs import Designs, pads_of
+from mitsuba_taxel.optimum.outputs import write
+from mitsuba_taxel.optimum.plan import Design, Plan, read_plan
+from mitsuba_taxel.optimum.result import Optimum, told
+from mitsuba_taxel.optimum.search import in_conflict
+from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.run.pool import Pool, open_pool
+
+FINER = 0.75
+"""Of the mesh size, where a design is judged again; and as many times the points."""
+MORE_POINTS = 4
+
+
+def optimise(
+    file: str | Path,
+    output: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    retry_failed: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Optimum:
+    """Find the best design of a scene within bounds and constraints.
+
+    Every load step of every design is a job of a study in ``output``: the same call goes on where one before was
+    stopped.
+
+    Parameters
+    ----------
+    file : str or Path
+        A study file of one scene with a table ``[optimise]``.
+    output : str or Path
+        Folder for the results; new, empty, or that of the same scene, with what was computed of it.
+    progress : Callable[[Progress], None], optional
+        Called when a design has been looked at.
+
+    The others are those of :func:`sweep`.
+
+    Raises
+    ------
+    InputError
+        if the study or the folder is refused, no pad is possible within the bounds, or constraints contradict each
+        other.
+    ComputationError
+        if no design could be read.
+    """
+    file, folder = path_of("file", file), path_of("output", output)
+    check_flags(retry_failed=retry_failed)
+    check_progress(progress)
+    plan = read_plan(file)
+    begun = plan.begun()
+    make_folder(folder)
+    with open_pool(workers, scheduler) as pool:
+        course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
+        _refuse_what_cannot_betold(course, begun)
+        for start in begun:
+            course.descend(start, plan.goal, plan.limits)
+        best = course.best(plan.goal, plan.limits)
+        if best is None:
+            raise _no_design(course)
+        result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]))
+    write(plan, best, result, folder)
+    return result
+
+
+def _refuse_what_cannot_betold(course: Course, begun: list[Design]) -> None:
+    """Read where to begin, and raise where a figure of the study is not one of this scene."""
+    first = next((read for read in course.look(begun) if read is not None), None)
+    if first is None:
+        raise ComputationError(f"no design can be read to begin with: {next(iter(course.designs.failures.values()))}")
+    for asked in course.plan.asked:
+        try:
+            components = asked.figure.components(first.values)
+        except IndexError:
+            raise InputError(f"{asked.figure.words} cannot be told: there is no such taxel.") from None
+        except np.linalg.LinAlgError:
+            components = np.array([math.nan])
+        if not (components.size and np.isfinite(components).all()):
+            raise InputError(f"{asked.figure.words} cannot be told of this scene: it is not a number there.")
+
+
+def _no_design(course: Course) -> InputError:
+    """Which constraints contradict each other."""
+    plan = course.plan
+    nearest, judged = course.nearest(plan.goal, plan.limits)
+    weights = in_conflict(np.array(nearest.x), judged)
+    sizes = [len(limit.figure.components(course.read(nearest).values)) for limit in plan.limits]
+    of_limits = [float(part.sum()) for part in np.split(weights, np.cumsum(sizes)[:-1])]
+    order = np.argsort(of_limits)[::-1]
+    guilty = [plan.limits[place] for place in order[:2] if of_limits[place] > 1e-6]
+    said = " and ".join(f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in guilty)
+    what = "in conflict within the bounds" if len(guilty) > 1 else "beyond reach within the bounds"
+    return InputError(f"constraints {what}: {said or plan.limits[0].words}; {len(course.history)} designs looked at.")
+
+
+def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -> Designs | None:
+    """Designs read anew, on a finer mesh, with more points and another seed; None where one cannot be."""
+    pads = pads_of(plan.scene(designs[-1]))
+    size = plan.batch.mesh_size or min((pad.default_mesh_size for pad in pads), default=None)
+    finer = replace(
+        plan.batch,
+        points=MORE_POINTS * (plan.batch.points or 1),
+        seed=plan.batch.seed + 1,
+        mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
+    )
+    again = Designs(plan, pool, folder / "judged", False, finer)
+    return again if all(read is not None for read in again.read(designs)) else None

@@ -1,0 +1,159 @@
+"""Descent to a best point within bounds and constraints, and what holds it there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+FIRST_STEP = 0.3
+"""Of the bounds' width: how far a descent goes that knows no curvature yet, at most."""
+FAR = 10.0
+"""What a point counts as that cannot be computed, where the worst component is 1 to begin with."""
+ACTIVE = 0.02
+"""Margin, relative to the limit or to the bounds' width, below which it may hold a point."""
+TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A point of the unit cube of V variables.
+
+    Attributes
+    ----------
+    goals : (N,) ndarray
+        The largest of which is to be as small as possible.
+    goal_rates : (N, V) ndarray
+    limits : (M,) ndarray
+        At least 0 where constraints hold.
+    limit_rates : (M, V) ndarray
+    """
+
+    goals: np.ndarray
+    goal_rates: np.ndarray
+    limits: np.ndarray
+    limit_rates: np.ndarray
+
+    @property
+    def worst(self) -> float:
+        """The goal that counts."""
+        return float(self.goals.max())
+
+    @property
+    def violation(self) -> float:
+        """Of the constraint that is violated most; 0 where all hold."""
+        return float(np.maximum(-self.limits, 0.0).max(initial=0.0))
+
+
+At = Callable[[np.ndarray], "Judged | None"]
+"""What is judged at a point; None where it cannot be computed."""
+
+
+def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, iterations: int = 100) -> Any:
+    """Sequential quadratic programming (scipy's SLSQP) from a start that can be computed; returns scipy's result.
+
+    Several goals are below one more variable, which is made as small as possible: so the largest of them is smooth. A
+    point that cannot be computed counts as one far above, with the slopes of the last that could.
+    """
+    from scipy.optimize import minimize
+
+    last = at(start)
+    assert last is not None
+    steepest = float(np.linalg.norm(last.goal_rates, axis=1).max(initial=0.0))
+    scale = min(1.0, FIRST_STEP / steepest) if steepest else 1.0
+    count, several = len(start), len(last.goals) > 1
+
+    def judged(z: np.ndarray) -> Judged:
+        nonlocal last
+        found = at(np.clip(z[:count], 0.0, 1.0))
+        if found is None:
+            assert last is not None
+            return Judged(last.goals + FAR / scale, last.goal_rates, last.limits, last.limit_rates)
+        last = found
+        return found
+
+    def constraints(z: np.ndarray) -> np.ndarray:
+        found = judged(z)
+        return np.concatenate([z[count] - scale * found.goals, found.limits]) if several else found.limits
+
+    def constraint_rates(z: np.ndarray) -> np.ndarray:
+        found = judged(z)
+        if not several:
+            return found.limit_rates
+        above = np.column_stack([-scale * found.goal_rates, np.ones(len(found.goals))])
+        return np.concatenate([above, np.column_stack([found.limit_rates, np.zeros(len(found.limits))])])
+
+    def goal(z: np.ndarray) -> float:
+        return float(z[count]) if several else scale * judged(z).worst
+
+    def goal_rate(z: np.ndarray) -> np.ndarray:
+        return np.eye(count + 1)[count] if several else scale * judged(z).goal_rates[0]
+
+    free: list[tuple[float | None, float | None]] = [(None, None)] if several else []
+    below: Any = {"type": "ineq", "fun": constraints, "jac": constraint_rates}
+    minimum: Any = minimize
+    return minimum(
+        goal,
+        np.append(start, scale * last.worst) if several else start,
+        jac=goal_rate,
+        bounds=[(0.0, 1.0)] * count + free,
+        constraints=below if several or len(last.limits) else (),
+        method="SLSQP",
+        options={"ftol": scale * tolerance, "maxiter": iterations},
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """What holds a point: the conditions of Karush, Kuhn and Tucker.
+
+    Attributes
+    ----------
+    left : float
+        Share of the steepest goal's slope that nothing balances; 0 at an optimum.
+    limits : (M,) ndarray
+        Multipliers of the limits: by how much the worst goal would fall if one were lower by 1.
+    bounds : (V,) ndarray
+        Those of the bounds, below 0 of a lower one.
+    """
+
+    left: float
+    limits: np.ndarray
+    bounds: np.ndarray
+
+
+def balance(x: np.ndarray, found: Judged) -> Balance:
+    """Multipliers of what is active at a point, by least squares without negative ones."""
+    from scipy.optimize import nnls
+
+    worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * max(abs(found.worst), 1e-12))
+    held = np.flatnonzero(found.limits <= ACTIVE)
+    low, high = np.flatnonzero(x <= 1e-3), np.flatnonzero(x >= 1 - 1e-3)
+    unit = np.eye(len(x))
+    size = max(float(np.linalg.norm(found.goal_rates[worst], axis=1).max()), 1e-300)
+    columns = np.concatenate([found.goal_rates[worst] / size, -found.limit_rates[held], -unit[low], unit[high]])
+    heavy = 1e3  # weights of the worst goals add up to 1
+    weights = np.where(np.arange(len(columns)) < len(worst), heavy, 0.0)
+    multipliers, _ = nnls(np.vstack([columns.T, weights]), np.append(np.zeros(len(x)), heavy))
+    left = float(np.linalg.norm(columns.T @ multipliers))
+    _, of_limits, of_low, of_high = np.split(multipliers, np.cumsum([len(worst), len(held), len(low)]))
+    limits, bounds = np.zeros(len(found.limits)), np.zeros(len(x))
+    limits[held] = size * of_limits
+    bounds[low] -= size * of_low
+    bounds[high] += size * of_high
+    return Balance(left, limits, bounds)
+
+
+def in_conflict(x: np.ndarray, found: Judged) -> np.ndarray:
+    """(M,) weights of the limits that cannot hold at once, to first order from a point: the multipliers of the least
+    violation within the bounds."""
+    from scipy.optimize import linprog
+
+    count = len(x)
+    cost = np.append(np.zeros(count), 1.0)
+    rows = np.column_stack([-found.limit_rates, -np.ones(len(found.limits))])
+    bounds: list[tuple[float, float | None]] = [*((-each, 1 - each) for each in x.tolist()), (0.0, None)]
+    solved = linprog(cost, A_ub=rows, b_ub=found.limits, bounds=bounds)
+    return -solved.ineqlin.marginals if solved.success else (found.limits < 0).astype(float)

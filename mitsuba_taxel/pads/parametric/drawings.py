@@ -1,0 +1,50 @@
+"""A pad and its mould as solids, for drawing programs and printers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.solid import cell_solid
+
+MOULD = 3.0
+"""Thickness of the mould around the pad, mm."""
+CURVATURE = 4
+"""Triangles of an STL file for each radius of a round wall."""
+SURFACES = 4
+"""Steps of the mesher, up to the one that fills the volume."""
+
+
+def solids(pad: Pad) -> dict[str, Any]:
+    """The pad, and the mould that it is cast in: a base with the cells as pegs, and a frame around, open on top.
+
+    All in mm as ``netgen.occ`` shapes, as they lie together: the pad upside up, the frame on the base at z = 0.
+    """
+    from netgen.occ import Box, Pnt
+
+    width, depth, height = pad.extent
+    x, y = width / 2, depth / 2
+    block = Box(Pnt(-x, -y, 0), Pnt(x, y, height))
+    below = Box(Pnt(-x - MOULD, -y - MOULD, -MOULD - pad.cell_size), Pnt(x + MOULD, y + MOULD, 0))
+    silicone, base = block, Box(Pnt(-x - MOULD, -y - MOULD, -MOULD), Pnt(x + MOULD, y + MOULD, 0))
+    for centre in pad.cell_centres:
+        cell = cell_solid(pad, *centre)
+        silicone, base = silicone - cell, base + (cell - below)
+    frame = Box(Pnt(-x - MOULD, -y - MOULD, 0), Pnt(x + MOULD, y + MOULD, height)) - block
+    return {"pad": silicone, "mould_base": base, "mould_frame": frame}
+
+
+def write_drawings(pad: Pad, folder: Path) -> None:
+    """Write the solids of a pad as STEP and STL files, named as they are."""
+    import trimesh
+    from netgen.occ import OCCGeometry
+
+    for name, solid in solids(pad).items():
+        with replacing(folder / f"{name}.step") as file:
+            solid.WriteStep(str(file))
+        mesh = OCCGeometry(solid).GenerateMesh(maxh=pad.cell_size, curvaturesafety=CURVATURE, perfstepsend=SURFACES)
+        corners = mesh.Elements2D().NumPy()["nodes"][:, :3] - 1
+        with replacing(folder / f"{name}.stl") as file:
+            trimesh.Trimesh(mesh.Coordinates(), corners, process=False).export(file, file_type="stl")

@@ -1,0 +1,65 @@
+"""Plots of an optimisation: its course, figures and variables before and after."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from mitsuba_taxel.plots.figures import COLOURS, figure_of, label_with_prefix
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def plot_optimum(
+    figures: pandas.DataFrame,
+    variables: pandas.DataFrame,
+    history: pandas.DataFrame,
+    file: Path | BinaryIO,
+    form: str = "png",
+) -> None:
+    """Write a picture (png, svg, pdf): the objective over the designs, and before and after the figures and variables.
+
+    Parameters
+    ----------
+    figures, variables, history : pandas.DataFrame
+        As an ``Optimum`` has them.
+    """
+    with figure_of(1, 3, file, form, size=(4.6, 3.4), sharex=False) as axes:
+        _draw_course(axes[0, 0], history, figures.iloc[0])
+        names = [f"{row.figure} [{row.unit}]" if row.unit != "1" else row.figure for row in figures.itertuples()]
+        scale = np.abs(figures.before.to_numpy())
+        scale[scale == 0] = 1.0
+        _draw_pairs(axes[0, 1], names, figures.before / scale, figures.best / scale)
+        axes[0, 1].set_xlabel("figure, relative to before")
+        width = variables.high - variables.low
+        ends = [
+            f"{name}\n{low:g} to {high:g}"
+            for name, low, high in zip(variables.variable, variables.low, variables.high, strict=True)
+        ]
+        _draw_pairs(axes[0, 2], ends, *((variables[when] - variables.low) / width for when in ("before", "best")))
+        axes[0, 2].set_xlim(-0.05, 1.05)
+        axes[0, 2].set_xlabel("variable, within its bounds")
+        axes[0, 2].legend(loc="best", frameon=True)
+
+
+def _draw_course(ax: Any, history: pandas.DataFrame, goal: Any) -> None:
+    name = goal.figure.split(" ", 1)[1]
+    allowed = history.get("allowed", np.zeros(len(history))) == True  # noqa: E712  (others are missing)
+    for rows, label, face in ((history[allowed], "allowed", COLOURS[0]), (history[~allowed], "not allowed", "none")):
+        ax.scatter(rows.design, rows[name], 18, facecolors=face, edgecolors=COLOURS[0], label=label)
+    ax.step(history.design, history.best, where="post", color=COLOURS[1], label="best so far")
+    ax.set_xlabel("design")
+    label_with_prefix([ax], name, goal.unit if goal.unit != "1" else "")
+    ax.legend(loc="best", fontsize="small")
+
+
+def _draw_pairs(ax: Any, names: list[str], before: Any, best: Any) -> None:
+    place = np.arange(len(names))[::-1]
+    ax.hlines(place, before, best, color=COLOURS[4], linewidth=3)
+    ax.scatter(before, place, 40, color=COLOURS[7], marker="o", label="before", zorder=3)
+    ax.scatter(best, place, 40, color=COLOURS[1], marker="D", label="best", zorder=3)
+    ax.set_yticks(place, [name.replace(" along ", "\nalong ") for name in names], fontsize="small")
+    ax.margins(y=0.3)

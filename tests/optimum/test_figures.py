@@ -1,0 +1,71 @@
+"""Figures of merit of readings that are made up: their values, and their gradients against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import Circuit
+from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen
+
+CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
+TOLD = {
+    "cross_talk": {"along": "normal", "taxel": 2},
+    "cross_sensitivity": {"along": "normal", "by": "side"},
+    "resolution": {"along": ("normal", "side")},
+    "least_wall": {},
+}
+
+
+def seen(shift, circuit=CIRCUIT, imaginary=0.0):
+    """Four taxels along two lines, and how they change with one variable."""
+    random = np.random.default_rng(3)
+    lines = {}
+    for name, values in (("normal", [0, -1, -2.5, -4]), ("side", [0, 0.5])):
+        power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
+        lines[name] = Line(np.array(values, dtype=float), power + shift * rate + 1j * imaginary * rate)
+    walls = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
+    return Seen(lines, walls, circuit)
+
+
+@pytest.mark.parametrize("circuit", [None, CIRCUIT], ids=["watts", "volts"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_gradients_are_those_of_differences(kind, circuit):
+    told = TOLD.get(kind, {"along": "normal"})
+    if circuit is None and "noise" in KINDS[kind].takes:
+        told = {**told, "noise": 1e-6}
+    if circuit is None and kind == "saturation":
+        pytest.skip("nothing saturates without a circuit")
+    figure = Figure(kind, told, "")
+    step = 1e-5
+    ahead, behind = (figure.components(seen(sign * step, circuit)).real for sign in (1, -1))
+    rates = figure.components(seen(0.0, circuit, TINY)).imag / TINY
+    difference = (ahead - behind) / (2 * step)
+    np.testing.assert_allclose(rates, difference, rtol=1e-5, atol=1e-6 * np.abs(difference).max())
+
+
+def test_values():
+    """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
+    power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
+    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power), "x": Line(np.array([0.0, 1.0]), power[:2] * [1, -1])}
+    one = Seen(lines, np.array([0.5]), None)
+
+    def of(kind, **told):
+        return Figure(kind, {"along": "z"} | told, "").components(one).real
+
+    np.testing.assert_allclose(of("sensitivity"), [1.5, 3.0])
+    np.testing.assert_allclose(of("relative_sensitivity"), 1.5)
+    assert of("nonlinearity").max() == pytest.approx(0.5 / 3)
+    np.testing.assert_allclose(of("cross_talk", taxel=1), [1, -1])
+    assert of("cross_sensitivity", by="x").max() == pytest.approx(4.5 / 11.25)  # (1.5, 3) on (1, -2)
+    np.testing.assert_allclose(of("rest"), [1, 2])
+    assert of("largest_reading").max() == 8
+    np.testing.assert_allclose(of("noise_equivalent_force", noise=0.3).max(), 0.2)
+    slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    np.testing.assert_allclose(of("resolution", along=("z", "x"), noise=0.1), expected)
+
+
+def test_words():
+    assert Figure("resolution", {"along": ("z", "x")}, "N").words == "resolution along z, x"
+    assert Figure("least_wall", {}, "mm").words == "least wall"

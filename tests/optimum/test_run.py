@@ -1,0 +1,158 @@
+"""Optimisations through the whole chain, whose answer is known."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from plate_reference import plate_power
+from scipy.optimize import minimize_scalar
+from taxel_program import run_program
+
+from mitsuba_taxel import InputError, open_study
+from mitsuba_taxel.optimum import optimise
+
+PLATE = """
+scene = "plate.xml"
+points = {points}
+define = {{ scattering = "lambertian", law = "lambertian", hole = 0 }}
+[optimise]
+maximise = "rest"
+evaluations = 12
+[optimise.variables]
+z = {{ low = 0.3, high = 1.5, start = 1.2 }}
+spacing = {{ low = 0.7, high = 0.9, start = 0.85 }}
+"""
+CELL = """<scene version="3.9.0">
+    <default name="fz" value="0"/> <default name="youngs_modulus" value="4"/> <default name="led_power" value="1"/>
+    <shape type="deformable_pad">
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
+        <float name="youngs_modulus" value="$youngs_modulus"/>
+        <vector name="force" value="0, 0, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+        </bsdf>
+    </shape>
+    <shape type="photo_reflector">
+        <emitter type="annular_led"> <float name="power" value="$led_power"/> </emitter>
+        <sensor type="phototransistor"/>
+    </shape>
+</scene>"""
+STUDY = """
+scene = "cell.xml"
+[optimise]
+maximise = "sensitivity"
+[optimise.variables]
+youngs_modulus = [3, 5]
+led_power = [0.5, 2]
+[optimise.loads]
+normal = { fz = [0, -0.2] }
+[[optimise.constraints]]
+figure = "rest"
+most = 0.0055
+"""
+
+
+def test_a_plate_is_where_quadrature_has_it(tmp_path):
+    """The brightest height of a plate, and the least spacing."""
+    (tmp_path / "study.toml").write_text(PLATE.format(points=4096))
+    found = optimise(tmp_path / "study.toml", tmp_path / "out")
+
+    def dark(z):
+        return -plate_power(z, law="lambertian", scattering="lambertian", spacing=0.7)
+
+    truth = minimize_scalar(dark, bounds=(0.3, 1.5), method="bounded")
+    best = found.variables.set_index("variable").best
+    assert best.spacing == 0.7 and best.z == pytest.approx(truth.x, rel=0.03)
+    assert found.figures.best[0] == pytest.approx(-truth.fun, rel=1e-3)
+    assert found.figures.best_finer[0] == pytest.approx(-truth.fun, rel=1e-3)
+    assert found.probability > 0.999 and list(found.variables["at"]) == ["", "low"]
+    assert [note.split(" (")[0] for note in found.notes] == [
+        "by differences of readings: z", "by differences of readings: spacing",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    """A cell that was made as sensitive as it can be."""
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "cell.xml").write_text(CELL)
+    (folder / "study.toml").write_text(STUDY)
+    done = run_program(folder, "optimise", "study.toml", "-o", "out", "--json")
+    assert done.returncode == 0, done.stderr
+    return folder, json.loads(done.stdout)
+
+
+def test_a_soft_cell_with_as_much_light_as_is_allowed(cell):
+    """Of small loads S = c P / E, and the reading at rest is r P: E at its bound, P where the constraint holds it."""
+    _, found = cell
+    goal, limit = found["figures"]
+    (modulus, power) = found["variables"]
+    expected = 0.0055 / limit["before"]
+    assert 1.2 < expected < 1.9, "the bound must lie within those of the variables"
+    assert modulus["best"] == 3 and modulus["at"] == "low"
+    assert power["best"] == pytest.approx(expected, rel=1e-3) and power["at"] == ""
+    assert goal["best"] / goal["before"] == pytest.approx(expected * 4 / 3, rel=3e-3)
+    assert limit["multiplier"] == pytest.approx(expected * 4 / 3, rel=5e-3) and found["unbalanced"] < 1e-3
+    slopes = {(row["figure"], row["variable"]): row["slope"] for row in found["slopes"]}
+    assert slopes[goal["figure"], "led_power"] == pytest.approx(goal["best"] / power["best"], rel=1e-6)
+    assert slopes[goal["figure"], "youngs_modulus"] == pytest.approx(-goal["best"] / 3, rel=3e-3)
+
+
+def test_what_is_on_disk(cell):
+    folder, found = cell
+    made = {file.name for file in (folder / "out").iterdir()}
+    tables = {f"{name}.csv" for name in ("figures", "variables", "slopes", "history")}
+    drawn = {f"{name}.{form}" for name in ("pad", "mould_base", "mould_frame") for form in ("step", "stl")}
+    assert made == tables | drawn | {"designs", "judged", "best.xml", "optimum.md", "optimum.png", "optimum.svg"}
+    study = open_study(folder / "out" / "designs")
+    assert study.sizes["step"] == found["load_steps"] == 2 * len(found["history"]) and found["load_steps"] <= 24
+
+
+def test_nothing_is_computed_twice(cell):
+    """The same study with another bound goes on with what there is, to the same end where it asks for the same."""
+    folder, found = cell
+    before = {file: file.stat().st_mtime_ns for file in folder.rglob("*.npz")}
+    again = optimise(folder / "study.toml", folder / "out")
+    assert {file: file.stat().st_mtime_ns for file in folder.rglob("*.npz")} == before
+    assert again.history.best.iloc[-1] == found["history"][-1]["best"]
+
+
+def test_a_run_that_was_ended_goes_on(tmp_path):
+    (tmp_path / "study.toml").write_text(PLATE.format(points=64).replace("evaluations = 12", "evaluations = 6"))
+
+    def ended(progress):
+        if progress.designs == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        optimise(tmp_path / "study.toml", tmp_path / "out", progress=ended)
+    kept = {file: file.stat().st_size for file in (tmp_path / "out").rglob("jobs/*.npz")}
+    assert len(kept) >= 4
+    seen = []
+    went_on = optimise(tmp_path / "study.toml", tmp_path / "out", progress=seen.append)
+    whole = optimise(tmp_path / "study.toml", tmp_path / "whole")
+    assert went_on.best == whole.best and went_on.history.equals(whole.history)
+    assert [progress.designs for progress in seen][-1] == len(whole.history) and "maximise rest" in seen[-1].best
+
+
+@pytest.mark.parametrize(
+    ("constraints", "said"),
+    [
+        ((("rest", "least", 0.03), ("largest_reading", "most", 0.02), ("rest", "least", 0.001)), "in conflict"),
+        ((("rest", "least", 1.0),), "beyond reach"),
+        ((("least_wall", "least", 1.0),), "least wall cannot be told of this scene"),
+    ],
+)
+def test_constraints_that_cannot_hold(tmp_path, constraints, said):
+    text = "".join(
+        f'[[optimise.constraints]]\nfigure = "{name}"\n{way} = {bound}\n' for name, way, bound in constraints
+    )
+    study = PLATE.format(points=64).replace("evaluations = 12", "evaluations = 4")
+    (tmp_path / "study.toml").write_text(study + text)
+    with pytest.raises(InputError) as refused:
+        optimise(tmp_path / "study.toml", tmp_path / "out")
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+    if said == "in conflict":
+        assert "rest >= 0.03" in str(refused.value) and "<= 0.02" in str(refused.value)
+        assert ">= 0.001" not in str(refused.value)

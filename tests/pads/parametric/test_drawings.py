@@ -1,0 +1,30 @@
+"""Drawings of a pad and its mould: solids whose volumes are known, that fit together."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import trimesh
+
+from mitsuba_taxel import Pad
+from mitsuba_taxel.pads.parametric.drawings import MOULD, solids, write_drawings
+
+HEMISPHERE = 0.5 * math.pi * 1.275**2 + 2 / 3 * math.pi * 1.275**3
+"""Of a cylinder of 0.5 mm below half a ball, mm3."""
+
+
+@pytest.mark.parametrize(("cell", "volume"), [("parallelepiped", 2.55**2 * 1.55), ("hemispheric", HEMISPHERE)])
+def test_pad_and_mould_fill_a_block(cell, volume, tmp_path):
+    pad = Pad(cell, rows=1, columns=2)
+    width, depth, height = pad.extent
+    around = (width + 2 * MOULD) * (depth + 2 * MOULD)
+    shapes = solids(pad)
+    assert shapes["pad"].mass == pytest.approx(width * depth * height - 2 * volume, rel=1e-9)
+    assert shapes["mould_base"].mass == pytest.approx(around * MOULD + 2 * volume, rel=1e-9)
+    assert sum(shape.mass for shape in shapes.values()) == pytest.approx(around * (height + MOULD), rel=1e-9)
+    write_drawings(pad, tmp_path)
+    for name, shape in shapes.items():
+        drawn = trimesh.load(tmp_path / f"{name}.stl")
+        assert drawn.is_watertight and drawn.volume == pytest.approx(shape.mass, rel=0.01)
+        assert (tmp_path / f"{name}.step").stat().st_size > 1000
