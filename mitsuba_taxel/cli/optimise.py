@@ -65,7 +65,7 @@ def _best_so_far() -> Iterator[Callable]:
 def _as_json(result) -> dict[str, object]:
     from .tables import known
 
-    tables = {"figures", "variables", "slopes", "history"}
+    tables = {"figures", "variables", "slopes", "history", "front"}
     shown: dict[str, object] = {}
     for name, value in vars(result).items():
         if name in tables:
@@ -75,7 +75,7 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.optimum.outputs import changes, cost_line, gain_line
+    from mitsuba_taxel.optimum.outputs import changes, cost_lines, gain_line
 
     from .tables import print_table
 
@@ -96,7 +96,8 @@ def _show(result) -> None:
     print()
     print_table(("parameter", "before", "best", "bound"), changes(result))
     print(gain_line(result))
-    print(cost_line(result))
+    for line in cost_lines(result):
+        print(line)
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     for note in result.notes:

@@ -11,23 +11,27 @@ from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.result import Optimum
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
-from mitsuba_taxel.plots.optimum import plot_optimum
+from mitsuba_taxel.plots.optimum import plot_front, plot_optimum
 from mitsuba_taxel.sensing import write_xml
 
 if TYPE_CHECKING:
     import pandas
 
-TABLES = ("figures", "variables", "slopes", "history")
+TABLES = ("figures", "variables", "slopes", "history", "front")
 
 
 def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
     """Write all files of a result."""
     for name in TABLES:
-        with replacing(folder / f"{name}.csv") as file:
-            getattr(result, name).to_csv(file, index=False)
+        if len(table := getattr(result, name)):
+            with replacing(folder / f"{name}.csv") as file:
+                table.to_csv(file, index=False)
     for form in ("png", "svg"):
         with replacing(folder / f"optimum.{form}") as file:
             plot_optimum(result.figures, result.variables, result.history, file, form)
+        if len(result.front):
+            with replacing(folder / f"front.{form}") as file:
+                plot_front(result.front, plan.front_units, file, form)
     scene = plan.scene(best)
     write_xml(scene, folder / "best.xml")
     for pad in pads_of(scene):
@@ -39,7 +43,7 @@ def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
 def page(result: Optimum) -> str:
     """The result in words and tables, in Markdown."""
     title = result.figures.figure[0]
-    lines = [gain_line(result), cost_line(result), *result.warnings, *result.notes]
+    lines = [gain_line(result), *cost_lines(result), *result.warnings, *result.notes]
     return "\n\n".join(
         [
             f"# {title[0].upper()}{title[1:]}",
@@ -49,6 +53,7 @@ def page(result: Optimum) -> str:
             as_markdown(result.figures),
             "## Around the best design\nChange of the worst components, per unit of a variable and over its bounds:",
             as_markdown(result.slopes),
+            *(["## Trade-offs\n![Two objectives](front.png)", as_markdown(result.front)] if len(result.front) else []),
         ]
     )
 
@@ -84,9 +89,10 @@ def gain_line(result: Optimum) -> str:
     )
 
 
-def cost_line(result: Optimum) -> str:
+def cost_lines(result: Optimum) -> list[str]:
     """What it took, and what is left."""
-    return (
-        f"{len(result.history)} designs, {result.load_steps} load steps, {result.seconds:.0f} s of jobs. Neither "
-        f"constraints nor bounds balance {result.unbalanced:.1%} of the objective's slope."
-    )
+    return [
+        f"{len(result.history)} designs, {result.load_steps} load steps. Neither constraints nor bounds balance "
+        f"{result.unbalanced:.1%} of the objective's slope.",
+        f"Seconds: jobs {result.seconds:.0f}",
+    ]

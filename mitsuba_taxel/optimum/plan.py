@@ -22,7 +22,9 @@ from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study
 POINTS = 16
 """Of readings that are taken without random numbers besides."""
 READ_KEYS = ("points", "mesh_size", "seed")
-KEYS = ("maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations")
+KEYS = ("maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations", "front")
+FRONT = 5
+"""Trade-offs of two objectives."""
 TRIED = 256
 """Points within the bounds of which a pad is looked for."""
 AT_REST = ""
@@ -92,6 +94,8 @@ class Plan:
     limits : list[Limit]
     starts, evaluations : int
         For each choice, and for each start.
+    front : tuple[Goal, int] or None
+        Another objective, and how many trade-offs with it are wanted.
     """
 
     batch: Batch
@@ -103,11 +107,17 @@ class Plan:
     limits: list[Limit]
     starts: int
     evaluations: int
+    front: tuple[Goal, int] | None
 
     @property
     def asked(self) -> list[Goal | Limit]:
         """The objective, and all constraints."""
         return [self.goal, *self.limits]
+
+    @property
+    def front_units(self) -> list[str]:
+        """Units of the two objectives of a front."""
+        return [self.goal.figure.unit, *([self.front[0].figure.unit] if self.front else [])]
 
     @property
     def base(self) -> dict[str, str]:
@@ -204,7 +214,7 @@ def read_plan(file: Path) -> Plan:
     asked = _Asked(lines, circuit, units_of_parameters(batch.file))
     return Plan(
         batch, circuit, variables, choices, lines, asked.goal(table), asked.limits(table.get("constraints", [])),
-        _count(table, "starts", 1), _count(table, "evaluations", 12),
+        _count(table, "starts", 1), _count(table, "evaluations", 12), asked.front(table),
     )  # fmt: skip
 
 
@@ -294,6 +304,14 @@ class _Asked:
         if len(given) != 1:
             raise InputError("optimise: either maximise or minimise, with the name of a figure, is needed.")
         return Goal(self.figure(table[given[0]]), -1 if given[0] == "maximise" else 1)
+
+    def front(self, table: Mapping[str, Any]) -> tuple[Goal, int] | None:
+        given = _table(table, "front")
+        if not given:
+            return None
+        if not set(given) <= {"maximise", "minimise", "points"} or given.get("points", FRONT) in (1, 2):
+            raise InputError(f"front = {given!r} is not allowed: maximise or minimise, and points, from 3, are needed.")
+        return self.goal(given), _count(given, "points", FRONT)
 
     def limits(self, given: Any) -> list[Limit]:
         if not isinstance(given, list) or not all(isinstance(one, dict) for one in given):

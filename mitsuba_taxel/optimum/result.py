@@ -38,6 +38,8 @@ class Optimum:
         Derivatives of the worst components at the best design, one row per figure and variable.
     history : DataFrame
         One row per design, in order, with the ``best`` value of the objective so far.
+    front : DataFrame
+        Trade-offs of the objective and another one, with their parameters; empty where none is asked for.
     gain, gain_error, probability : float
         Relative improvement of the objective as judged again, what the finer mesh changed of it, and the probability
         that there is one, were that change a standard deviation.
@@ -56,6 +58,7 @@ class Optimum:
     variables: pandas.DataFrame
     slopes: pandas.DataFrame
     history: pandas.DataFrame
+    front: pandas.DataFrame
     gain: float
     gain_error: float
     probability: float
@@ -66,7 +69,7 @@ class Optimum:
     notes: list[str]
 
 
-def told(course: Course, best: Design, again: Designs | None) -> Optimum:
+def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas.DataFrame | None) -> Optimum:
     """The best design beside the first, and what holds it; ``again`` has both on a finer mesh."""
     import pandas
 
@@ -101,6 +104,7 @@ def told(course: Course, best: Design, again: Designs | None) -> Optimum:
         _variables(plan, before, best, held),
         _slopes(plan, reads["best"]),
         pandas.DataFrame(course.rows()),
+        pandas.DataFrame() if trade_offs is None else trade_offs,
         gain,
         error,
         probability,

@@ -13,6 +13,7 @@ from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.optimum.course import Course, Progress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of
+from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Plan, read_plan
 from mitsuba_taxel.optimum.result import Optimum, told
@@ -72,7 +73,9 @@ def optimise(
         best = course.best(plan.goal, plan.limits)
         if best is None:
             raise _no_design(course)
-        result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]))
+        trade_offs = None if plan.front is None else front(course, *plan.front)
+        best = course.best(plan.goal, plan.limits) or best
+        result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]), trade_offs)
     write(plan, best, result, folder)
     return result
 
@@ -82,7 +85,7 @@ def _refuse_what_cannot_betold(course: Course, begun: list[Design]) -> None:
     first = next((read for read in course.look(begun) if read is not None), None)
     if first is None:
         raise ComputationError(f"no design can be read to begin with: {next(iter(course.designs.failures.values()))}")
-    for asked in course.plan.asked:
+    for asked in [*course.plan.asked, *([course.plan.front[0]] if course.plan.front else [])]:
         try:
             components = asked.figure.components(first.values)
         except IndexError:

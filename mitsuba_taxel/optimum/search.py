@@ -10,8 +10,6 @@ import numpy as np
 
 FIRST_STEP = 0.3
 """Of the bounds' width: how far a descent goes that knows no curvature yet, at most."""
-FAR = 10.0
-"""What a point counts as that cannot be computed, where the worst component is 1 to begin with."""
 ACTIVE = 0.02
 """Margin, relative to the limit or to the bounds' width, below which it may hold a point."""
 TOLERANCE = 1e-4
@@ -55,7 +53,8 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, iterations:
     """Sequential quadratic programming (scipy's SLSQP) from a start that can be computed; returns scipy's result.
 
     Several goals are below one more variable, which is made as small as possible: so the largest of them is smooth. A
-    point that cannot be computed counts as one far above, with the slopes of the last that could.
+    point that cannot be computed counts as one that is no better than the last that could: the search for a step then
+    halves it.
     """
     from scipy.optimize import minimize
 
@@ -68,11 +67,9 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, iterations:
     def judged(z: np.ndarray) -> Judged:
         nonlocal last
         found = at(np.clip(z[:count], 0.0, 1.0))
-        if found is None:
-            assert last is not None
-            return Judged(last.goals + FAR / scale, last.goal_rates, last.limits, last.limit_rates)
-        last = found
-        return found
+        last = last if found is None else found
+        assert last is not None
+        return last
 
     def constraints(z: np.ndarray) -> np.ndarray:
         found = judged(z)

@@ -1,12 +1,14 @@
-"""Plots of an optimisation: its course, figures and variables before and after."""
+"""Plots of an optimisation: its course, figures and variables before and after, and trade-offs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.plots.figures import COLOURS, figure_of, label_with_prefix
 
 if TYPE_CHECKING:
@@ -63,3 +65,22 @@ def _draw_pairs(ax: Any, names: list[str], before: Any, best: Any) -> None:
     ax.scatter(best, place, 40, color=COLOURS[1], marker="D", label="best", zorder=3)
     ax.set_yticks(place, [name.replace(" along ", "\nalong ") for name in names], fontsize="small")
     ax.margins(y=0.3)
+
+
+def plot_front(front: pandas.DataFrame, units: Sequence[str], file: Path | BinaryIO, form: str = "png") -> None:
+    """Write a picture of trade-offs: the second objective, in the second column, over the first.
+
+    Parameters
+    ----------
+    front : pandas.DataFrame
+        As an ``Optimum`` has it.
+    units : Sequence[str]
+        Of the two objectives.
+    """
+    with figure_of(1, 1, file, form) as axes:
+        ax = axes[0, 0]
+        one, other = front.columns[:2]
+        factor, unit = prefixed(float(front[one].abs().max()), "" if units[0] == "1" else units[0])
+        ax.plot(front[one] / factor, front[other], "o-", color=COLOURS[0])
+        ax.set_xlabel(f"{one} [{unit}]" if unit else one)
+        label_with_prefix([ax], other, "" if units[1] == "1" else units[1])
