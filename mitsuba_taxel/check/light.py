@@ -11,8 +11,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.kernels.emission import UniformPolarAngle
+from mitsuba_taxel.kernels.protocols import is_region, traces_taxels
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
-from mitsuba_taxel.kernels.walls import is_bounded_from_detector
+from mitsuba_taxel.kernels.walls import is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 
@@ -80,7 +81,7 @@ def _walls(shape: ScenePart) -> Iterator[Finding]:
             f"{shape.plugin} has no bsdf, and Mitsuba makes it a grey that returns half of the light: give it a wall.",
         )
     for cover in covers:
-        if not hasattr(cover.made, "walls"):
+        if not is_region(cover.made):
             continue
         if not ours and not (shape.made.is_mesh() and shape.made.has_attribute("face_region")):
             yield cover.finding(
@@ -120,7 +121,7 @@ def _cover(shape: ScenePart, region: str) -> Any:
     if not covers:
         return None if shape.plugin == PAD else shape.made.bsdf()
     made = covers[0].made
-    return made.walls.get(region) if hasattr(made, "walls") and region else made
+    return wall_at(made, region) if region else made
 
 
 def _absorbs(wall: Any) -> bool:
@@ -131,7 +132,7 @@ def _absorbs(wall: Any) -> bool:
 def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:
     """Mitsuba's integrators that start at the phototransistor, where that scatters without bound."""
     made, plugin = integrator.made, integrator.plugin
-    if plugin in _FROM_THE_LIGHT or hasattr(made, "sample_paths"):
+    if plugin in _FROM_THE_LIGHT or traces_taxels(made):
         return
     from_there = f"{plugin} starts at the phototransistor, from where"
     unbounded = [part for part in parts.of("wall") if not is_bounded_from_detector(part.made)]

@@ -9,7 +9,7 @@ import click
 from .options import debug_option
 
 
-@click.command(short_help="What a scene may say to each plugin.")
+@click.command(short_help="Parameters of each plugin.")
 @click.argument("name", required=False)
 @debug_option
 def command(name: str | None) -> None:

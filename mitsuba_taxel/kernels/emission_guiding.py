@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_of
 
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
@@ -46,7 +47,7 @@ class GuidedEmission:
         return mi.Point2f(mi.Float(x) + rest.x, mi.Float(y) + rest.y) / side, density
 
 
-def guided_emission(integrator: Any, scene: Any, pair: Any) -> GuidedEmission | None:
+def guided_emission(integrator: Any, scene: Any, pair: TaxelPair) -> GuidedEmission | None:
     """What a pilot run teaches, in a scene with mirrors; without them there is nothing to learn.
 
     The pilot's random numbers are always the same and enter no result. What it taught is kept with the phototransistor:
@@ -55,12 +56,12 @@ def guided_emission(integrator: Any, scene: Any, pair: Any) -> GuidedEmission | 
     mirrors = ("mirror", "mixed", "rough_mirror")
     if not any(getattr(wall, "scattering", "") in mirrors for wall in walls_of(scene)):
         return None
-    if not hasattr(pair.sensor, "guided_emission"):
+    if pair.sensor.guided_emission is None:
         pair.sensor.guided_emission = GuidedEmission(_learn(integrator, scene, pair))
     return pair.sensor.guided_emission
 
 
-def _learn(integrator: Any, scene: Any, pair: Any) -> np.ndarray:
+def _learn(integrator: Any, scene: Any, pair: TaxelPair) -> np.ndarray:
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
     lanes = pair.count * _PILOT

@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
 PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
@@ -84,7 +85,7 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
     """
     if shape is None:
         raise InputError(f"{PLUGINS[name]}: it must be nested in a rectangle or a photo_reflector.")
-    if hasattr(shape, "face_grid"):
+    if is_package(shape):
         return shape.face_grid(name)
     if shape.class_name() != "Rectangle":
         raise InputError(

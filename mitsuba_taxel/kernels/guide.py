@@ -19,9 +19,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.kernels.cell_surface import CellSurface
+from mitsuba_taxel.kernels.protocols import is_pad, is_region
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 _SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a wall of the guide; the rest bounds the weights
 _LEAST_RETURN = 0.1  # of what the walls of the guide scatter to each other; below it a guide costs more than it gains
@@ -152,7 +154,7 @@ class Guide:
         return here & (dr.gather(mi.Int32, self.owner, si.prim_index, here) == mi.Int32(index))
 
 
-def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
+def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
     """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays.
 
     Whether it pays is found out once, where the mesh is when it is first looked at, so that readings before and after
@@ -161,19 +163,18 @@ def guide_for(scene: mi.Scene, pair: Any) -> Guide | None:
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
             positions = np.array(mi.traverse(mesh)["vertex_positions"])  # its variable stays the same where a pad moves
-            known, before = getattr(pair.sensor, "guide", (None, None))
-            if known is None:
+            if pair.sensor.guide is None:
                 guide = _guide_on(mesh, pair)
                 pays = guide is not None and _gain(guide, scene, pair) < _WORTHWHILE
                 pair.sensor.guide = (positions, guide if pays else None)
-            elif not np.array_equal(known, positions):
-                pair.sensor.guide = (positions, before and _guide_on(mesh, pair))
+            elif not np.array_equal(pair.sensor.guide[0], positions):
+                pair.sensor.guide = (positions, pair.sensor.guide[1] and _guide_on(mesh, pair))
             return pair.sensor.guide[1]
     return None
 
 
-def _guide_on(mesh: Any, pair: Any) -> Guide | None:
-    surface = getattr(mesh, "undeformed", None) or _surface_of(mesh)
+def _guide_on(mesh: Any, pair: TaxelPair) -> Guide | None:
+    surface = mesh.undeformed if is_pad(mesh) else _surface_of(mesh)
     walls = _regions_by_wall(mesh.bsdf())
     leds = np.array(pair.led.faces.centres).T
     taxels = np.argmin(np.linalg.norm(surface.middles[:, None] - leds[None], axis=2), axis=1)  # nearest to each cell
@@ -228,16 +229,14 @@ def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
 
 def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
     """Codes of the regions that Lambertian and isotropic walls cover, under a `region` or a single `wall`."""
-    walls = getattr(bsdf, "walls", None)
-    if walls is None:
-        walls = dict.fromkeys(ALL_REGIONS, bsdf)
+    walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(ALL_REGIONS, bsdf)
     return {
         kind: [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == kind]
         for kind in ("lambertian", "isotropic")
     }
 
 
-def _gain(guide: Guide, scene: mi.Scene, pair: Any) -> float:
+def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
     """By how much the guide multiplies the mean square of the weight that a ray has after one more reflection.
 
     Found by rays that points of the guide scatter. In a smooth dome the ratio is about a half; where walls meet in

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
 from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
 
@@ -28,7 +29,7 @@ def check_triangles(subdivision: int, faces: int) -> None:
 
 def mirrors(bsdf: mi.BSDF) -> list[int]:
     """Codes of the regions whose wall sends some light, more or less, where a mirror would."""
-    walls = getattr(bsdf, "walls", None) or dict.fromkeys(REGIONS, bsdf)
+    walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(REGIONS, bsdf)
     directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+
+from mitsuba_taxel.kernels.protocols import Led, Phototransistor
 
 
 @dataclass(frozen=True)
 class TaxelPair:
     """An `annular_led` and the `phototransistor` read against it, each an array of the same number of faces."""
 
-    led: Any
-    sensor: Any
+    led: Led
+    sensor: Phototransistor
 
     @property
     def count(self) -> int:

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import is_led, is_region
 
 
 def walls_of(scene: Any) -> Iterator[Any]:
     """Each BSDF of each shape, those nested in a `region` one by one."""
     for shape in scene.shapes():
         bsdf = shape.bsdf()
-        yield from getattr(bsdf, "walls", {"": bsdf}).values()
+        yield from walls_by_region(bsdf).values()
+
+
+def walls_by_region(bsdf: Any) -> Mapping[str, Any]:
+    """What a `region` holds; any other BSDF under no name."""
+    return bsdf.walls if is_region(bsdf) else {"": bsdf}
+
+
+def wall_at(bsdf: Any, region: str) -> Any:
+    """The BSDF of a region of a shape; None if a `region` says nothing of it."""
+    return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
 def set_wavelength(scene: Any, leds: list[Any]) -> None:
@@ -37,7 +48,7 @@ def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
     walls = list(_walls_with_table(scene))
     if not walls:
         return
-    if not all(hasattr(emitter, "wavelength") for emitter in scene.emitters()):
+    if not all(is_led(emitter) for emitter in scene.emitters()):
         raise InputError("wall: a reflectance_table needs the wavelength of an annular_led, and other emitters shine.")
     wavelengths = sorted({led.wavelength for led in scene.emitters()})
     if len(wavelengths) > 1 and not one_by_one:

@@ -20,7 +20,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.walls import set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
 from mitsuba_taxel.sensing.readings import standard_error
@@ -239,7 +239,7 @@ class _Surfaces:
             if region == "phototransistor":
                 self.sensitive.append(len(self.places))
             self.places.append(f"{name} {region}")
-            self.bsdfs.append(bsdf.walls.get(region) if hasattr(bsdf, "walls") else bsdf)
+            self.bsdfs.append(wall_at(bsdf, region))
         return first + inverse
 
     def read_reflectances(self) -> None:

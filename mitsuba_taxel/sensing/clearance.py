@@ -7,6 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
@@ -20,7 +21,7 @@ def refuse_contact(scene: mi.Scene) -> None:
     ComputationError
         naming the load at which it first happens.
     """
-    bodies = [shape for shape in scene.shapes() if hasattr(shape, "face_grid")]
+    bodies = [shape for shape in scene.shapes() if is_package(shape)]
     for pad in deformed_pads(scene) if bodies else ():
         _refuse(pad, np.concatenate([_triangles(body) for body in bodies]))
 

@@ -12,6 +12,9 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
+from mitsuba_taxel.kernels.protocols import PadShape, is_pad
+from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
@@ -88,7 +91,9 @@ class DiffuseCells:
         self.pad = _pad_of(scene)
         self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, self._into_pad, self._scale)]
         self._refuse_other_walls()
-        shares = {REGIONS[name]: _shares(wall) for name, wall in _walls_of(self.pad).items() if name in REGIONS}
+        shares = {
+            REGIONS[name]: _shares(wall) for name, wall in walls_by_region(self.pad.bsdf()).items() if name in REGIONS
+        }
         self.cells = [self._cell(taxel, shares) for taxel in self.taxels]
         self._refuse_other_cells()
 
@@ -105,7 +110,7 @@ class DiffuseCells:
 
     def _refuse_other_walls(self) -> None:
         for shape in self.scene.shapes():
-            for name, wall in () if shape.ptr == self.pad.ptr else _walls_of(shape).items():
+            for name, wall in () if shape.ptr == self.pad.ptr else walls_by_region(shape.bsdf()).items():
                 if any(_shares(wall)):
                     part = f"the {name} of a {kind_of(shape)}" if name else f"a {kind_of(shape)}"
                     raise NotDiffuse(f"{part} sends light back, and only the pad's own walls are followed")
@@ -188,18 +193,13 @@ class DiffuseCells:
         return Cell(mesh, Walls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor)
 
 
-def _pad_of(scene: mi.Scene) -> Any:
-    pads = [shape for shape in scene.shapes() if hasattr(shape, "state") and hasattr(shape, "pad")]
+def _pad_of(scene: mi.Scene) -> PadShape:
+    pads = [shape for shape in scene.shapes() if is_pad(shape)]
     if len(pads) != 1:
         raise NotDiffuse(f"the scene holds {len(pads)} deformable pads, and one is needed")
     if pads[0].finish is not None:
         raise NotDiffuse("the pad's cells have a finish")
     return pads[0]
-
-
-def _walls_of(shape: mi.Shape) -> dict[str, Any]:
-    bsdf = shape.bsdf()
-    return getattr(bsdf, "walls", {"": bsdf})
 
 
 def _shares(wall: Any) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def _shares(wall: Any) -> tuple[float, float]:
     return (reflectance, 0.0) if scattering == "isotropic" else (0.0, reflectance)
 
 
-def _taxels(pair: Any, into_pad: Any, scale: float) -> list[Taxel]:
+def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
     stated = pair.led.specification
     size, hole = (pair.led.faces.scale * side for side in (stated.size, stated.hole))
     if stated.shape == "square":

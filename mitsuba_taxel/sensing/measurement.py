@@ -13,6 +13,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, names_of, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
@@ -110,7 +111,7 @@ def measured(
     derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
     """What :func:`measure` returns, and the scene as it was read: more may be asked of it without loading it anew."""
-    check_request(target_error, points, seed, time_budget)
+    check_request(target_error, points, seed, time_budget, derivatives)
     check_flags(irradiance=irradiance, mechanics_error=mechanics_error)
     if continued is not None:
         require("continued", continued, Readings, "what measure returned")
@@ -213,7 +214,7 @@ def crosstalk(
     """
     check_request(target_error, points, seed)
     ready = prepare(scene)
-    if not hasattr(ready.integrator, "sample_paths"):
+    if not traces_taxels(ready.integrator):
         raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")
     if points is None:
         points = points_for(ready, target_error or LIGHT_ERROR, seed)
@@ -263,14 +264,25 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
     return notes
 
 
-def check_request(target_error: float | None, points: int | None, seed: int, time_budget: float | None = None) -> None:
+def check_request(
+    target_error: float | None,
+    points: int | None,
+    seed: int,
+    time_budget: float | None = None,
+    derivatives: Sequence[str] = (),
+) -> None:
     """Refuse what :func:`measure` cannot be asked for; see there for the parameters.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, or both a target and a number of points.
+        for a value that is not allowed, both a target and a number of points, or a time budget for derivatives.
     """
+    if time_budget is not None and len(derivatives):
+        raise InputError(
+            "time_budget and derivatives (which a force without a step takes too) exclude each other: their time is "
+            "not foreseen."
+        )
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")
     if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):

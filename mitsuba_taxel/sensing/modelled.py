@@ -9,6 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, traces_taxels
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, walls_of
 from mitsuba_taxel.sensing.clearance import refuse_contact
 from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
@@ -47,7 +48,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     ComputationError
         if a deformed pad touches a package.
     """
-    ours = hasattr(integrator, "sample_paths")
+    ours = traces_taxels(integrator)
     plugin = OF_MITSUBA.get(integrator.class_name(), "")
     if not ours and not plugin:
         raise InputError(
@@ -99,14 +100,14 @@ def _refuse_media(scene: Any, plugin: str) -> None:
 def _refuse_samplers(scene: Any) -> None:
     for sensor in scene.sensors():
         sampler = sensor.sampler()
-        if not hasattr(sampler, "place"):
+        if not is_owen_sobol(sampler):
             raise InputError(f"phototransistor: its sampler must be owen_sobol, not {kind_of(sampler)}.", sampler)
 
 
 def _refuse_moved_packages(scene: Any) -> None:
     """Raise where a package is no longer where its LED and phototransistor are taken to be."""
     for shape in scene.shapes():
-        if hasattr(shape, "face_grid") and not shape.is_as_built():
+        if is_package(shape) and not shape.is_as_built():
             raise InputError(
                 "photo_reflector: its vertex_positions or faces were changed, which LED and phototransistor do not "
                 "follow: load the scene anew with another to_world."
@@ -115,7 +116,7 @@ def _refuse_moved_packages(scene: Any) -> None:
 
 def _refuse_far_faces(scene: Any, ours: bool) -> None:
     for part in (*scene.emitters(), *scene.sensors()):
-        if not hasattr(part, "faces"):
+        if not has_faces(part):
             continue
         reach = float(np.abs(np.array(part.faces.centres)).max())
         side = float(np.sqrt(np.array(part.faces.size, dtype=float).prod()))

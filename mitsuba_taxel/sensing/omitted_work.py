@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.kernels.protocols import guides_emission, traces_taxels
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import walls_of
+from mitsuba_taxel.kernels.walls import wall_at, walls_of
 from mitsuba_taxel.sensing.runs import Prepared
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -63,11 +64,11 @@ def left_out(
     pairs = taxels_of(scene)
     lines += [*_of_cells(pads, pairs), *_of_paths(ready, pairs)]
     taxels = sum(pair.count for pair in pairs)
-    if hasattr(ready.integrator, "sample_paths") and taxels > 1 and not crosstalk:
+    if traces_taxels(ready.integrator) and taxels > 1 and not crosstalk:
         lines.append(f"no crosstalk asked for: {taxels} pairs of LED and phototransistor traced, not {taxels**2}")
     if not irradiance:
         lines.append("no irradiance map asked for: none accumulated")
-    if mi.variant().endswith("_mono") or hasattr(ready.integrator, "sample_paths"):  # which reads the first alone
+    if mi.variant().endswith("_mono") or traces_taxels(ready.integrator):  # which reads the first alone
         lines.append("one narrow band of wavelengths: one channel traced, not three")
     return list(dict.fromkeys(lines))
 
@@ -144,14 +145,14 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
     absorbing = dict.fromkeys(name for name, wall, _ in surfaces if _absorbs(wall))
     if absorbing:
         yield f"absorbing walls ({', '.join(absorbing)}): paths end there"
-    if not hasattr(integrator, "sample_paths"):
+    if not traces_taxels(integrator):
         return
     if _in_one_plane([corners for _, wall, corners in surfaces if not _absorbs(wall)]):
         yield "all that reflects lies in one plane: paths end after one reflection"
     if all(pair.coplanar for pair in pairs):
         yield "LED and phototransistor in one plane: no light looked for that goes straight across"
     specular = any(getattr(wall, "scattering", "") in _SPECULAR for wall in walls_of(scene))
-    if hasattr(integrator, "sample_guided") and not specular:
+    if guides_emission(integrator) and not specular:
         yield "no mirror: no pilot run for emission guiding"
 
 
@@ -171,7 +172,7 @@ def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
     codes = np.rint(np.array(parameters["face_region"])).astype(int)
     for name, code in ALL_REGIONS.items():
         if (codes == code).any():
-            wall = bsdf.walls.get(name) if hasattr(bsdf, "walls") else bsdf
+            wall = wall_at(bsdf, name)
             yield name, wall, vertices[triangles[codes == code]].reshape(-1, 3)
 
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.kernels.protocols import has_faces, is_led
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import set_wavelength
+from mitsuba_taxel.kernels.walls import set_wavelength, wall_at
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow
 from mitsuba_taxel.sensing.taxels import taxels_of
 
@@ -33,7 +34,7 @@ def refuse_unreadable(scene: mi.Scene, integrator: Any) -> None:
 
 def _refuse_endless_light(scene: mi.Scene) -> None:
     ends = (*scene.emitters(), *scene.sensors())
-    if not all(hasattr(end, "faces") and _may_return_all(end) for end in ends):
+    if not all(has_faces(end) and _may_return_all(end) for end in ends):
         return  # in a closed cavity light comes to the faces, and ends there
     for pair in taxels_of(scene):
         set_wavelength(scene, [pair.led])
@@ -47,8 +48,8 @@ def _refuse_endless_light(scene: mi.Scene) -> None:
 def _may_return_all(end: Any) -> bool:
     """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or nothing is known of that."""
     cover = end.get_shape().bsdf()
-    name = "led" if hasattr(end, "sample_direction_of_emission") else "phototransistor"
-    wall = cover.walls.get(name) if hasattr(cover, "walls") else cover
+    name = "led" if is_led(end) else "phototransistor"
+    wall = wall_at(cover, name)
     if wall is None or getattr(wall, "scattering", "") == "absorbing":
         return False
     reflectance = getattr(wall, "reflectance", None)

@@ -13,6 +13,7 @@ import numpy as np
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import require
+from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
@@ -121,7 +122,7 @@ def derived_seed(seed: int, index: int) -> int:
 def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
     """Powers (replicates, taxels), the irradiance map of the first sensor if asked for, and the points used."""
     scene, integrator = ready.scene, ready.integrator
-    if not hasattr(integrator, "sample_paths"):
+    if not traces_taxels(integrator):
         set_wavelength(scene, scene.emitters())
         return _render(scene, points, seed, first)
     results = []

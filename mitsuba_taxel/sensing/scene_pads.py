@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 
-def deformed_pads(scene: Any) -> list[Any]:
+
+def deformed_pads(scene: Any) -> list[PadShape]:
     """The `deformable_pad`s among the shapes of an ``mi.Scene``, under a load or not."""
-    return [shape for shape in scene.shapes() if hasattr(shape, "state")]
+    return [shape for shape in scene.shapes() if is_pad(shape)]
 
 
-def loaded_pads(scene: Any) -> list[Any]:
+def loaded_pads(scene: Any) -> list[PadShape]:
     """Those that bear a load."""
     return [pad for pad in deformed_pads(scene) if any(pad.value)]

@@ -10,6 +10,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import matrix_of
+from mitsuba_taxel.kernels.protocols import has_faces, has_pad, is_led, is_phototransistor
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -27,7 +28,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     leds = scene.emitters()
     sensors = scene.sensors()
     for emitter in leds:
-        if not hasattr(emitter, "sample_direction_of_emission"):
+        if not is_led(emitter):
             raise InputError(f"every emitter must be an annular_led, not a {kind_of(emitter)}.", emitter)
     refuse_foreign_sensors(scene)
     counts = [sum(part.faces.count for part in parts) for parts in (leds, sensors)]
@@ -42,7 +43,7 @@ def refuse_foreign_sensors(scene: mi.Scene) -> None:
     """Raise an InputError unless a scene has emitters and phototransistors, and no sensors of other kinds."""
     emitters, sensors = scene.emitters(), scene.sensors()
     for sensor in sensors:
-        if not hasattr(sensor, "spread_film"):
+        if not is_phototransistor(sensor):
             raise InputError(f"every sensor must be a phototransistor, not a {kind_of(sensor)}.", sensor)
     if not emitters or not sensors:
         raise InputError(
@@ -56,11 +57,11 @@ def refuse_shared_places(scene: mi.Scene) -> None:
     Nobody could say which of the two a ray hits. One that faces the other way touches it, as a plate may, and light
     between the two goes nowhere.
     """
-    ends = [end for end in (*scene.emitters(), *scene.sensors()) if hasattr(end, "faces")]
-    surfaces = [(shape, _triangles_of(shape)) for shape in scene.shapes() if not hasattr(shape, "pad")]
-    for end in ends:
+    ends = [(end, end.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
+    surfaces = [(shape, _triangles_of(shape)) for shape in scene.shapes() if not has_pad(shape)]
+    for end, faces in ends:
         for shape, triangles in surfaces:
-            if shape.ptr != end.get_shape().ptr and _lie_on(end.faces, triangles):
+            if shape.ptr != end.get_shape().ptr and _lie_on(faces, triangles):
                 raise InputError(
                     f"{kind_of(end)}: the {kind_of(shape)} {shape.id()!r} lies in its plane and overlaps it, so that "
                     "light would hit either: move or shrink one of them.",

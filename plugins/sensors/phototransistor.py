@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +14,10 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
 from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
+    from mitsuba_taxel.kernels.guide import Guide
 
 MOST_PIXELS = 1 << 24
 """Of a film, all blocks together."""
@@ -71,6 +75,8 @@ class Phototransistor(mi.Sensor):
         self._check_film(1)
         self.m_needs_sample_3 = True
         self._faces: FaceGrid | None = None
+        self.guided_emission: GuidedEmission | None = None  # what pilot runs teach of paths to it
+        self.guide: tuple[np.ndarray, Guide | None] | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
         """Give the film one block of pixels for each phototransistor of an array; raises `InputError`."""

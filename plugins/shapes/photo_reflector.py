@@ -11,6 +11,7 @@ from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
+from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters
 
@@ -119,7 +120,7 @@ def _cover_the_body(props: mi.Properties) -> None:
     """Let a BSDF that tells no regions apart cover the body alone, and absorbing faces be all there is by default."""
     covers = [(name, value) for name, value in props.objects() if isinstance(value, mi.BSDF)]
     for name, cover in covers:
-        if not hasattr(cover, "walls"):
+        if not is_region(cover):
             props[name] = make_plugin("region", body=cover)
     if not covers:
         props["bsdf"] = make_plugin("wall", scattering="absorbing")

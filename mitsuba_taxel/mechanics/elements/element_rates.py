@@ -1,4 +1,4 @@
-"""How the forces that elements put up change with their material, and while their undeformed nodes move.
+"""Rates of the internal forces of elements with their material, and while their undeformed nodes move.
 
 With G the gradient of the nodes' velocity V, integrals over the undeformed solid change by its divergence tr G, and
 gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation:
@@ -52,19 +52,19 @@ class StrainedElements:
         self._pieces = in_turns(piece, len(elements.nodes))
 
     def of(self, material: Material) -> Forces:
-        """What they put up, were they of another material."""
+        """Forces and volumes with another material."""
 
-        def put_up(piece: _Piece) -> Forces:
+        def forces(piece: _Piece) -> Forces:
             inverse = piece.cofactor / piece.determinant[..., None, None]
             stress = material.stress(piece.gradient, piece.determinant, inverse)
             stress += piece.pressure[..., None, None] * piece.cofactor
             excess = piece.determinant - 1 - material.compressibility * piece.pressure
             return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
 
-        return _joined([put_up(piece) for piece in self._pieces])
+        return _joined([forces(piece) for piece in self._pieces])
 
     def rates(self, velocity: np.ndarray) -> Forces:
-        """Rates of what they put up while the undeformed nodes move by a velocity (N, 3)."""
+        """Rates of these while the undeformed nodes move by a velocity (N, 3)."""
         compressibility = self._elements.material.compressibility
 
         def rate(piece: _Piece) -> Forces:

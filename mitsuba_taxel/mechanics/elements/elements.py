@@ -48,7 +48,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class ElementState:
-    """What each of m elements puts up at a state: forces (m, 10, 3), volumes (m, 4), matrices; least volume ratio."""
+    """Internal forces (m, 10, 3), volumes (m, 4) and tangents of m elements at a state; least volume ratio."""
 
     forces: np.ndarray
     volumes: np.ndarray

@@ -1,4 +1,4 @@
-"""How the forces and volumes that a pad puts up change with the constants of its material, its shape staying."""
+"""Rates of a pad's internal forces and volumes with the constants of its material, at a fixed shape."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SMALL_STEP = 1e-5
 
 
 def material_rate(put_up: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
-    """Derivative of what a pad of a material puts up by one of its parameters.
+    """Derivative of a pad's internal forces and volumes by one of its material's parameters.
 
     A central difference of fourth order, or one of second order where the law does not allow larger changes.
     """

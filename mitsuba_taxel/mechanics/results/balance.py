@@ -1,6 +1,6 @@
 """What the board holds a pad with, against what is applied to it: a check of a state that asks no solver.
 
-The forces that the elements put up at their nodes are assembled with nothing held. In a state of balance they are those
+Internal forces of the elements are assembled with nothing held. In a state of balance they are those
 of the load at the nodes of its surface, those of the board at the nodes glued to it, and zero elsewhere.
 """
 

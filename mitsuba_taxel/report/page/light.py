@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.kernels.protocols import is_pad
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.solids import Packing
 from mitsuba_taxel.report.picture.rays import face_corners, shape_mesh
@@ -49,7 +50,7 @@ class Lit:
     def _parts(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         """Kind, vertices and triangles of each connected surface."""
         for shape in self._live.shapes():
-            mesh = None if hasattr(shape, "state") else shape_mesh(shape)
+            mesh = None if is_pad(shape) else shape_mesh(shape)
             kind = "board" if shape.class_name() == "Rectangle" else "other"
             if mesh is None:
                 continue

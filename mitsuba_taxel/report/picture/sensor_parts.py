@@ -10,6 +10,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.cutaway import cut_open, is_closed
 from mitsuba_taxel.geometry.triangles import components, neighbours, unit, volume
+from mitsuba_taxel.kernels.protocols import is_pad
 from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
 
 FACING = np.array([0.0, 1.0, 0.0])
@@ -120,7 +121,7 @@ def _solid(shape: Any, magnify: float) -> ShownPart | None:
     import mitsuba as mi
 
     further: Any = 0.0
-    if magnify != 1 and hasattr(shape, "state"):
+    if magnify != 1 and is_pad(shape):
         further, shape = (magnify - 1) * _displacements(shape), shape.closed()
     parameters = mi.traverse(shape)
     if "vertex_positions" not in parameters or not len(parameters["faces"]):

@@ -146,7 +146,6 @@ def make_batch(
     for parameter in (name for axis in axes for name in axis.values):
         if parameter in fixed:
             raise InputError(f"{parameter} is both varied and given a value: take one of them out.")
-    check_request(target_error, points, seed, time_budget)
     if points is not None and time_budget is not None:
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
     if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
@@ -156,6 +155,7 @@ def make_batch(
     by = names_of("derivatives", derivatives)
     if target_slope is not None:
         by = tuple(dict.fromkeys((*by, *_forces_for(target_slope, axes))))
+    check_request(target_error, points, seed, time_budget, [*by, *(axis.dim for axis in axes if axis.is_open)])
     if circuit is not None:
         require("circuit", circuit, Circuit, "a Circuit")
     if not isinstance(meshes, str) or meshes not in KEPT_MESHES:

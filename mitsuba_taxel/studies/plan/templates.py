@@ -15,7 +15,7 @@ _SCENE = """\
 <!-- A silicone pad of hollow cells on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
      taxel render scene.xml                  what each phototransistor reads
      taxel render scene.xml -D fz=-10        the same with another value of a default
-     taxel plugins deformable_pad            all that a pad may say; likewise for every other type -->
+     taxel plugins deformable_pad            all parameters of a pad; likewise for every other type -->
 <scene version="3.9.0">
     <!-- Load: total force on the top of the pad, in N; compression is fz below 0. -->
     <default name="fx" value="0"/>

@@ -211,6 +211,12 @@ def test_a_time_budget_limits_points():
         sweep("plate.xml", {"z": "0.6,0.7"}, points=64, time_budget=1)
 
 
+@pytest.mark.parametrize("request_", [{"derivatives": ["fz"]}, {"target_slope": 0.1}, {"vary": {"fz": "0:-2"}}])
+def test_a_time_budget_has_no_derivatives(one_cell, request_):
+    with pytest.raises(InputError, match="time_budget and derivatives .* exclude each other"):
+        sweep(one_cell, **{"vary": {"fz": "0,-2"}, "time_budget": 1, **request_})
+
+
 def test_a_time_budget_limits_the_mesh(one_cell):
     study = sweep(one_cell, {"fz": "-2,-4"}, target_error=1e-4, time_budget=1e-3)
     assert "mesh_size" not in study.attrs and study.attrs["points"] == 256

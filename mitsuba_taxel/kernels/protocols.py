@@ -1,0 +1,151 @@
+"""What our plugins offer to the rest of the package, and how they are told from Mitsuba's own and from foreign ones.
+
+A scene hands out Mitsuba's objects, whose classes Python does not see; ours are known by what only they offer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
+
+import mitsuba as mi
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from mitsuba_taxel.kernels.cell_surface import CellSurface
+    from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
+    from mitsuba_taxel.kernels.faces import FaceGrid
+    from mitsuba_taxel.kernels.guide import Guide
+    from mitsuba_taxel.kernels.mesh_adapter import Places
+    from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+
+
+class Faces(Protocol):
+    """What an `annular_led` and a `phototransistor` have in common."""
+
+    specification: Any
+
+    @property
+    def faces(self) -> FaceGrid: ...
+    def get_shape(self) -> Any: ...
+
+
+class Led(Faces, Protocol):
+    """An `annular_led`, one or an array."""
+
+    power: mi.Float
+    wavelength: float
+
+    @property
+    def area(self) -> mi.Float: ...
+    def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f: ...
+    def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f: ...
+    def density_of_direction(self, d: mi.Vector3f) -> mi.Float: ...
+    def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool: ...
+
+
+class Phototransistor(Faces, Protocol):
+    """A `phototransistor`, one or an array, and what pilot runs have taught of paths to it (None: not yet).
+
+    ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
+    """
+
+    guided_emission: GuidedEmission | None
+    guide: tuple[np.ndarray, Guide | None] | None
+
+    @property
+    def normal(self) -> mi.Vector3f: ...
+    def film(self) -> Any: ...
+    def sampler(self) -> Any: ...
+    def spread_film(self, rows: int, columns: int) -> None: ...
+    def responsivity(self, wavelength_nm: float) -> float: ...
+    def response(self, cosine: mi.Float) -> mi.Float: ...
+    def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]: ...
+    def contains(self, index: mi.UInt32, p: mi.Point3f) -> tuple[mi.Bool, mi.Point2f]: ...
+    def pixel(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point2f: ...
+
+
+class Package(Protocol):
+    """A `photo_reflector`."""
+
+    def face_grid(self, name: str) -> FaceGrid: ...
+    def is_as_built(self) -> bool: ...
+
+
+class PadShape(Protocol):
+    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load, its ``state`` and ``surface`` under that."""
+
+    pad: Any
+    material: Any
+    load: Any
+    value: Any
+    mesh_size: float | None
+    mesh_tolerance: float | None
+    finish: Any
+    state: Any
+    surface: Any
+    to_world: np.ndarray
+    ptr: int
+
+    @property
+    def undeformed(self) -> CellSurface: ...
+    def bsdf(self) -> Any: ...
+    def closed(self) -> Any: ...
+    def deviating_places(self) -> list[Places] | None: ...
+    def states(self, values: Any, obstacles: Any = None) -> Any: ...
+
+
+class Region(Protocol):
+    """A `region`: BSDFs by the name of what they cover."""
+
+    walls: Mapping[str, Any]
+
+
+class TaxelIntegrator(Protocol):
+    """One of ours, which trace a pair of LED and phototransistor."""
+
+    def sample_paths(
+        self, scene: Any, pair: TaxelPair, index: Any, led_index: Any, sampler: Any, pixels: Any
+    ) -> Any: ...
+
+
+def is_led(emitter: Any) -> TypeGuard[Led]:
+    return hasattr(emitter, "sample_direction_of_emission")
+
+
+def is_phototransistor(sensor: Any) -> TypeGuard[Phototransistor]:
+    return hasattr(sensor, "spread_film")
+
+
+def has_faces(end: Any) -> TypeGuard[Faces]:
+    return is_led(end) or is_phototransistor(end)
+
+
+def is_package(shape: Any) -> TypeGuard[Package]:
+    return hasattr(shape, "face_grid")
+
+
+def is_pad(shape: Any) -> TypeGuard[PadShape]:
+    return hasattr(shape, "state")
+
+
+def has_pad(shape: Any) -> bool:
+    """Whether it is a `deformable_pad`, or stands for one that is not solved for."""
+    return hasattr(shape, "pad")
+
+
+def is_region(bsdf: Any) -> TypeGuard[Region]:
+    return hasattr(bsdf, "walls")
+
+
+def traces_taxels(integrator: Any) -> TypeGuard[TaxelIntegrator]:
+    return hasattr(integrator, "sample_paths")
+
+
+def guides_emission(integrator: Any) -> bool:
+    return hasattr(integrator, "sample_guided")
+
+
+def is_owen_sobol(sampler: Any) -> bool:
+    return hasattr(sampler, "place")
