@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
-class Faces(Protocol):
+class TaxelEnd(Protocol):
     """What an `annular_led` and a `phototransistor` have in common."""
 
     specification: Any
@@ -31,7 +31,7 @@ class Faces(Protocol):
     def get_shape(self) -> Any: ...
 
 
-class Led(Faces, Protocol):
+class Led(TaxelEnd, Protocol):
     """An `annular_led`, one or an array."""
 
     power: mi.Float
@@ -45,7 +45,7 @@ class Led(Faces, Protocol):
     def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool: ...
 
 
-class Phototransistor(Faces, Protocol):
+class Phototransistor(TaxelEnd, Protocol):
     """A `phototransistor`, one or an array, and what pilot runs have taught of paths to it (None: not yet).
 
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
@@ -118,7 +118,7 @@ def is_phototransistor(sensor: Any) -> TypeGuard[Phototransistor]:
     return hasattr(sensor, "spread_film")
 
 
-def has_faces(end: Any) -> TypeGuard[Faces]:
+def has_faces(end: Any) -> TypeGuard[TaxelEnd]:
     return is_led(end) or is_phototransistor(end)
 
 

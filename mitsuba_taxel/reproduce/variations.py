@@ -31,7 +31,7 @@ ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror
 
 
 @dataclass(frozen=True)
-class Choice:
+class Variation:
     """What differs from the nominal sensor, in words and as parameters of the scene; whether it is one thing alone."""
 
     words: str
@@ -50,27 +50,27 @@ class Choice:
         return law != "uniform_polar_angle" and roof != "mirror" and not package
 
 
-def choices() -> list[Choice]:
+def choices() -> list[Variation]:
     """The nominal sensor first, then one choice at a time, then pairs: spacing and law, roof and law."""
-    spacings = [Choice(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
-    laws = [Choice(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
-    roofs = [Choice(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"]
+    spacings = [Variation(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
+    laws = [Variation(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
+    roofs = [Variation(f"{word} roof", {"scattering": value}) for value, word in ROOFS.items() if value != "isotropic"]
     others = [
-        Choice("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
-        Choice("no dark centre", {"hole": 0}),
-        Choice("dark centre 0.15 mm", {"hole": 0.15}),
-        *(Choice(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
-        Choice("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
-        Choice("package reflects 50%", {"body_reflectance": 0.5}),
-        Choice(FINER_MESH, {"mesh_size": 1.0}),
+        Variation("phototransistor along y", {"detector_width": 0.3, "detector_depth": 0.52}),
+        Variation("no dark centre", {"hole": 0}),
+        Variation("dark centre 0.15 mm", {"hole": 0.15}),
+        *(Variation(f"Poisson's ratio {ratio:g}", moduli(ratio)) for ratio in (0.45, 0.499)),
+        Variation("Mooney-Rivlin, c10 = c01", moduli(0.49, share_of_c01=0.5)),
+        Variation("package reflects 50%", {"body_reflectance": 0.5}),
+        Variation(FINER_MESH, {"mesh_size": 1.0}),
     ]
     pairs = [both(one, other) for first in (spacings, roofs) for one in first for other in laws]
-    return [Choice("nominal", {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
+    return [Variation("nominal", {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
 
 
-def both(one: Choice, other: Choice) -> Choice:
+def both(one: Variation, other: Variation) -> Variation:
     """Two choices at once."""
-    return Choice(f"{one.words}, {other.words}", one.values | other.values, single=False)
+    return Variation(f"{one.words}, {other.words}", one.values | other.values, single=False)
 
 
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
@@ -85,11 +85,15 @@ def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[s
     }
 
 
-def _loads(store: PaperStudies, scene: Path, choice: Choice, cell: str, workers: int | None) -> dict[str, xr.Dataset]:
+def _loads(
+    store: PaperStudies, scene: Path, choice: Variation, cell: str, workers: int | None
+) -> dict[str, xr.Dataset]:
     return {force: _load(store, scene, choice, cell, force, workers) for force in ("fz", "fx", "fy")}
 
 
-def _load(store: PaperStudies, scene: Path, choice: Choice, cell: str, force: str, workers: int | None) -> xr.Dataset:
+def _load(
+    store: PaperStudies, scene: Path, choice: Variation, cell: str, force: str, workers: int | None
+) -> xr.Dataset:
     steps = NORMAL if force == "fz" else TANGENTIAL
     constant = {} if force == "fz" else {"fz": -paper.CONSTANT_NORMAL_FORCE}
     derivatives = (force,) if choice.has_derivatives else ()

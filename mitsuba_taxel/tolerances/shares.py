@@ -18,7 +18,7 @@ SPARE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomial:
+class ResponseSurface:
     """Least squares through samples of several outputs.
 
     Attributes
@@ -38,14 +38,14 @@ class Polynomial:
         return _design(z, self.powers) @ self.coefficients
 
 
-def fitted(z: np.ndarray, outputs: np.ndarray) -> Polynomial | None:
+def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
     """The polynomial through samples (N, parameters) and their outputs (N, outputs) that predicts best: of first
     degree, with squares, or of second degree. None where there are too few samples."""
     found = [_least_squares(z, outputs, powers) for powers in _degrees(z.shape[1]) if len(z) >= SPARE * len(powers)]
     return max(found, key=lambda one: float(np.mean(one.explained)), default=None)
 
 
-def indices(polynomial: Polynomial, laws: Sequence[Law], seed: int) -> tuple[np.ndarray, np.ndarray]:
+def indices(polynomial: ResponseSurface, laws: Sequence[Law], seed: int) -> tuple[np.ndarray, np.ndarray]:
     """First and total Sobol' indices (outputs, parameters) of the polynomial; not a number where nothing varies."""
     from scipy.stats import qmc, sobol_indices
 
@@ -81,7 +81,7 @@ def _design(z: np.ndarray, powers: np.ndarray) -> np.ndarray:
     return np.prod(z[:, None, :] ** powers, axis=2)
 
 
-def _least_squares(z: np.ndarray, outputs: np.ndarray, powers: np.ndarray) -> Polynomial:
+def _least_squares(z: np.ndarray, outputs: np.ndarray, powers: np.ndarray) -> ResponseSurface:
     design = _design(z, powers)
     orthogonal, upper = np.linalg.qr(design)
     coefficients = np.linalg.lstsq(upper, orthogonal.T @ outputs, rcond=None)[0]
@@ -89,4 +89,4 @@ def _least_squares(z: np.ndarray, outputs: np.ndarray, powers: np.ndarray) -> Po
     left_out = (outputs - design @ coefficients) / np.maximum(1 - leverage, 1e-12)
     variance = np.square(outputs - outputs.mean(axis=0)).sum(axis=0)
     missed = np.divide(np.square(left_out).sum(axis=0), variance, out=np.zeros_like(variance), where=variance > 0)
-    return Polynomial(powers, coefficients, 1 - missed)
+    return ResponseSurface(powers, coefficients, 1 - missed)

@@ -25,7 +25,7 @@ class Unsuitable(Exception):
 
 
 @dataclass(frozen=True)
-class Case:
+class PeerCase:
     """A shipped scene with values for its parameters; lengths in mm, forces in N.
 
     ``exponent`` is that of the phototransistor's response, a power of the cosine; 1 is ideal.
@@ -63,18 +63,18 @@ class Case:
             return Scene.from_file(file, **self.parameters).load()
 
 
-def _plate(z: float) -> Case:
+def _plate(z: float) -> PeerCase:
     values = {"z": z, "spacing": 0.7, "hole": 0, "law": "lambertian", "scattering": "lambertian"}
-    return Case(f"plate-{z:g}", "plate.xml", values)
+    return PeerCase(f"plate-{z:g}", "plate.xml", values)
 
 
-def _narrow() -> Case:
-    return Case("narrow", "plate.xml", _plate(1.05).parameters, exponent=50)
+def _narrow() -> PeerCase:
+    return PeerCase("narrow", "plate.xml", _plate(1.05).parameters, exponent=50)
 
 
-def _pad(scattering: str, fz: float) -> Case:
+def _pad(scattering: str, fz: float) -> PeerCase:
     values = {"cell": "hemispheric", "fz": fz, "hole": 0, "law": "lambertian", "scattering": scattering}
-    return Case(f"pad-{scattering}{fz:g}" if fz else f"pad-{scattering}", "pad.xml", values)
+    return PeerCase(f"pad-{scattering}{fz:g}" if fz else f"pad-{scattering}", "pad.xml", values)
 
 
 CASES = {

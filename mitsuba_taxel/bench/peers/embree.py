@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase
 from mitsuba_taxel.pads import REGIONS
 
 BATCH = 1 << 16
@@ -27,7 +27,7 @@ class Geometry:
     isotropic: bool
 
 
-def prepare(case: Case) -> Estimator:
+def prepare(case: PeerCase) -> Estimator:
     """Triangles are taken from the loaded scene; tracing uses nothing of Mitsuba."""
     case.require_ideal()
     from embreex.mesh_construction import TriangleMesh
@@ -52,7 +52,7 @@ def prepare(case: Case) -> Estimator:
     return estimate
 
 
-def _triangles(case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """(N, 3, 3) triangles, (N,) whether each reflects, (T, 3) centres of the taxels, and the spacing."""
     scene = case.load("taxel_tracer")
     triangles, reflects = [], []

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from mitsuba_taxel.bench.peers import mitsuba_stock
-from mitsuba_taxel.bench.peers.cases import Case, Estimator
+from mitsuba_taxel.bench.peers.cases import Estimator, PeerCase
 from mitsuba_taxel.bench.peers.plate_quadrature import plate_power
 from mitsuba_taxel.bench.work_precision import Truth
 
@@ -78,7 +78,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result
     return Result(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
 
 
-def truth_of(case: Case, seconds: float) -> Truth:
+def truth_of(case: PeerCase, seconds: float) -> Truth:
     """Quadrature for the plate; for pads the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
 
     Under an isotropic roof paths from the phototransistor have no bounded variance: `ptracer`, from the LED, there.

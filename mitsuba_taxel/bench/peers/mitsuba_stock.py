@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, Case, Estimator, Unsuitable
+from mitsuba_taxel.bench.peers.cases import DETECTOR, Estimator, PeerCase, Unsuitable
 
 
-def prepare(case: Case, integrator: str, sampler: str) -> Estimator:
+def prepare(case: PeerCase, integrator: str, sampler: str) -> Estimator:
     """Irradiance in one pixel per phototransistor, times its area; under these integrators all LEDs are lit."""
     import mitsuba as mi
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from mitsuba_taxel.base.arguments import refusal
 from mitsuba_taxel.bench.peers import ours
-from mitsuba_taxel.bench.peers.cases import CASES, Case, Estimator, Unsuitable
+from mitsuba_taxel.bench.peers.cases import CASES, Estimator, PeerCase, Unsuitable
 from mitsuba_taxel.bench.peers.harness import Result, Truth, repeat, samples_for, truth_of
 
 REFERENCE = "taxel_tracer"
@@ -55,10 +55,10 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
         yield from rows_of(CASES[name], systems, runs, seconds)
 
 
-def rows_of(case: Case, peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
+def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
     """Rows of the table for one case, :data:`COLUMNS`, as they come; ours first. A system left out says why."""
     truth = truth_of(case, 2 * runs * seconds)
-    systems: dict[str, Callable[[Case], Estimator]] = {
+    systems: dict[str, Callable[[PeerCase], Estimator]] = {
         **{name: partial(ours.prepare, integrator=name) for name in ours.INTEGRATORS},
         **{name: partial(_prepare_peer, PEERS[name]) for name in peers},
     }
@@ -84,7 +84,7 @@ def _run(prepare: Callable[[], Estimator], truth: Truth, runs: int, seconds: flo
     return repeat(estimate, samples_for(estimate, seconds), runs, truth), set_up
 
 
-def _prepare_peer(peer: tuple[str, dict[str, str]], case: Case) -> Estimator:
+def _prepare_peer(peer: tuple[str, dict[str, str]], case: PeerCase) -> Estimator:
     module, arguments = peer
     try:
         return importlib.import_module(f"mitsuba_taxel.bench.peers.{module}").prepare(case, **arguments)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import Case, Estimator, Unsuitable
+from mitsuba_taxel.bench.peers.cases import Estimator, PeerCase, Unsuitable
 
 INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
-def prepare(case: Case, integrator: str) -> Estimator:
+def prepare(case: PeerCase, integrator: str) -> Estimator:
     """One run is one call of `measure`: the mean of its independent randomisations, which share the samples."""
     from mitsuba_taxel import InputError, measure
     from mitsuba_taxel.backend import plugin_files

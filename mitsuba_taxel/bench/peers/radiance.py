@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase, Unsuitable
 
 POINTS = 32
 """Detector points along x and along y; the rest of the samples are the directions traced from each."""
@@ -18,7 +18,7 @@ ACCURACY = "-aa 0 -as 0 -lw 0 -lr 8 -ds 0.1 -dj 1 -dt 0 -dc 1 -dr 0 -st 0"
 """No interpolation of ambient light, no cut-offs; the LED is divided and sampled with full jitter."""
 
 
-def prepare(case: Case) -> Estimator:
+def prepare(case: PeerCase) -> Estimator:
     """Irradiance at jittered points of the phototransistor, in a scene of nothing but LED and plate."""
     case.require_ideal()
     import pyradiance

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Case, Estimator, Unsuitable
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase, Unsuitable
 
 IMPORTANT = 0.8
 """Share of the plate's directions that are aimed at the LED."""
 
 
-def prepare(case: Case) -> Estimator:
+def prepare(case: PeerCase) -> Estimator:
     """The plate as a Lambertian mesh, the LED as an emitting one, the phototransistor as a pixel aimed at the plate."""
     case.require_ideal()
     from raysect.core import translate
