@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.backend import activate_variant
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
@@ -38,10 +39,13 @@ class Read:
     values : Seen
     by : list[Seen]
         The same with derivatives by each variable, in the unit cube, times `TINY` as imaginary parts.
+    off : list[Seen]
+        The same by each parameter that has a tolerance, in its standard deviation. That walls vary is left out.
     """
 
     values: Seen
     by: list[Seen]
+    off: list[Seen]
 
 
 class Designs:
@@ -52,7 +56,7 @@ class Designs:
     loads : int
         Load steps that were asked for, each once.
     seconds : float
-        Those of all jobs, of this and earlier runs.
+        Those of their jobs, whenever these were done.
     failures : dict[Design, str]
         Why a design could not be read.
     notes : list[str]
@@ -62,11 +66,18 @@ class Designs:
         self._plan, self._pool, self._folder, self._retry = plan, pool, folder, retry_failed
         self._batch = replace(batch or plan.batch, bare=True)
         self._names = [one.name for one in plan.variables]
-        refused = without_derivative(plan.scene(plan.before), self._names)
-        self.notes = [f"by differences of readings: {name} ({why})" for name, why in refused.items()]
-        self._by = [name for name in self._names if name not in refused]
+        others = [name for name in plan.tolerances if name not in self._names]
+        refused = without_derivative(plan.scene(plan.before), [*self._names, *others])
+        self.notes = [
+            f"by differences of readings: {name} ({refused[name]})" for name in self._names if name in refused
+        ]
+        for name in others:
+            if name in refused:
+                raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
+        self._by = [name for name in [*self._names, *others] if name not in refused]
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
+        self._rows: set[int] = set()
         self._known: dict[Design, Read] = {}
 
     def read(self, designs: Sequence[Design]) -> list[Read | None]:
@@ -86,11 +97,15 @@ class Designs:
         needed = [each for design in designs for each in (design, *shifted[design].values())]
         study, place = self._study(needed)
         if self._by and "smooth_power" not in study:
+            if set(self._by) - set(self._names):
+                raise InputError(f"tolerances cannot be told: {study.attrs['notes'].splitlines()[0]}")
             self.notes += [f"by differences of readings: {study.attrs['notes'].splitlines()[0]}"]
             self._by = []
             self._read(designs)
             return
-        self.loads, self.seconds = study.sizes[STEP], float(study.seconds.sum())
+        self._rows |= {number for each in needed for number in place[each]}
+        self.loads = len(self._rows)
+        self.seconds = float(study.seconds.isel({STEP: sorted(self._rows)}).sum())
         failed = Store(self._place).failures()
         for design in designs:
             rows = {each: place[each] for each in (design, *shifted[design].values())}
@@ -98,10 +113,11 @@ class Designs:
             rates = self._rates(study, design, rows[design], shifted[design], power)
             known = np.concatenate([power[design].ravel(), rates.ravel()])
             if np.isfinite(known).all():
-                self._known[design] = self._seen(design, power[design], rates)
+                self._known[design] = self._seen(design, power[design], rates, self._off(study, rows[design], rates))
             else:
                 why = [failed[number].message for numbers in rows.values() for number in numbers if number in failed]
-                self.failures[design] = next(iter([*why, *study.attrs["notes"].splitlines()]), "a reading is missing")
+                notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
+                self.failures[design] = next(iter([*why, *notes]), "a reading or a derivative is missing")
 
     @property
     def _place(self) -> Path:
@@ -146,15 +162,21 @@ class Designs:
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, one in enumerate(self._plan.variables):
             if one.name in self._by:
-                derivative = study.derivative.sel(parameter=one.name).transpose(STEP, "taxel").values[rows]
-                rates[number] = (one.high - one.low) * derivative
+                rates[number] = (one.high - one.low) * _derivative(study, one.name, rows)
             else:
                 ahead, behind = (shifted[number, sign] for sign in (1, -1))
                 width = ahead.x[number] - behind.x[number]
                 rates[number] = (power[ahead] - power[behind]) / width if width else np.nan
         return rates
 
-    def _seen(self, design: Design, power: np.ndarray, rates: np.ndarray) -> Read:
+    def _off(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
+        """What each tolerance makes of the readings (loads, taxels), as one standard deviation."""
+        widths = {one.name: one.high - one.low for one in self._plan.variables}
+        own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
+        given = self._plan.tolerances.items()
+        return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
+
+    def _seen(self, design: Design, power: np.ndarray, rates: np.ndarray, off: list[np.ndarray]) -> Read:
         walls, wall_rates = self._walls(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
@@ -166,7 +188,11 @@ class Designs:
             return Seen(lines, walls, self._plan.circuit)
 
         pairs = zip(1j * TINY * rates, 1j * TINY * wall_rates, strict=True)
-        return Read(seen(power + 0j, walls + 0j), [seen(power + rate, walls + of) for rate, of in pairs])
+        return Read(
+            seen(power + 0j, walls + 0j),
+            [seen(power + rate, walls + of) for rate, of in pairs],
+            [seen(power + 1j * TINY * each, walls + 0j) for each in off],
+        )
 
     def _walls(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
         """(N,) thicknesses, and (variables, N) derivatives."""
@@ -180,6 +206,11 @@ class Designs:
     def _walls_of(self, design: Design) -> np.ndarray:
         found = [part for pad in pads_of(self._plan.scene(design)) for part in thicknesses(pad)]
         return np.array(found, dtype=float)
+
+
+def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
+    """(loads, taxels), of readings by a parameter."""
+    return study.derivative.sel(parameter=name).transpose(STEP, "taxel").values[rows]
 
 
 def _moved(design: Design, number: int, step: float) -> Design:

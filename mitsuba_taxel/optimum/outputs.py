@@ -92,7 +92,7 @@ def gain_line(result: Optimum) -> str:
 def cost_lines(result: Optimum) -> list[str]:
     """What it took, and what is left."""
     return [
-        f"{len(result.history)} designs, {result.load_steps} load steps. Neither constraints nor bounds balance "
-        f"{result.unbalanced:.1%} of the objective's slope.",
+        f"{len(result.history)} designs, {result.load_steps} load steps. Slope of the objective that neither "
+        f"constraints nor bounds hold: {result.unbalanced:.1%} of it over the width of the bounds.",
         f"Seconds: jobs {result.seconds:.0f}",
     ]

@@ -22,7 +22,18 @@ from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study
 POINTS = 16
 """Of readings that are taken without random numbers besides."""
 READ_KEYS = ("points", "mesh_size", "seed")
-KEYS = ("maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations", "front")
+KEYS = (
+    "maximise",
+    "minimise",
+    "variables",
+    "choices",
+    "loads",
+    "constraints",
+    "starts",
+    "evaluations",
+    "front",
+    "tolerances",
+)
 FRONT = 5
 """Trade-offs of two objectives."""
 TRIED = 256
@@ -94,6 +105,8 @@ class Plan:
     limits : list[Limit]
     starts, evaluations : int
         For each choice, and for each start.
+    tolerances : dict[str, float]
+        Standard deviations of parameters.
     front : tuple[Goal, int] or None
         Another objective, and how many trade-offs with it are wanted.
     """
@@ -107,6 +120,7 @@ class Plan:
     limits: list[Limit]
     starts: int
     evaluations: int
+    tolerances: dict[str, float]
     front: tuple[Goal, int] | None
 
     @property
@@ -214,7 +228,7 @@ def read_plan(file: Path) -> Plan:
     asked = _Asked(lines, circuit, units_of_parameters(batch.file))
     return Plan(
         batch, circuit, variables, choices, lines, asked.goal(table), asked.limits(table.get("constraints", [])),
-        _count(table, "starts", 1), _count(table, "evaluations", 12), asked.front(table),
+        _count(table, "starts", 1), _count(table, "evaluations", 12), _tolerances(table, base), asked.front(table),
     )  # fmt: skip
 
 
@@ -255,6 +269,17 @@ def _known(name: str, base: Mapping[str, str]) -> str:
     if name not in base:
         raise InputError(f"{name} is no <default> of the scene with a value: it has {', '.join(base) or 'none'}.")
     return base[name]
+
+
+def _tolerances(table: Mapping[str, Any], base: Mapping[str, str]) -> dict[str, float]:
+    given = _table(table, "tolerances")
+    for name, deviation in given.items():
+        _known(name, base)
+        if not (is_number(deviation) and deviation > 0):
+            raise InputError(
+                f"tolerance of {name} = {deviation!r} is not allowed: a standard deviation above 0 is needed."
+            )
+    return {name: float(deviation) for name, deviation in given.items()}
 
 
 def _words(name: str, given: Any, base: Mapping[str, str]) -> list[str]:

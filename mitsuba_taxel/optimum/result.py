@@ -11,13 +11,10 @@ import numpy as np
 from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.plan import Design, Plan
-from mitsuba_taxel.optimum.search import Balance, balance
+from mitsuba_taxel.optimum.search import BALANCED, Balance, balance
 
 if TYPE_CHECKING:
     import pandas
-
-BALANCED = 0.05
-"""Share of the objective's slope that may be left where a design counts as an optimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +41,8 @@ class Optimum:
         Relative improvement of the objective as judged again, what the finer mesh changed of it, and the probability
         that there is one, were that change a standard deviation.
     unbalanced : float
-        Share of the objective's slope that neither constraints nor bounds balance; 0 at an optimum.
+        Slope of the objective that neither constraints nor bounds hold, over the width of the bounds and relative to
+        the objective; 0 at an optimum.
     load_steps : int
         That were computed for all designs, judging apart.
     seconds : float
@@ -74,6 +72,9 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     import pandas
 
     plan, before, notes = course.plan, course.before, list(course.designs.notes)
+    if plan.tolerances:
+        names = ", ".join(plan.tolerances)
+        notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
     judged = course.judged(best, plan.goal, plan.limits)
     assert judged is not None
     held = balance(np.array(best.x), judged)
@@ -162,8 +163,8 @@ def _doubts(course: Course, held: Balance, probability: float) -> list[str]:
     warnings = []
     if held.left > BALANCED:
         warnings.append(
-            f"{held.left:.0%} of the objective's slope is left: more evaluations may find better, or the mesh is too "
-            "coarse"
+            f"a slope of the objective of {held.left:.0%} over the width of the bounds is left: more evaluations may "
+            "find better, or the mesh is too coarse"
         )
     if probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")

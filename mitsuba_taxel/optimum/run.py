@@ -67,7 +67,7 @@ def optimise(
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
-        _refuse_what_cannot_betold(course, begun)
+        _refuse_what_cannot_be_told(course, begun)
         for start in begun:
             course.descend(start, plan.goal, plan.limits)
         best = course.best(plan.goal, plan.limits)
@@ -80,7 +80,7 @@ def optimise(
     return result
 
 
-def _refuse_what_cannot_betold(course: Course, begun: list[Design]) -> None:
+def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:
     """Read where to begin, and raise where a figure of the study is not one of this scene."""
     first = next((read for read in course.look(begun) if read is not None), None)
     if first is None:

@@ -13,6 +13,9 @@ FIRST_STEP = 0.3
 ACTIVE = 0.02
 """Margin, relative to the limit or to the bounds' width, below which it may hold a point."""
 TOLERANCE = 1e-4
+BALANCED = 0.05
+"""Slope that may be left where a point counts as an optimum."""
+TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +112,8 @@ class Balance:
     Attributes
     ----------
     left : float
-        Share of the steepest goal's slope that nothing balances; 0 at an optimum.
+        Slope of the worst goal that nothing balances, over the width of the bounds and relative to that goal; 0 at an
+        optimum.
     limits : (M,) ndarray
         Multipliers of the limits: by how much the worst goal would fall if one were lower by 1.
     bounds : (V,) ndarray
@@ -125,16 +129,16 @@ def balance(x: np.ndarray, found: Judged) -> Balance:
     """Multipliers of what is active at a point, by least squares without negative ones."""
     from scipy.optimize import nnls
 
-    worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * max(abs(found.worst), 1e-12))
+    worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * abs(found.worst))
     held = np.flatnonzero(found.limits <= ACTIVE)
     low, high = np.flatnonzero(x <= 1e-3), np.flatnonzero(x >= 1 - 1e-3)
     unit = np.eye(len(x))
-    size = max(float(np.linalg.norm(found.goal_rates[worst], axis=1).max()), 1e-300)
+    size = max(float(np.linalg.norm(found.goal_rates[worst], axis=1).max()), TINY)
     columns = np.concatenate([found.goal_rates[worst] / size, -found.limit_rates[held], -unit[low], unit[high]])
     heavy = 1e3  # weights of the worst goals add up to 1
     weights = np.where(np.arange(len(columns)) < len(worst), heavy, 0.0)
     multipliers, _ = nnls(np.vstack([columns.T, weights]), np.append(np.zeros(len(x)), heavy))
-    left = float(np.linalg.norm(columns.T @ multipliers))
+    left = size / max(abs(found.worst), TINY) * float(np.linalg.norm(columns.T @ multipliers))
     _, of_limits, of_low, of_high = np.split(multipliers, np.cumsum([len(worst), len(held), len(low)]))
     limits, bounds = np.zeros(len(found.limits)), np.zeros(len(x))
     limits[held] = size * of_limits

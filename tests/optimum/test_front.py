@@ -45,7 +45,7 @@ class Formula:
             rest = 1 + z**2
             power = np.array([[rest], [rest + 1.1 - (1 - z) ** 2]])
             seen.append(Seen({"normal": Line(np.array([0.0, -1.0]), power)}, np.zeros(0), None))
-        return Read(seen[0], seen[1:])
+        return Read(seen[0], seen[1:], [])
 
 
 @pytest.fixture

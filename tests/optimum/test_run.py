@@ -118,6 +118,21 @@ def test_nothing_is_computed_twice(cell):
     assert again.history.best.iloc[-1] == found["history"][-1]["best"]
 
 
+def test_most_cells_keep_the_constraint(cell):
+    """With LEDs that differ by 0.15 W, the light at rest of 90 % of all cells is what is allowed."""
+    folder, found = cell
+    (folder / "most.toml").write_text(
+        STUDY.replace("[optimise.loads]", "[optimise.tolerances]\nled_power = 0.15\n[optimise.loads]")
+    )
+    robust = optimise(folder / "most.toml", folder / "out")
+    expected = 0.0055 / found["figures"][1]["before"] - 1.2816 * 0.15
+    assert robust.variables.best[1] == pytest.approx(expected, rel=1e-3) and robust.variables.best[0] == 3
+    assert robust.figures.best[1] == pytest.approx(0.0055, rel=1e-3) and "90 % of all sensors" in robust.notes[-1]
+    (goal, _) = found["figures"]
+    share = (expected - 1.2816 * 0.15) * 4 / 3
+    assert robust.figures.best[0] == pytest.approx(share * goal["before"], rel=3e-3)
+
+
 def test_a_run_that_was_ended_goes_on(tmp_path):
     (tmp_path / "study.toml").write_text(PLATE.format(points=64).replace("evaluations = 12", "evaluations = 6"))
 
