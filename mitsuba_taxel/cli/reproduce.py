@@ -15,7 +15,8 @@ from .options import debug_option, folder_option
 @folder_option
 @click.option(
     "--only", metavar="PARTS",
-    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations; a list with commas.",
+    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations, optimum; a list with "
+    "commas.",
 )  # fmt: skip
 @click.option(
     "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Where paper.md goes.  [default: that of results]"
@@ -26,11 +27,12 @@ from .options import debug_option, folder_option
 )  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
-    """Compute what is missing of the paper's rerun in DIR, and write the page paper.md with its figures.
+    """Compute what is missing of the paper's rerun in DIR, and write the pages paper.md and optimum.md with their
+    figures.
 
-    The page holds the parts that are complete in DIR.
+    They hold the parts that are complete in DIR.
     """
-    from mitsuba_taxel.reproduce.page import write_page
+    from mitsuba_taxel.reproduce.page import write_pages
     from mitsuba_taxel.reproduce.parts import chosen, complete, compute
 
     from .tables import stage_line
@@ -40,10 +42,11 @@ def command(folder: Path, only: str | None, docs: Path | None, workers: int | No
     seconds = compute(folder, chosen(only), workers, announce)
     took = time.monotonic() - start
     announce("page")
-    page = write_page(complete(folder), docs or folder, _command(docs))
+    pages = write_pages(complete(folder), docs or folder, _command(docs))
     if seconds:
         click.echo(f"{stage_line(seconds)}, summed over processes; {took:.2f} by the clock")
-    click.echo(f"Page: {page}")
+    for page in pages:
+        click.echo(f"Page: {page}")
 
 
 def _announce(start: float, name: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.reproduce import page_choices, page_experiments, page_loads, page_noise, page_plate
+from mitsuba_taxel.reproduce.page_optima import write_optima
 from mitsuba_taxel.reproduce.page_words import Found
 from mitsuba_taxel.reproduce.variations import NOMINAL_SPACING
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -38,6 +39,12 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
     (("nominal",), page_experiments.experiments),
 )
 """Sections of the page, and the parts that each needs."""
+
+
+def write_pages(found: Found, docs: Path, command: str) -> list[Path]:
+    """Write the pages that some part is there of: ``paper.md``, and ``optimum.md`` of the best sensors."""
+    pages = [write_page(found, docs, command)] if set(found) - {"optimum"} else []
+    return [*pages, *([write_optima(found["optimum"], docs, command)] if "optimum" in found else [])]
 
 
 def write_page(found: Found, docs: Path, command: str) -> Path:

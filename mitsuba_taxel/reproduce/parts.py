@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.reproduce import analog, loading, paper, plate, variations
+from mitsuba_taxel.reproduce import analog, loading, optima, paper, plate, variations
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies, add_seconds
 from mitsuba_taxel.reproduce.shapes import ShapePart, compute_shapes
 
@@ -45,6 +45,7 @@ PARTS: dict[str, Part] = {
     "peak": plate.peak_heights,
     **{name: partial(_of_all_shapes, part) for name, part in OF_SHAPES.items()},
     "variations": variations.vary,
+    "optimum": optima.optima,
 }
 """By name; each returns its studies, from disk where they are there."""
 

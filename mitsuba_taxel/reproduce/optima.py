@@ -1,0 +1,150 @@
+"""The paper's question answered: the best of its sensor for a purpose, beside its four shapes."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.scenes import centre_of
+from mitsuba_taxel.studies.plan.files import make_folder
+
+MESH_SIZE = 1.6
+"""In mm, of the designs on the way; the best ones are judged again on a finer one."""
+LEAST_WALL = 0.8
+"""In mm, what the mould allows."""
+NOISE = 1e-6
+"""Of a reading in W, as one standard deviation."""
+HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemispheric": 1.775}
+"""Of the paper's cells, in mm."""
+LEAST_HEIGHT = {"hemispheric": 1.5}
+LOWEST = 1.2
+"""Of all others: the roof of a cell, above the board."""
+VARIABLES = {"cell_size": (2.2, 2.75), "height": (3.6, 5.5), "wall": (0.8, 1.6)}
+TABLES = ("figures", "variables")
+
+PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
+    "normal": (
+        (3, 5),
+        'maximise = "sensitivity"\n[optimise.loads]\nnormal = { fz = [0, -10, -20] }\n'
+        '[[optimise.constraints]]\nfigure = "nonlinearity"\nmost = 0.03\n',
+    ),
+    "tangential": (
+        (3, 6),
+        'maximise = "sensitivity"\n[optimise.loads]\ntangential = { fz = -8, fx = [0, 4] }\n',
+    ),
+    "resolution": (
+        (1, 3, 7, 9),
+        f'minimise = {{ figure = "resolution", noise = {NOISE} }}\n[optimise.loads]\nz = {{ fz = [0, -8] }}\n'
+        "x = { fz = -8, fx = [0, 2] }\ny = { fz = -8, fy = [0, 2] }\n",
+    ),
+}
+"""By name: the taxels that are read, and what is asked for."""
+
+_SCENE = """\
+<!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
+<scene version="3.9.0">
+    <default name="fx" value="0"/> <default name="fy" value="0"/> <default name="fz" value="0"/>
+    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>
+    <default name="height" value="4.55"/> <default name="wall" value="1"/>
+    <integrator type="taxel_tracer"/>
+    <shape type="deformable_pad">
+        <string name="cell" value="{cell}"/> <string name="read_cells" value="{cells}"/>
+        <float name="cell_size" value="$cell_size"/> <float name="cell_height" value="$cell_height"/>
+        <float name="height" value="$height"/> <float name="wall" value="$wall"/>
+        <vector name="force" value="$fx, $fy, $fz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+        </bsdf>
+    </shape>
+{reflectors}</scene>
+"""
+_REFLECTOR = """\
+    <shape type="photo_reflector">
+        <transform name="to_world"><translate value="{x}, {y}, 0"/></transform>
+        <emitter type="annular_led"/> <sensor type="phototransistor"/>
+    </shape>
+"""
+_STUDY = """\
+scene = "sensor.xml"
+mesh_size = {mesh_size}
+[optimise]
+evaluations = {evaluations}
+{asked}
+[[optimise.constraints]]
+figure = "least_wall"
+least = {least_wall}
+[optimise.variables]
+cell_height = [{lowest}, 2.4]
+{variables}
+"""
+
+
+def optima(store: PaperStudies, *, workers: int | None, evaluations: int = 8) -> dict[str, dict[str, xr.Dataset]]:
+    """What was found for each purpose, of each shape."""
+    return {
+        purpose: {cell: _optimum(store, purpose, cell, workers, evaluations) for cell in paper.CELLS}
+        for purpose in PURPOSES
+    }
+
+
+def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None, evaluations: int) -> xr.Dataset:
+    name = f"optimum/{purpose}_{cell}"
+
+    def compute() -> xr.Dataset:
+        from mitsuba_taxel.optimum import optimise
+
+        folder = store.folder / name
+        write_study(folder, purpose, cell, evaluations)
+        start = time.process_time()
+        found = optimise(folder / "study.toml", folder / "found", workers=workers)
+        return _dataset(found, time.process_time() - start)
+
+    return store.study(
+        name, {"study": _study(purpose, cell, evaluations), "taxels": list(PURPOSES[purpose][0])}, compute
+    )
+
+
+def _study(purpose: str, cell: str, evaluations: int) -> str:
+    return _STUDY.format(
+        mesh_size=MESH_SIZE,
+        evaluations=evaluations,
+        asked=PURPOSES[purpose][1],
+        least_wall=LEAST_WALL,
+        lowest=LEAST_HEIGHT.get(cell, LOWEST),
+        variables="\n".join(f"{name} = [{low}, {high}]" for name, (low, high) in VARIABLES.items()),
+    )
+
+
+def write_study(folder: Path, purpose: str, cell: str, evaluations: int) -> None:
+    """Write the scene and the study for a purpose and a shape."""
+    make_folder(folder)
+    taxels = PURPOSES[purpose][0]
+    reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
+    cells = ", ".join(map(str, taxels))
+    scene = _SCENE.format(cell=cell, cells=cells, cell_height=HEIGHTS[cell], reflectors=reflectors)
+    for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell, evaluations))):
+        with replacing(folder / file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+
+def _dataset(found: Any, cpu_seconds: float) -> xr.Dataset:
+    """Tables of an ``Optimum`` as variables, and its numbers as attributes."""
+    variables = {}
+    for name in TABLES:
+        for column in getattr(found, name):
+            values = getattr(found, name)[column].to_numpy()
+            variables[f"{name}_{column}"] = (name, values if values.dtype.kind == "f" else values.astype(str))
+    numbers = ("gain", "gain_error", "probability", "unbalanced", "load_steps", "seconds")
+    attributes: dict[str, Any] = {name: float(getattr(found, name)) for name in numbers}
+    words = json.dumps([*found.warnings, *found.notes])
+    failed = int(np.sum(found.history["failed"].notna())) if "failed" in found.history else 0
+    attributes |= {"designs": len(found.history), "failed": failed, "cpu_seconds": cpu_seconds, "said": words}
+    return xr.Dataset(variables, attrs=attributes)

@@ -1,0 +1,161 @@
+"""The page of the best sensors: what three purposes ask for, and how far the paper's four shapes are from it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.optimum.search import BALANCED
+from mitsuba_taxel.plots.figures import COLOURS, figure_of
+from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.optima import HEIGHTS, LEAST_HEIGHT, LEAST_WALL, LOWEST, MESH_SIZE, NOISE, VARIABLES
+from mitsuba_taxel.studies.plan.files import make_folder
+
+Optima = Mapping[str, Mapping[str, xr.Dataset]]
+
+_HEAD = """\
+# The best of the paper's sensor
+
+Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
+
+The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the
+dimensions of each shape that are best for a purpose: cell_size {cell_size} mm, height of the pad {height} mm, wall
+around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls from
+{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. All begins at the paper's dimensions:
+cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are those of
+`pad.xml`; readings are in W for 1 W per LED.
+
+Values are those judged again on a finer mesh than the {mesh_size:g} mm of the way; ± is what that mesh changed of the
+improvement. *Held by* names bounds that hold a variable, and *left* the slope of the objective that nothing holds,
+relative to it and over the width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh
+lets one see. One descent was made for each shape, so that a better one elsewhere within the bounds is not excluded.
+
+![Before and after](optimum/optima.png)
+"""
+TITLES = {
+    "normal": "Most sensitive to normal force",
+    "tangential": "Most sensitive to tangential force",
+    "resolution": "Best resolution of all three components",
+}
+ASKED = {
+    "normal": "Mean slope of the worse of taxels 3 (corner) and 5 (centre) to -20 N, nonlinearity at most 3 %.",
+    "tangential": "Mean slope of the worse of taxels 3 (corner) and 6 (side at +x) from 0 to 4 N along x, at -8 N.",
+    "resolution": "The worst standard deviation of Fx, Fy and Fz where all three are told at once from the four corner "
+    f"taxels, each with a noise of {1e6 * NOISE:g} µW: of mean slopes from 0 to 2 N along x and y at -8 N, and from 0 "
+    "to -8 N along z.",
+}
+SCALES = {"normal": (1e6, "µW/N"), "tangential": (1e6, "µW/N"), "resolution": (1e3, "mN")}
+
+
+def write_optima(found: Optima, docs: Path, command: str) -> Path:
+    """Write ``optimum.md`` and its picture; returns the page."""
+    pictures = docs / "optimum"
+    make_folder(pictures)
+    _draw(found, pictures / "optima.png")
+    ranges = {name: f"{low:g} to {high:g}" for name, (low, high) in VARIABLES.items()}
+    head = _HEAD.format(
+        command=command,
+        **ranges,
+        lowest=LOWEST,
+        hemispheric=LEAST_HEIGHT["hemispheric"],
+        least_wall=LEAST_WALL,
+        heights=", ".join(f"{HEIGHTS[cell]:g}" for cell in paper.CELLS),
+        mesh_size=MESH_SIZE,
+        balanced=BALANCED,
+    )
+    page = docs / "optimum.md"
+    with replacing(page) as file:
+        file.write_text("\n".join([head, *(_section(name, of) for name, of in found.items()), _cost(found)]), "utf-8")
+    return page
+
+
+def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+    scale, unit = SCALES[purpose]
+    head = ["shape", f"paper's [{unit}]", f"best [{unit}]", "better by", "cell_height", "cell_size", "height", "wall"]
+    rows = []
+    for cell, one in found.items():
+        before, best = (scale * value for value in _goal(one))
+        at = [f"{name} ({end})" for name, end in zip(_words(one, "variable"), _words(one, "at"), strict=True) if end]
+        rows.append(
+            [
+                cell,
+                f"{before:.3g}",
+                f"{best:.3g}",
+                f"{one.attrs['gain']:.0%} ± {one.attrs['gain_error']:.0%}",
+                *(f"{value:.3g}" for value in one.variables_best.values),
+                ", ".join(at),
+                f"{one.attrs['unbalanced']:.1%}",
+            ]
+        )
+    lines = [f"- {cell}: {line}" for cell, one in found.items() for line in json.loads(one.attrs["said"])]
+    said = "\n".join(lines) + "\n\n" if lines else ""
+    table = markdown_table([*head, "held by", "left"], rows)
+    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{_best_of(purpose, found)}\n"
+
+
+def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
+    """The best of the paper's shapes beside the best of all."""
+    scale, unit = SCALES[purpose]
+    sign = -1 if purpose == "resolution" else 1
+    before, best = (max(found, key=lambda cell: sign * _goal(found[cell])[k]) for k in (0, 1))
+    values = _goal(found[before])[0], _goal(found[best])[1]
+    ratio = max(values) / min(values)
+    nonlinear = ""
+    if purpose == "normal":
+        of = found[before].figures_before_finer.values[1], found[best].figures_best_finer.values[1]
+        nonlinear = f", with a nonlinearity of {of[1]:.1%} instead of {of[0]:.1%}"
+    return (
+        f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
+        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}."
+    )
+
+
+def _goal(one: xr.Dataset) -> tuple[float, float]:
+    """The objective before and after, judged again where it could be."""
+    ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in one else ''}" for when in ("before", "best"))
+    before, best = (float(one[name].values[0]) for name in ends)
+    return before, best
+
+
+def _words(one: xr.Dataset, column: str) -> list[str]:
+    return [str(word) for word in one[f"variables_{column}"].values.astype(str)]
+
+
+def _cost(found: Optima) -> str:
+    every = [one for of in found.values() for one in of.values()]
+    total = {name: sum(float(one.attrs[name]) for one in every) for name in ("designs", "load_steps", "cpu_seconds")}
+    head = ["purpose", "shape", "designs", "failed", "load steps", "CPU s"]
+    names = ("designs", "failed", "load_steps", "cpu_seconds")
+    rows = [
+        [purpose, cell, *(f"{float(one.attrs[name]):.0f}" for name in names)]
+        for purpose, of in found.items()
+        for cell, one in of.items()
+    ]
+    return (
+        f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps, and judging the best ones "
+        f"again, took {total['cpu_seconds'] / 60:.0f} minutes of one processor.\n\n{markdown_table(head, rows)}\n"
+    )
+
+
+def _draw(found: Optima, file: Path) -> None:
+    with figure_of(1, len(found), file, "png", size=(3.6, 3.0), sharex=False) as axes:
+        for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
+            _draw_bars(ax, purpose, of)
+        axes[0, 0].legend(fontsize="small")
+
+
+def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:
+    scale, unit = SCALES[purpose]
+    goals, place = scale * np.array([_goal(one) for one in of.values()]), np.arange(len(of))
+    for shift, values, label, colour in ((-0.2, goals[:, 0], "paper", 7), (0.2, goals[:, 1], "best", 1)):
+        ax.bar(place + shift, values, 0.4, label=label, color=COLOURS[colour])
+    ax.set_xticks(place, [cell[:6] + "." for cell in of])
+    ax.set_title(TITLES[purpose], fontsize="small")
+    ax.set_ylabel(f"[{unit}]")
