@@ -80,6 +80,15 @@ def is_number(value: object) -> bool:
         return False
 
 
+def as_numbers(words: Sequence[str]) -> list[float] | None:
+    """Words as numbers, or None where one of them is no finite number."""
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return None
+    return numbers if all(map(math.isfinite, numbers)) else None
+
+
 def is_whole(value: object) -> bool:
     """Whether a value is a whole number; True and False are none."""
     return isinstance(value, Integral) and not isinstance(value, bool)

@@ -6,6 +6,8 @@ import math
 
 FORCES = ("fx", "fy", "fz")
 """Parameters of a scene that are components of its force, in N."""
+TIME = "time"
+"""Parameter of a scene that says when its load is there, in s."""
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 """Powers of ten and their names."""
 

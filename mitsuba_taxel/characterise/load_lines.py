@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, Tangents, parts_at_zero, since
 
 SAME_DIRECTION = 1e-4
@@ -161,7 +161,7 @@ def _path_lines(study: xr.Dataset, dim: str, listed: list[str]) -> Iterator[Load
     beside = {
         str(name): coordinate.values
         for name, coordinate in study.coords.items()
-        if coordinate.dims == (dim,) and name != dim
+        if coordinate.dims == (dim,) and name not in (dim, TIME)
     }
     steps = np.diff(forces, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

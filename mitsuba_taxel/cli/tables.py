@@ -170,6 +170,10 @@ def print_pads(rows: Sequence[Mapping]) -> None:
             for row in rows
         ),
     )
+    timed = [row for row in rows if row["time_s"] is not None]
+    if timed:
+        first, last, error = timed[0]["time_s"], timed[-1]["time_s"], max(row["time_error"] for row in timed)
+        print(f"From {first:.4g} s to {last:.4g} s; the stress is off by {error:.0e} of it for the steps of time.")
     worst = max(row["imbalance"] for row in rows)
     print(f"The board's reaction balances the load to {worst:.0e} of it, at worst.")
     if quantity == "displacement":

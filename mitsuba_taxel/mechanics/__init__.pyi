@@ -54,7 +54,11 @@ from .materials.silicones import (
 from .materials.silicones import (
     silicone as silicone,
 )
+from .materials.viscoelastic import (
+    Viscoelastic as Viscoelastic,
+)
 from .path.load_path import load_path as load_path
+from .path.load_path import state_after as state_after
 from .path.mesh_sizes import mesh_size_for as mesh_size_for
 from .path.rates_along import rates_along as rates_along
 from .path.sensitivities import (
@@ -63,6 +67,7 @@ from .path.sensitivities import (
 from .path.sensitivities import (
     linearise as linearise,
 )
+from .path.state import Memory as Memory
 from .path.state import State as State
 from .results.balance import (
     Reactions as Reactions,

@@ -36,4 +36,4 @@ def _triangles(body: mi.Mesh) -> np.ndarray:
 def _refuse(pad: Any, obstacles: np.ndarray) -> None:
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
     in_its_frame = np.linalg.solve(turn, (obstacles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)
-    pad.states([pad.value], obstacles=in_its_frame)
+    pad.state_under(pad.value, obstacles=in_its_frame)

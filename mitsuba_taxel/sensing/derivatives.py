@@ -116,7 +116,7 @@ class _Linearised:
         ]
         if change.load.any():
             displacement += self._by_load(change.load)
-        if not any(pad.value):  # nothing else displaces a pad at rest
+        if not pad.is_loaded:  # nothing else displaces a pad at rest
             return _Nodal(displacement, moved, self._deviations_at_rest(change.load, displacement))
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
@@ -156,7 +156,7 @@ class _Linearised:
         if not self.with_errors:
             return None
         size = SMALL * np.ptp(self.state.mesh.points) / np.abs(rate).max()
-        (state,) = self.cells.pad.states([size * load])
+        state = self.cells.pad.state_under(size * load)
         return None if state.deviations is None else state.deviations / size
 
 

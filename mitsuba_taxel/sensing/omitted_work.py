@@ -75,7 +75,7 @@ def left_out(
 
 def _of_pad(pad: Any) -> Iterator[str]:
     """What the mechanics of one pad leave out."""
-    if not any(pad.value):
+    if not pad.is_loaded:
         yield "pad without load: no error of the mechanics to find out"
         if pad.mesh_tolerance is None:
             yield "pad without load: meshed, nothing solved"
@@ -94,7 +94,7 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
     """Where each segment of the path to a state ends, and the mirrors that leave pad and segment as they are."""
     from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
-    if not state.value.any():
+    if not state.value.any() or state.memory is not None:
         return
     mirrors = list(mirror_images(state.mesh, state.load))
     segments = [(state.value, mirrors)]

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from types import NoneType
-from typing import get_args
+from typing import Any, get_args
+
+import numpy as np
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.arguments import check_fields, is_number, is_row, refusal
@@ -18,6 +20,7 @@ from mitsuba_taxel.mechanics import (
     NeoHookean,
     RandomRoughness,
     SpreadForce,
+    Viscoelastic,
 )
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.scene import Scene
@@ -33,8 +36,9 @@ class PadSensor(Displayed):
 
     Parameters
     ----------
-    pad, material : Pad and Material
-        The silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`.
+    pad, material : Pad and Material or Viscoelastic
+        The silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`, or such a one with a memory,
+        `Viscoelastic`.
     force : sequence of float
         Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
     load : Load
@@ -44,6 +48,10 @@ class PadSensor(Displayed):
         Its rows, columns and pitch are those of the pad, whatever it says.
     roof, side : Wall
         What covers the cells.
+    time : float
+        When the load is there, in s, for a `Viscoelastic` material.
+    history : sequence of (float, sequence of float)
+        Times and values of the load before, between which it goes evenly, for such a material.
     finish : LayerSteps or Grooves or RandomRoughness, optional
         What the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth.
 
@@ -54,19 +62,21 @@ class PadSensor(Displayed):
     """
 
     pad: Pad = field(default_factory=Pad)
-    material: Material = field(default_factory=NeoHookean)
+    material: Material | Viscoelastic = field(default_factory=NeoHookean)
     force: Sequence[float] = (0.0, 0.0, 0.0)
     load: Load = field(default_factory=SpreadForce)
     photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
     roof: Wall = ISOTROPIC
     side: Wall = ABSORBING
     finish: LayerSteps | Grooves | RandomRoughness | None = None
+    time: float = 0.0
+    history: Sequence[tuple[float, Sequence[float]]] = ()
 
     def __post_init__(self) -> None:
         check_fields(
             self,
             pad=(Pad, "a Pad"),
-            material=(Material, "a Material, such as NeoHookean,"),
+            material=((Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic"),
             load=(get_args(Load), "a load, such as SpreadForce,"),
             photo_reflector=(PhotoReflector, "a PhotoReflector"),
             roof=(Wall, "a Wall"),
@@ -102,5 +112,18 @@ class PadSensor(Displayed):
     def _parts(self) -> tuple[DeformablePad, PhotoReflector]:
         """What the plugins are told; raises `InputError` where one of them would refuse it."""
         pad, walls = self.pad, Region(roof=self.roof, side=self.side)
-        deformed = DeformablePad.of(pad, self.material, self.load, self.force, self.finish, bsdf=walls)
+        past = {"time": self.time, "history": _rows(self.history)}
+        deformed = DeformablePad.of(pad, self.material, self.load, self.force, self.finish, bsdf=walls, **past)
         return deformed, replace(self.photo_reflector, rows=pad.rows, columns=pad.columns, pitch=pad.pitch)
+
+
+def _rows(history: object) -> str:
+    """Times and values of a load as a scene states them; raises `InputError`."""
+
+    def is_row_of_load(row: Any) -> bool:
+        return is_row(row, lambda part: is_number(part) or is_row(part, is_number)) and len(row) == 2
+
+    if not is_row(history, is_row_of_load):
+        raise refusal("history", history, "pairs of a time and a value of the load are needed")
+    rows: Any = history
+    return "; ".join(" ".join(repr(float(number)) for number in (time, *np.ravel(value))) for time, value in rows)

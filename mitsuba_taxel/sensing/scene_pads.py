@@ -14,4 +14,4 @@ def deformed_pads(scene: Any) -> list[PadShape]:
 
 def loaded_pads(scene: Any) -> list[PadShape]:
     """Those that bear a load."""
-    return [pad for pad in deformed_pads(scene) if any(pad.value)]
+    return [pad for pad in deformed_pads(scene) if pad.is_loaded]

@@ -208,7 +208,10 @@ def _pad(state: Any) -> DeformablePad:
     pads = [node.props for node in state.nodes if node.props.plugin_name() == PAD]
     if len(pads) != 1:
         raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads, one is needed.")
-    return DeformablePad.read(pads[0])
+    pad = DeformablePad.read(pads[0])
+    if pad.prony:
+        raise InputError("derivatives are not available: the pad has a memory (prony); steps of the load are needed.")
+    return pad
 
 
 def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
@@ -20,6 +23,8 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean, Yeoh
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, prony_of
+from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
 from mitsuba_taxel.pads import Pad, PadFile
 from mitsuba_taxel.parameters import (
@@ -109,6 +114,34 @@ class DeformablePad(Specification):
         "poisson_ratio",
         default=None,
         default_words=f"{NeoHookean.poisson_ratio:g}, or that of the silicone",
+    )
+
+    prony: str = text(
+        "",
+        "Memory of the silicone: terms of a Prony series 'share time', parted by ';', of the share of the stress that "
+        "relaxes and its time in s, as 0.2 1; 0.1 10. All constants of the material are those at once, before "
+        "anything relaxes; the modulus in the long run is 1 - sum of the shares times as large.",
+        default_words="none",
+    )
+    history: str = text(
+        "",
+        "What the load was before: rows 'time x y z', or 'time pressure', parted by ';', between which it goes evenly; "
+        "it jumps where two times are equal. Studies of steps with a column time fill it in.",
+        default_words="none",
+    )
+    time: float = number(
+        0.0,
+        "s",
+        "When the load is there, to which it goes evenly from the last row of the history, or from rest at 0 s; "
+        "without a memory it changes nothing.",
+        minimum=0,
+    )
+    rate: float | None = number(
+        None,
+        "1/s",
+        "Instead of a time: how fast the load goes there, in its own unit per s.",
+        above=0,
+        default_words="as the time says",
     )
 
     load: str = choice(
@@ -207,6 +240,11 @@ class DeformablePad(Specification):
                 f"filename is not allowed here: finish = {self.finish!r} is only for pads of this package's own shapes."
             )
         self.cell_numbers()
+        terms, (times, values) = prony_of(self.prony), self.build_history()
+        if self.rate is not None and self.time:
+            raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: one is needed.")
+        if terms:
+            timed_rows(Viscoelastic(self.build_material(), terms), self.build_load()[0], np.array(values), times)
         self.build_material()
         if self.indenter is not None:
             load, value = self.build_load()
@@ -240,6 +278,24 @@ class DeformablePad(Specification):
         )
         value = getattr(self, load.quantity)
         return load, value if isinstance(value, tuple) else (value,)
+
+    def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
+        """Times in s and values of the load, its own the last; raises `InputError`."""
+        load, value = self.build_load()
+        rows = []
+        for row in filter(None, (words.split() for words in self.history.split(";"))):
+            numbers = as_numbers(row)
+            if numbers is None or len(numbers) != 1 + load.components:
+                needed = "'time x y z'" if load.components == 3 else "'time pressure'"
+                raise InputError(f"history row {' '.join(row)!r} is not allowed: finite numbers {needed} are needed.")
+            if rows or any(numbers):  # what is but rest is none
+                rows.append(numbers)
+        times, values = [row[0] for row in rows], [tuple(row[1:]) for row in rows]
+        time = self.time
+        if self.rate is not None:
+            way = np.array(value) - (np.array(values[-1]) if values else 0.0)
+            time = (times[-1] if times else 0.0) + float(np.linalg.norm(way)) / self.rate
+        return [*times, time], [*values, value]
 
     def _patch(self) -> PatchForce:
         centre: Any = (self.patch_x, self.patch_y)
@@ -275,9 +331,12 @@ class DeformablePad(Specification):
 
     @classmethod
     def of(
-        cls, pad: Pad, material: Material, load: Load, value: Any, finish: Finish | None, **rest: Any
+        cls, pad: Pad, material: Material | Viscoelastic, load: Load, value: Any, finish: Finish | None, **rest: Any
     ) -> DeformablePad:
         """The pad of a scene that these parts make; raises `InputError` for a law that no scene has."""
+        if isinstance(material, Viscoelastic):
+            rest["prony"] = "; ".join(f"{share!r} {time!r}" for share, time in material.prony)
+            material = material.law
         if type(material) not in LAWS.values():
             known = ", ".join(law.__name__ for law in LAWS.values())
             raise InputError(f"material = {material!r} is not allowed in a scene: one of {known} is needed.")

@@ -53,12 +53,14 @@ class DeformablePad(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
+        from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
         from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
 
         self.specification = stated = Parameters.read(props)
         self.pad = stated.build_pad(found)
         self.material = stated.build_material()
         self.load, self.value = stated.build_load()
+        self.prony, self.history = prony_of(stated.prony), stated.build_history()
         self.mesh_size, self.mesh_tolerance = stated.mesh_size, stated.mesh_tolerance
         self.read_cells = stated.cell_numbers()
         self.finish = stated.build_finish()
@@ -86,12 +88,12 @@ class DeformablePad(mi.Mesh):
             if isinstance(self.pad, Pad):
                 least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
                 check_triangles(self.subdivision, least)
-            mesh = self.states([np.zeros(len(self.value))])[0].mesh
+            mesh = self.at_rest().mesh
             read = np.isin(mesh.face_cell, self.read_cells) if self.read_cells else mesh.face_cell > 0
             check_triangles(self.subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, self.subdivision)
-            self.state = self.states([self.value])[0]
+            self.state = self.state_under(self.value)
             return self._tessellated(self.state)
 
     def _tessellated(self, state):
@@ -151,19 +153,30 @@ class DeformablePad(mi.Mesh):
         add_face_attribute(mesh, "region", self.surface.region)
         add_face_attribute(mesh, "cell", self.surface.cell)
 
-    def states(self, values, obstacles=None):
-        """The deformed states of this pad under other values of its load; see `load_path`."""
+    @property
+    def is_loaded(self) -> bool:
+        """Whether something displaces it: a load, or one that it remembers."""
+        return any(self.value) or (bool(self.prony) and any(map(any, self.history[1])))
+
+    def at_rest(self):
+        """Its state before any load."""
         from mitsuba_taxel.mechanics import load_path
 
-        return load_path(
-            self.pad,
-            self.material,
-            values,
-            load=self.load,
-            mesh_size=self.mesh_size,
-            mesh_tolerance=self.mesh_tolerance,
-            obstacles=obstacles,
-        )
+        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how)[0]
+
+    def state_under(self, value, obstacles=None):
+        """Its state with another value of its load at the end; see `load_path`."""
+        from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
+
+        if not (self.prony and self.is_loaded):
+            return load_path(self.pad, self.material, [value], obstacles=obstacles, **self._how)[0]
+        times, values = self.history
+        material = Viscoelastic(self.material, self.prony)
+        return state_after(self.pad, material, [*values[:-1], value], times, obstacles=obstacles, **self._how)
+
+    @property
+    def _how(self) -> dict[str, Any]:
+        return {"load": self.load, "mesh_size": self.mesh_size, "mesh_tolerance": self.mesh_tolerance}
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"

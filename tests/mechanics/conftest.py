@@ -116,7 +116,7 @@ class Body:
         used = np.unique(root[~fixed])
         unknown = np.where(fixed, -1, np.searchsorted(used, root)).ravel()
         pressures = len(used) + np.arange(mesh.corner_count)
-        self.mesh, self.law, self.pressed = mesh, law, pressed
+        self.mesh, self.law, self.pressed, self.past = mesh, law, pressed, None
         self.numbering = Numbering(
             np.concatenate([unknown, pressures]),
             np.ones(len(unknown) + len(pressures)),
@@ -129,7 +129,7 @@ class Body:
 
     def step(self, displacement, pressure, load=0.0, pressing=0.0):
         """One step of Newton's method: the new state, and the largest out-of-balance force or volume before."""
-        state = self.assembly.evaluate(displacement, pressure)
+        state = self.assembly.evaluate(displacement, pressure, past=self.past)
         residual, entries = state.residual - self._summed(load), state.entries
         if pressing:
             places = (self.mesh.points + displacement)[self.pressed]

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.sparsity import Sparsity
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -56,7 +57,9 @@ class Assembly:
         """Where elements' matrices are summed, before constraints."""
         return self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
 
-    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True) -> InternalForces:
+    def evaluate(
+        self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True, past: Past | None = None
+    ) -> InternalForces:
         """The solid at a state; the residual is that of no load.
 
         Parameters
@@ -65,8 +68,10 @@ class Assembly:
             Mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
+        past : Past, optional
+            What a solid with a memory keeps of what was before.
         """
-        state = self.elements.evaluate(displacement, pressure, with_tangent)
+        state = self.elements.evaluate(displacement, pressure, with_tangent, past)
         if not state.min_jacobian > 0:
             return InternalForces(np.full(self.unknowns, np.nan), None, state.min_jacobian)
         entries = None

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
+from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.elements.past import Past
 
 # Eight points (F. D. Witherden and P. E. Vincent, Comput. Math. Appl. 69, 2015), exact to degree 3 as the forces of a
 # homogeneous state need on curved elements: four points, exact to degree 2, fail the patch test there.
@@ -35,6 +39,8 @@ _PRESSURE_SHAPES = np.concatenate([1 - QUADRATURE_POINTS.sum(axis=1, keepdims=Tr
 ELEMENTS_AT_ONCE = 256
 """As many as the processor's cache holds."""
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+Points = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""F, det F and F^-T at points."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +85,13 @@ class Elements:
         self.gradients = np.take_along_axis(gradients, order[:, None, :, None], axis=2)
         self._by_node = np.swapaxes(self.gradients, 1, 2).reshape(len(order), 10, -1)
 
-    def evaluate(self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool) -> ElementState:
-        """Elements at displacement (N, 3) and pressure (corners,); without matrices where one is turned inside out."""
+    def evaluate(
+        self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool, past: Past | None = None
+    ) -> ElementState:
+        """Elements at displacement (N, 3) and pressure (corners,); without matrices where one is turned inside out.
+
+        What they keep of their ``past`` is part of the stress.
+        """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
         matrices = (
@@ -91,7 +102,7 @@ class Elements:
 
         def fill(start: int) -> None:
             here = slice(start, start + ELEMENTS_AT_ONCE)
-            weight, gradients, p = self.weight[here], self.gradients[here], self.pressures(here, pressure)
+            weight, p = self.weight[here], self.pressures(here, pressure)
             by_node = self._by_node[here]
             gradient = self.gradient(here, displacement) + np.eye(3)
             cofactor = cofactors(gradient)
@@ -100,12 +111,16 @@ class Elements:
             if not determinant.min() > 0:
                 return
             state = gradient, determinant, cofactor / determinant[..., None, None]
-            stress = self.material.stress(*state) + p[..., None, None] * cofactor
+            stress, kept = self.material.stress(*state), None
+            if past is not None:
+                kept = tensors(past.stress[here])
+                stress = past.share * stress + gradient @ kept
+            stress = stress + p[..., None, None] * cofactor
             forces[here] = self.on_nodes(here, stress)
             volumes[here] = self.on_corners(here, determinant - 1 - self.material.compressibility * p)
             if matrices is None:
                 return
-            matrices.blocks[here] = self.material.moduli(*state, p).stiffness(weight, gradients)
+            matrices.blocks[here] = self._stiffness(here, state, p, past, kept)
             normal = _columns(weight, cofactor).reshape(len(p), -1, 3, 1, 3) * _PRESSURE_SHAPES[:, None, :, None]
             mixed = (by_node @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
             matrices.mixed[here] = np.swapaxes(mixed, 1, 2).reshape(len(p), 4, 30)
@@ -115,6 +130,35 @@ class Elements:
         in_turns(fill, count)
         lowest = float(least.min())
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
+
+    def _stiffness(
+        self, here: slice, state: Points, pressure: np.ndarray, past: Past | None, kept: np.ndarray | None
+    ) -> np.ndarray:
+        """Blocks of some elements: the derivative of F S by F, with S not changing, is that of a prestressed solid."""
+        weight, gradients = self.weight[here], self.gradients[here]
+        if past is None or kept is None:
+            return self.material.moduli(*state, pressure).stiffness(weight, gradients)
+        moduli = self.material.moduli(*state, pressure / past.share).with_inner(kept / past.share)
+        return past.share * moduli.stiffness(weight, gradients)
+
+    def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa, the second Piola-Kirchhoff stress that the material gives at a displacement (N, 3)."""
+
+        def stress(start: int) -> np.ndarray:
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            gradient = self.gradient(here, displacement) + np.eye(3)
+            cofactor = cofactors(gradient)
+            determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
+            inverse_transpose = cofactor / determinant[..., None, None]
+            first = self.material.stress(gradient, determinant, inverse_transpose)
+            return components(np.swapaxes(inverse_transpose, -1, -2) @ first)
+
+        return np.concatenate(in_turns(stress, len(self.nodes)))
+
+    def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """(m, 10, 3) forces of second Piola-Kirchhoff stresses (m, q, 6) at a displacement (N, 3)."""
+        every = slice(None)
+        return self.on_nodes(every, (self.gradient(every, displacement) + np.eye(3)) @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
         """(m, 10, 3) forces of stresses (m, q, 3, 3) at the quadrature points of some elements."""

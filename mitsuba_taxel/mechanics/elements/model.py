@@ -21,6 +21,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     Pressure,
     SpreadForce,
 )
+from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -84,10 +85,15 @@ class Model:
         self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, like.assembly if like else None)
 
     def evaluate(
-        self, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray, with_tangent: bool = True
+        self,
+        displacement: np.ndarray,
+        pressure: np.ndarray,
+        value: np.ndarray,
+        with_tangent: bool = True,
+        past: Past | None = None,
     ) -> Configuration:
         """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``."""
-        inside = self.assembly.evaluate(displacement, pressure, with_tangent)
+        inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
         if inside.entries is not None and isinstance(self.load, Pressure):
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)

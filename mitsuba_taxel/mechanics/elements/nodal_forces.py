@@ -7,15 +7,27 @@ import numpy as np
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.past import Past
+from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.pad import REGIONS
 
 
-def internal_forces(mesh: VolumeMesh, material: Material, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa."""
+def internal_forces(
+    mesh: VolumeMesh,
+    material: Material,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    overstress: np.ndarray | None = None,
+) -> np.ndarray:
+    """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa.
+
+    What stresses are above those of the material, (m, q, 6) MPa, is that of a solid with a memory.
+    """
     nodes = len(mesh.points)
     nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
-    inside = Assembly(mesh, material, nothing_held).evaluate(displacement, pressure, with_tangent=False)
+    past = None if overstress is None else Past(1.0, overstress, part_between(mesh, {}, ()))
+    inside = Assembly(mesh, material, nothing_held).evaluate(displacement, pressure, with_tangent=False, past=past)
     return inside.residual[: 3 * nodes].reshape(-1, 3)
 
 
@@ -24,6 +36,13 @@ def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
     return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])
 
 
-def board_force(mesh: VolumeMesh, material: Material, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(3,) N by which the board holds a pad that nothing but a plate on its top loads."""
-    return internal_forces(mesh, material, displacement, pressure)[nodes_of(mesh, "bottom")].sum(axis=0)
+def board_force(
+    mesh: VolumeMesh,
+    material: Material,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    overstress: np.ndarray | None = None,
+) -> np.ndarray:
+    """(3,) N by which the board holds a pad that nothing but a plate on its top loads; see :func:`internal_forces`."""
+    forces = internal_forces(mesh, material, displacement, pressure, overstress)
+    return forces[nodes_of(mesh, "bottom")].sum(axis=0)

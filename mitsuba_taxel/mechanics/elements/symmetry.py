@@ -67,10 +67,12 @@ class SymmetricPart:
         Of the part.
     nodes : (n,) ndarray
         Node of the whole that each of its nodes is; corners come first here too.
+    elements : (m,) ndarray
+        Element of the whole that each of its elements is.
     walls : tuple[Mirror, ...]
         The mirrors that bound it.
-    mirrors : int
-        How many make the group.
+    mirrors : tuple[Mirror, ...]
+        The group.
     source : (N,) ndarray
         Node of the part that each node of the whole is an image of.
     turn : (N, 3, 3) ndarray
@@ -79,8 +81,9 @@ class SymmetricPart:
 
     mesh: VolumeMesh
     nodes: np.ndarray
+    elements: np.ndarray
     walls: tuple[Mirror, ...]
-    mirrors: int
+    mirrors: tuple[Mirror, ...]
     source: np.ndarray
     turn: np.ndarray
 
@@ -99,10 +102,20 @@ class SymmetricPart:
         """(N, 3) component of a displacement of the part that each of the whole is, and its sign: mirrors swap them."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
+    def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the elements of the whole: (M,) the part's that each is an image of, (M, 4) which of its corners each
+        corner is an image of, and (M, 3, 3) what turns vectors there into its own."""
+        own, corners = self.mesh.tets[:, :4], self.source[whole.tets[:, :4]]
+        of_part, of_whole = (np.lexsort(np.sort(nodes, axis=1).T) for nodes in (own, corners))
+        element = np.empty(len(corners), dtype=np.int64)
+        element[of_whole] = np.repeat(of_part, self.copies)
+        corner = (corners[:, :, None] == own[element][:, None, :]).argmax(axis=2)
+        return element, corner, _turns(whole.points[whole.tets[:, :4]].mean(axis=1), self.mirrors)
+
     @property
     def copies(self) -> int:
         """How many images of the part make the whole."""
-        return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
+        return {0: 1, 1: 2, 2: 4, 4: 8}[len(self.mirrors)]
 
     @cached_property
     def _whole_corners(self) -> int:
@@ -123,16 +136,24 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
     part = VolumeMesh(
         mesh.points[nodes], number[mesh.tets[inside]], faces, mesh.face_region[kept], mesh.face_cell[kept]
     )
-    source, turn = np.arange(len(mesh.points)), np.broadcast_to(np.eye(3), (len(mesh.points), 3, 3)).copy()
+    source, group = np.arange(len(mesh.points)), tuple(mirror for mirror in MIRRORS if mirror in mirrors)
     position = mesh.points.copy()
-    for mirror in MIRRORS:
-        if mirror not in mirrors:
-            continue
+    for mirror in group:
         beyond = mirror.side(position) < 0
         source[beyond] = images[mirror][source[beyond]]
         position[beyond] = mirror.image(position[beyond])
+    turn, elements = _turns(mesh.points, group), np.flatnonzero(inside)
+    return SymmetricPart(part, nodes, elements, _bounding(mirrors), group, number[source], turn)
+
+
+def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
+    """(N, 3, 3) what turns vectors at the image of each position (N, 3) on the kept side of a group into its own."""
+    turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
+    for mirror in group:
+        beyond = mirror.side(position) < 0
+        position = np.where(beyond[:, None], mirror.image(position), position)
         turn[beyond] = turn[beyond] @ mirror.image(np.eye(3))
-    return SymmetricPart(part, nodes, _bounding(mirrors), len(mirrors), number[source], turn)
+    return turn
 
 
 def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -56,6 +56,10 @@ class Moduli:
         for weight, tensor in self.crossed:
             total = total + np.einsum("...,...il,...kj->...ijkl", weight, tensor, tensor)
         return total
+
+    def with_inner(self, tensor: np.ndarray) -> Moduli:
+        """The same with a tensor (..., 3, 3) more in M."""
+        return replace(self, inner=self._full_inner() + tensor)
 
     def along(self, change: np.ndarray) -> np.ndarray:
         """Change A_ijkl H_kl (..., 3, 3) of the stress with a change H (..., 3, 3) of the deformation gradient."""

@@ -47,6 +47,11 @@ def load(name: str) -> dict[str, np.ndarray] | None:
     return archive.unpack(content)
 
 
+def holds(name: str) -> bool:
+    """Whether something is stored under ``name``, whole or not."""
+    return (folder() / f"{name}.npz").is_file()
+
+
 @contextmanager
 def alone(name: str) -> Iterator[None]:
     """Let no other process compute what is kept under ``name`` meanwhile, so that it is computed once."""

@@ -22,6 +22,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     loaded_area,
 )
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
+from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, symmetric_product
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -89,6 +90,11 @@ class LoadedPad:
         Of the nodes, from :func:`node_images`; needed with mirrors.
     solver : str, optional
         Name of a linear solver; None takes the best there is.
+
+    Attributes
+    ----------
+    past : Past or None
+        What a pad with a memory keeps of what was before; whoever steps it through time sets it.
     """
 
     solves_between: ClassVar[bool] = False
@@ -110,8 +116,9 @@ class LoadedPad:
         self.numbering = self.model.numbering
         self._solver = make_solver(solver)
         self._volume = float(self.model.assembly.elements.weight.sum())
-        self._height = float(np.ptp(mesh.points[:, 2]))
+        self.height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
+        self.past: Past | None = None
 
     @property
     def unknowns(self) -> int:
@@ -174,7 +181,7 @@ class LoadedPad:
         """
         if self._solver.knows_inertia:
             try:
-                _refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value))
+                _refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
             except RuntimeError as failure:
                 raise _singular(failure) from failure
 
@@ -201,14 +208,36 @@ class LoadedPad:
         correction = linearised.step(state.residual, self._gap(solution.unknowns, value))
         return replace(solution, unknowns=solution.unknowns - correction), linearised
 
+    def size_of(self, stress: np.ndarray) -> float:
+        """MPa, root mean square over the pad of a stress (m, q, 6)."""
+        weight = self.model.assembly.elements.weight
+        squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
+        return float(np.sqrt((weight * squares).sum() / weight.sum()))
+
+    def solve_next(
+        self, start: np.ndarray, value: np.ndarray, near: Linearised | None, judged: bool
+    ) -> tuple[Solution, Linearised]:
+        """As :meth:`solve`, going on with the factor of a state ``near`` by as long as that is enough.
+
+        Where it is not ``judged``, displacements that lack the symmetry of the load are not looked at.
+        """
+        found = self._balanced(start, value, near)
+        linearised = found.linearised
+        if judged or linearised is None:
+            linearised, found = None, replace(found, linearised=None)  # frees its memory for the next one
+            linearised = self._linearised(self._entries(found, value))
+        solution = self._accepted(found, self._is_stable(linearised))
+        if judged:
+            self.refuse_unstable(solution.unknowns, linearised.entries, value)
+        return solution, linearised
+
     def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`; whether they are stable is not asked."""
         return self._balanced(start, value).unknowns
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray) -> Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
-        linearised: Linearised | None = None
         for iteration in range(MOST_ITERATIONS):
             state = self._evaluate(unknowns, value, with_tangent=linearised is None)
             error = self._checked_error(state, unknowns, value, first)
@@ -260,13 +289,20 @@ class LoadedPad:
             return None
         return linearised.step(residual, self._gap(unknowns, value))
 
+    def answer(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Change of the unknowns by a second Piola-Kirchhoff stress (m, q, 6) that is added, by a factor near by."""
+        elements = self.model.assembly.elements
+        forces = elements.pulled(self.numbering.split(unknowns)[0], stress)
+        nothing = np.zeros((len(forces), 4))
+        return -linearised.step(self.model.assembly.over_unknowns(forces, nothing), np.zeros(len(self._moved)))
+
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
         """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
         residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
         return self.part.copies * self.numbering.of_plate(residual)
 
     def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
-        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent)
+        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past)
 
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
         """How far a state is from balance: the largest relative error of forces, volumes, plate."""
@@ -278,7 +314,7 @@ class LoadedPad:
         scale = max(load, self._small_load)
         gap = float(np.abs(self._gap(unknowns, value)).max(initial=0.0))
         forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
-        return max(forces_off / scale, volumes_off / self._volume, gap / self._height)
+        return max(forces_off / scale, volumes_off / self._volume, gap / self.height)
 
     @cached_property
     def _small_load(self) -> float:

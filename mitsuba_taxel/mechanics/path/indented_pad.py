@@ -30,12 +30,11 @@ class IndentedPad(LoadedPad):
 
     solves_between = True
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray) -> Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method; a step that inverts an element, or adds much to the error, is halved."""
         unknowns, distance = start, 0.0
         state = self._evaluate(unknowns, value)
-        error = last = self._checked_error(state, unknowns, value, 0.0)
-        linearised: Linearised | None = None
+        error, last = self._checked_error(state, unknowns, value, 0.0), math.inf
         for iteration in range(MOST_ITERATIONS):
             if error < RESIDUAL_TOLERANCE:
                 return Balance(unknowns, state, error, iteration, linearised, distance)

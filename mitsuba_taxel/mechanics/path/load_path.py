@@ -19,9 +19,12 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.path.timed_path import timed_path
+from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
@@ -32,9 +35,10 @@ MOST_BYTES = 4 * 2**30
 
 def load_path(
     pad: Pad | PadFile,
-    material: Material,
+    material: Material | Viscoelastic,
     values: Sequence[Sequence[float]] | np.ndarray,
     *,
+    times: Sequence[float] | np.ndarray | None = None,
     load: Load = SPREAD_FORCE,
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
@@ -43,10 +47,15 @@ def load_path(
 ) -> list[State]:
     """Deformed states of a pad under each of the ``values`` of a load.
 
+    Without a memory, states depend on their values alone. A silicone with one, `Viscoelastic`, is at rest until t = 0;
+    its load goes evenly from each value to the next, and jumps where two times are equal.
+
     Parameters
     ----------
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
+    times : (S,) sequence of float, optional
+        In s, of the values, none before the one that precedes it: for a silicone with a memory, and for no other.
     mesh_size : float, optional
         Size of the finite elements in mm; by default the pad's own `default_mesh_size`.
     mesh_tolerance : float, optional
@@ -61,28 +70,53 @@ def load_path(
     ------
     InputError
         for values that are not finite or too many to be held, a mesh size or a tolerance that is not allowed, or
-        obstacles that the undeformed pad touches.
+        obstacles that the undeformed pad touches; for times that are missing, of no use, below 0, or go back.
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the
         board or an obstacle; or if memory does not suffice.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
-    require("material", material, Material, "a Material, such as NeoHookean,")
+    require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
     require("load", load, get_args(Load), "a load, such as SpreadForce,")
     check_progress(progress)
     rows = _checked(values, load)
     if obstacles is not None:
         obstacles = _checked_triangles(obstacles)
+    law = material.law if isinstance(material, Viscoelastic) else material
+    history = timed_rows(material, load, rows, times)
     states = []
     with LOCK:
-        path = pad_path(pad, material, load, chosen_size(pad, material, load, mesh_size, mesh_tolerance))
+        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-                states.append(path.state(value, obstacles))
+                if isinstance(material, Viscoelastic):
+                    states.append(timed_path(path, material).state(history[:done], obstacles))
+                else:
+                    states.append(path.state(value, obstacles))
             if progress is not None:
                 progress(done, len(rows))
     return states
+
+
+def state_after(
+    pad: Pad | PadFile,
+    material: Viscoelastic,
+    values: Sequence[Sequence[float]] | np.ndarray,
+    times: Sequence[float] | np.ndarray,
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+    obstacles: np.ndarray | None = None,
+) -> State:
+    """The last of the states of :func:`load_path`, of a silicone with a memory; the others are not held."""
+    rows = _checked(values, load)
+    history = timed_rows(material, load, rows, times)
+    with LOCK:
+        path = pad_path(pad, material.law, load, chosen_size(pad, material.law, load, mesh_size, mesh_tolerance))
+        with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
+            return timed_path(path, material).state(history, obstacles)
 
 
 def _check_room(states: int, path: PadPath) -> None:

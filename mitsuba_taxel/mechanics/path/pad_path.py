@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ LEAST_RATIO = 1.2
 MOST_ELEMENTS_COMPARED = 250_000
 """A finer second mesh of more is not tried."""
 
-_SECOND_MESH = "a second mesh"
+SECOND_MESH = "a second mesh"
 LOCK = threading.RLock()
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
@@ -108,7 +109,7 @@ class PadPath:
         return mirror_images(self.mesh, self.load)
 
     @cached_property
-    def _contact(self) -> ContactTest:
+    def contact(self) -> ContactTest:
         return ContactTest(self.mesh)
 
     def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
@@ -231,9 +232,9 @@ class PadPath:
         """A canonical state compared with that of the same path on the first other mesh that bears the load."""
         if not value.any():
             return Comparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
-        for second, comparison in self._comparisons():
+        for second, comparison in self.comparisons():
             try:
-                with memory_for(_SECOND_MESH):
+                with memory_for(SECOND_MESH):
                     other, there, at = second._canonical(value, [], None)
                     shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
                     forces = (board_force(mesh, self.material, u, p) for mesh, u, p in shapes)
@@ -247,7 +248,7 @@ class PadPath:
                 continue  # its path ends before this load, or memory does
         return Comparison()
 
-    def _comparisons(self) -> Iterator[tuple[PadPath, RoofComparison]]:
+    def comparisons(self) -> Iterator[tuple[PadPath, RoofComparison]]:
         """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
         start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
         for size in (COARSENING * self.mesh_size, *(finer * start for finer in FINER)):
@@ -261,7 +262,7 @@ class PadPath:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
         second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False)
         try:
-            with memory_for(_SECOND_MESH):
+            with memory_for(SECOND_MESH):
                 ratio = size_ratio(self.mesh, second.mesh)
         except (ComputationError, InputError):
             return None
@@ -273,7 +274,7 @@ class PadPath:
     @property
     def small_load_error(self) -> float:
         """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
-        for second, comparison in self._comparisons():
+        for second, comparison in self.comparisons():
             responses = zip(self._small_responses, second._small_responses, strict=True)
             return max(comparison.error(here, other).relative for here, other in responses)
         return math.inf
@@ -326,7 +327,7 @@ class PadPath:
             before = len(segment.nodes), segment.limit
             try:
                 segment.extend(
-                    pad, s, lambda: pad.gather(*start()), self._contact, lambda: touch(segment, pad) is not None
+                    pad, s, lambda: pad.gather(*start()), self.contact, lambda: touch(segment, pad) is not None
                 )
             finally:
                 if (len(segment.nodes), segment.limit) != before:
@@ -338,12 +339,15 @@ class PadPath:
             segment.restore(arrays)
 
     def _segment_name(self, segment: LoadSegment) -> str:
-        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
-        load = [_name_of(self.load), asdict(self.load)]
         numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
-        return cache.key(
-            "segment", self._identity, material, load, numerics, segment.origin.tolist(), segment.direction.tolist()
-        )
+        ends = segment.origin.tolist(), segment.direction.tolist()
+        return cache.key("segment", *self.key_parts, numerics, *ends)
+
+    @property
+    def key_parts(self) -> list[Any]:
+        """Pad, material and load, for keys of the cache."""
+        material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
+        return [self._identity, material, [_name_of(self.load), asdict(self.load)]]
 
 
 def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -77,6 +77,8 @@ def linearise(state: State) -> LinearisedState:
     require("state", state, State, "a State, as load_path returns it,")
     if isinstance(state.load, IndenterForce):
         raise refusal("state", state.load, "derivatives of an indenter's displacement are needed, not of its force")
+    if state.memory is not None:
+        raise InputError("derivatives of a silicone with a memory are not available: leave prony out, or vary steps.")
     with _told(state.load, state.value):
         pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
         blocks = _blocks(pad)

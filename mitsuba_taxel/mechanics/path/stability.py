@@ -24,6 +24,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
 from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.model import Model
+from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
 from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_blocks, part_between, unsymmetric_blocks
@@ -64,7 +65,14 @@ class Stability:
         self._whole, self._mirrors, self._images, self._model, self._solver = whole, mirrors, images, model, solver
         self.of_all = self._pieces_tell = len(cut_blocks(mirrors)) > 0
 
-    def surplus(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray) -> int:
+    def surplus(
+        self,
+        entries: np.ndarray,
+        displacement: np.ndarray,
+        pressure: np.ndarray,
+        value: np.ndarray,
+        past: Past | None = None,
+    ) -> int:
         """Negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad is stable.
 
         Parameters
@@ -75,6 +83,8 @@ class Stability:
             mm and (corners,) MPa of the whole pad, which has the symmetry of the part.
         value : ndarray
             Of the load.
+        past : Past, optional
+            What the part keeps of what was before, if it has a memory.
 
         Raises
         ------
@@ -86,17 +96,24 @@ class Stability:
                 return 0
             self._pieces_tell = False  # nor will they under a larger load
             del self.pieces
-        return next((surplus for surplus in self._of_blocks(entries, displacement, pressure, value) if surplus), 0)
+        found = self._of_blocks(entries, displacement, pressure, value, past)
+        return next((surplus for surplus in found if surplus), 0)
 
     def _of_blocks(
-        self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, value: np.ndarray
+        self,
+        entries: np.ndarray,
+        displacement: np.ndarray,
+        pressure: np.ndarray,
+        value: np.ndarray,
+        past: Past | None,
     ) -> Iterator[int]:
         for block in self._blocks:
             if block.model.part is self._model.part:
                 yield block.surplus(entries)
             else:
                 restricted = block.model.part.restrict(displacement, pressure)
-                of_block = block.model.evaluate(*restricted, value).entries
+                there = past and past.on(block.model.part, self._whole)
+                of_block = block.model.evaluate(*restricted, value, past=there).entries
                 assert of_block is not None  # or the state would not be one of balance
                 yield block.surplus(of_block)
 

@@ -40,6 +40,27 @@ class PathRate(NamedTuple):
     displacement: np.ndarray
 
 
+class Memory(NamedTuple):
+    """What a state of a silicone with a memory is besides, as in :class:`State`.
+
+    Attributes
+    ----------
+    time : float
+        In s, since the pad was at rest.
+    overstress : (m, q, 6) ndarray
+        MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy, yz, xz.
+    deviation : (N, 3) ndarray
+        mm, by which the displacement is estimated to be off for the steps of time.
+    error : float
+        That of the stress, relative to it, root mean square over the pad.
+    """
+
+    time: float
+    overstress: np.ndarray
+    deviation: np.ndarray
+    error: float
+
+
 @dataclass(frozen=True, eq=False)
 class State(Displayed):
     """A deformed pad; what a second mesh tells of it is solved for when it is first asked for.
@@ -49,7 +70,7 @@ class State(Displayed):
     mesh : VolumeMesh
         Undeformed mesh.
     material : Material
-        What it is made of.
+        What it is made of; of a silicone with a memory, what that is at once.
     load : Load
         How it is loaded.
     value : (3,) ndarray
@@ -73,7 +94,10 @@ class State(Displayed):
     path_rate : Callable
         Gives how the state goes on along its path, from the tangents of the states solved on it, at no cost: the
         ``direction`` of the load's value there, of length 1, and the derivative of the ``displacement`` (N, 3) by the
-        way in it, mm per N, mm or MPa, right to about 1e-4. None at rest, where no direction is known.
+        way in it, mm per N, mm or MPa, right to about 1e-4. None at rest, where no direction is known, and for a
+        silicone with a memory.
+    memory : Memory or None
+        Of a silicone with a memory: its time, its stress, and what they are off by.
     """
 
     mesh: VolumeMesh
@@ -89,6 +113,7 @@ class State(Displayed):
     solved_in: float = 0.0
     second_mesh: Callable[[], Comparison] = field(default_factory=lambda: Comparison)
     path_rate: Callable[[], PathRate | None] = field(default_factory=lambda: _no_rate)
+    memory: Memory | None = None
 
     @cached_property
     def _compared(self) -> Comparison:

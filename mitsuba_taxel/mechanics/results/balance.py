@@ -43,6 +43,9 @@ class Reactions:
         Largest distance from the origin in the undeformed pad, in mm.
     force_error : float
         In N, what `force` is off by for the finite elements; not a number where that is unknown.
+    kept : float
+        In N, sum of the magnitudes of the board's forces at its nodes, for a silicone with a memory, which may strain
+        itself without a load; else 0.
     """
 
     force: np.ndarray
@@ -51,6 +54,7 @@ class Reactions:
     applied_moment: np.ndarray
     size: float
     force_error: float
+    kept: float = 0.0
 
     @property
     def imbalance(self) -> float:
@@ -61,7 +65,7 @@ class Reactions:
         force = float(np.linalg.norm(self.force + self.applied_force))
         moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size
         left = max(force, moment)
-        largest = max(float(np.linalg.norm(f)) for f in (self.force, self.applied_force))
+        largest = max(self.kept, *(float(np.linalg.norm(f)) for f in (self.force, self.applied_force)))
         return left / largest if left else 0.0
 
 
@@ -74,7 +78,8 @@ def reactions(state: State) -> Reactions:
     balance near by.
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
-    internal = internal_forces(mesh, state.material, state.displacement, state.pressure)
+    overstress = state.memory and state.memory.overstress
+    internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress)
     applied = _applied_forces(state, places, internal)
     bottom = nodes_of(mesh, "bottom")
     board = (internal - applied)[bottom]
@@ -85,6 +90,7 @@ def reactions(state: State) -> Reactions:
         np.cross(places, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),
         state.force_error,
+        float(np.linalg.norm(board, axis=1).sum()) if state.memory else 0.0,
     )
 
 

@@ -8,7 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
-from mitsuba_taxel.mechanics.elements.assembly import Material
+from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.symmetric import tensors
 from mitsuba_taxel.mechanics.surface.relief import displacement_gradient
 
 
@@ -27,11 +29,14 @@ class NodalFields:
         In MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses.
     material : Material
         The law that gives the rest of the stress.
+    relaxed : (N, 3, 3) ndarray or None
+        In MPa, isochoric second Piola-Kirchhoff stress of a silicone with a memory, the mean of the elements around.
     """
 
     deformation_gradient: np.ndarray
     pressure: np.ndarray
     material: Material
+    relaxed: np.ndarray | None = None
 
     @cached_property
     def volume_ratio(self) -> np.ndarray:
@@ -53,7 +58,11 @@ class NodalFields:
         upright = self.volume_ratio > 0
         gradient, determinant = self.deformation_gradient[upright], self.volume_ratio[upright]
         inverse_transpose = np.swapaxes(np.linalg.inv(gradient), 1, 2)
-        isochoric = self.material.stress(gradient, determinant, inverse_transpose) @ np.swapaxes(gradient, 1, 2)
+        if self.relaxed is None:
+            first = self.material.stress(gradient, determinant, inverse_transpose)
+        else:
+            first = gradient @ self.relaxed[upright]
+        isochoric = first @ np.swapaxes(gradient, 1, 2)
         stress[upright] = isochoric / determinant[:, None, None] + self.pressure[upright, None, None] * np.eye(3)
         return stress
 
@@ -65,7 +74,13 @@ class NodalFields:
         return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
-def nodal_fields(mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material) -> NodalFields:
+def nodal_fields(
+    mesh: VolumeMesh,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    material: Material,
+    overstress: np.ndarray | None = None,
+) -> NodalFields:
     """Strain and stress at the nodes of a deformed pad.
 
     Parameters
@@ -76,8 +91,22 @@ def nodal_fields(mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarra
         Of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension; linear in between.
+    overstress : (m, q, 6) ndarray, optional
+        MPa, :attr:`Memory.overstress` of a state of a silicone with a memory.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure
     everywhere[mesh.tets[:, 4:]] = pressure[mesh.tets[:, np.array(TET_EDGES)]].mean(axis=2)
-    return NodalFields(np.eye(3) + displacement_gradient(mesh, displacement), everywhere, material)
+    gradient = np.eye(3) + displacement_gradient(mesh, displacement)
+    relaxed = None
+    if overstress is not None:
+        stress = Elements(mesh, material).isochoric_stress(displacement) + overstress
+        relaxed = _around_nodes(mesh, tensors(stress.mean(axis=1)))
+    return NodalFields(gradient, everywhere, material, relaxed)
+
+
+def _around_nodes(mesh: VolumeMesh, tensors: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) mean of those (m, 3, 3) of the elements around each node."""
+    total = np.zeros((len(mesh.points), 3, 3))
+    np.add.at(total, mesh.tets, tensors[:, None])
+    return total / np.bincount(mesh.tets.ravel(), minlength=len(total))[:, None, None]

@@ -10,11 +10,16 @@ from mitsuba_taxel.base.atomic import WriteError, replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.assembly import Material
-from mitsuba_taxel.mechanics.results.fields import nodal_fields
+from mitsuba_taxel.mechanics.results.fields import NodalFields, nodal_fields
 
 
 def write_vtu(
-    file: str | Path, mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material
+    file: str | Path,
+    mesh: VolumeMesh,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    material: Material,
+    overstress: np.ndarray | None = None,
 ) -> None:
     """Write the undeformed mesh as quadratic tetrahedra, with the fields of the deformed pad at its nodes.
 
@@ -31,6 +36,8 @@ def write_vtu(
         Of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension.
+    overstress : (m, q, 6) ndarray, optional
+        MPa, :attr:`Memory.overstress` of a state of a silicone with a memory.
 
     Raises
     ------
@@ -40,7 +47,7 @@ def write_vtu(
     file = Path(file)
     if file.suffix.lower() != ".vtu":
         raise InputError(f"output {file} must end in .vtu.")
-    data = _point_data(mesh, displacement, pressure, material)
+    data = _point_data(mesh, displacement, nodal_fields(mesh, displacement, pressure, material, overstress))
     import meshio  # its readers of forty formats are not needed before
 
     try:
@@ -50,10 +57,7 @@ def write_vtu(
         raise InputError(f"output {file} cannot be written: {error.reason}.") from error
 
 
-def _point_data(
-    mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, material: Material
-) -> dict[str, np.ndarray]:
-    fields = nodal_fields(mesh, displacement, pressure, material)
+def _point_data(mesh: VolumeMesh, displacement: np.ndarray, fields: NodalFields) -> dict[str, np.ndarray]:
     rows, columns = [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]  # VTK's order of a symmetric tensor
     return {
         "displacement [mm]": displacement,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
+from mitsuba_taxel.studies.plan.histories import HISTORY, histories
 from mitsuba_taxel.studies.plan.steps import read_steps
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, make_axes
 
@@ -162,8 +163,14 @@ def make_batch(
         raise InputError(f"meshes = {meshes!r} is not allowed: one of {', '.join(KEPT_MESHES)} is needed.")
     asked = (target_error, points, time_budget, mesh_size, seed, maps, by, target_slope, circuit)
     batch = Batch(name, file, fixed, axes, *asked, meshes=meshes)
-    batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # names that no scene has
-    return batch
+    scene = batch.scene({name: words[0] for axis in axes for name, words in axis.values.items()})  # or no such names
+    alone = [axis.dim for axis in axes if axis.dim != STEP]
+    past = [histories(axis.values, scene.parameters, alone) if axis.dim == STEP else None for axis in axes]
+    filled = [
+        axis._replace(values={**axis.values, HISTORY: words}) if words else axis
+        for axis, words in zip(axes, past, strict=True)
+    ]
+    return replace(batch, axes=tuple(filled))
 
 
 def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.studies.plan.batch import Batch
-from mitsuba_taxel.studies.plan.vary import STEP, Axis, as_numbers, combinations, make_axes
+from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, make_axes
 
 GROWING = ("vary", "together", "define", "target_error", "target_slope", "points", "time_budget", "meshes")
 """Tables and values of a stored study that may change while it stays the same study."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import table_of
+from mitsuba_taxel.base.arguments import as_numbers, table_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 
@@ -151,15 +151,6 @@ def _distinct(name: str, words: list[str]) -> list[str]:
     if len(set(as_numbers(words) or words)) < len(words):
         raise InputError(f"{name} = {','.join(words)!r} holds a value twice: each once is needed.")
     return words
-
-
-def as_numbers(words: Sequence[str]) -> list[float] | None:
-    """The values as numbers, or None where one of them is no finite number."""
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError:
-        return None
-    return numbers if all(map(isfinite, numbers)) else None
 
 
 def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing import Readings
@@ -21,7 +22,8 @@ from mitsuba_taxel.sensing.readings import (
     mechanics_share,
     standard_error,
 )
-from mitsuba_taxel.studies.plan.vary import STEP, Axis, as_numbers, combinations, curve_dimension
+from mitsuba_taxel.studies.plan.histories import HISTORY
+from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.store.folder import Kept
 
@@ -121,6 +123,8 @@ def _coordinates(axes: Sequence[Axis], units: Mapping[str, str]) -> dict[str, tu
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
+            if name == HISTORY:  # the steps before, which are there themselves
+                continue
             numbers = as_numbers(words)
             unit = {"units": units[name]} if numbers and name in units else {}
             coordinates[name] = (axis.dim, numbers or words, unit)

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
+from mitsuba_taxel.studies.plan.histories import HISTORY, histories
 
 
 @in_turn
@@ -50,7 +51,8 @@ def deform(
     ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest force
     out of balance where the path was solved, relative to the load), ``stable`` (None if it was not checked),
     ``imbalance`` (board's reaction against the load, relative, of this very state), ``roof_error_mm`` and
-    ``slope_error_degrees`` (estimated discretisation error; None if unknown).
+    ``slope_error_degrees`` (estimated discretisation error; None if unknown). Of a silicone with a memory, ``time_s``
+    and ``time_error`` (of the stress, relative, for the steps of time; else None).
 
     Raises
     ------
@@ -61,8 +63,12 @@ def deform(
     """
     make_folder(folder)
     rows = []
+    file = find_scene(source)
+    columns = {name: [str(values[name]) for values in steps] for name in steps[0]} if steps else {}
+    before = histories(columns, Scene(file, {**defines, **(steps[0] if steps else {})}).parameters)
     for step, values in enumerate(steps, start=1):
-        scene = Scene(find_scene(source), {**defines, **values})
+        past = {HISTORY: before[step - 1]} if before else {}
+        scene = Scene(file, {**defines, **values, **past})
         pads = deformed_pads(scene.load())
         if not pads:
             raise InputError(f"{scene.name} holds no deformable_pad: there is nothing to deform.")
@@ -82,7 +88,9 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
     board = reactions(state)
     write_mesh(pad, file)
     if vtu:
-        write_vtu(file.with_suffix(".vtu"), state.mesh, state.displacement, state.pressure, state.material)
+        overstress = state.memory and state.memory.overstress
+        fields = state.displacement, state.pressure, state.material, overstress
+        write_vtu(file.with_suffix(".vtu"), state.mesh, *fields)
     return {
         "file": str(file),
         "quantity": state.load.quantity,
@@ -96,6 +104,8 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
         "imbalance": float(board.imbalance),
         "board_force_N": board.force.tolist(),
         "board_force_error_N": None if np.isnan(board.force_error) else float(board.force_error),
+        "time_s": state.memory and state.memory.time,
+        "time_error": state.memory and state.memory.error,
         "roof_error_mm": None if state.error is None else state.error.displacement,
         "slope_error_degrees": None if state.error is None else state.error.slope,
     }

@@ -20,6 +20,7 @@ from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 MESHES, MAPS = "meshes", "maps"
@@ -149,8 +150,9 @@ def failure_of(error: BaseException) -> Failure:
 
 
 def describe(values: Mapping[str, str]) -> str:
-    """Values of parameters, in words."""
-    return ", ".join(" ".join(f"{name}={value}".split()) for name, value in values.items())
+    """Values of parameters, in words, without those of the steps before."""
+    shown = {name: value for name, value in values.items() if name != HISTORY}
+    return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
 
 @in_turn

@@ -1,0 +1,122 @@
+"""What a solid with a memory keeps of its past, at the quadrature points of its elements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
+from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The stress at the end of a step: a ``share`` of what the law gives there, and one that is known before.
+
+    Attributes
+    ----------
+    stress : (m, q, 6) ndarray
+        MPa, second Piola-Kirchhoff, at the quadrature points of a part.
+    """
+
+    share: float
+    stress: np.ndarray
+    part: SymmetricPart
+
+    def on(self, part: SymmetricPart, whole: VolumeMesh) -> Past:
+        """The same on another part of the whole mesh."""
+        if part is self.part:
+            return self
+        return Past(self.share, spread(self.stress, self.part, whole)[part.elements], part)
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxing:
+    """The internal variables of a solid with a memory at a time.
+
+    Attributes
+    ----------
+    stress : (m, q, 6) ndarray
+        MPa, S that the law gives, second Piola-Kirchhoff.
+    held : (k, m, q, 6) ndarray
+        MPa, Q of each term.
+    error : (k, m, q, 6) ndarray
+        MPa, by which these are estimated to be off, as S does not change evenly in a step.
+    slope : (m, q, 6) ndarray or None
+        MPa/s, the even change of S in the last step; None before the first, and where the load has just jumped.
+    step : float
+        How long that took, in s.
+    """
+
+    stress: np.ndarray
+    held: np.ndarray
+    error: np.ndarray
+    slope: np.ndarray | None = None
+    step: float = 0.0
+
+    @classmethod
+    def at_rest(cls, terms: int, elements: int, points: int) -> Relaxing:
+        nothing = np.zeros((terms, elements, points, 6))
+        return cls(nothing[0], nothing, nothing)
+
+    def past(self, material: Viscoelastic, step: float, part: SymmetricPart) -> Past:
+        """What the stress is made of at the end of a further step of some s."""
+        weights = material.over(step)
+        gained = float(material.shares @ weights.ramp)
+        known = np.tensordot(weights.decay, self.held, axes=1) - gained * self.stress
+        return Past(1 - float(material.shares.sum()) + gained, known, part)
+
+    def after(self, material: Viscoelastic, step: float, stress: np.ndarray) -> Relaxing:
+        """The variables at the end of a further step, where the law gives ``stress``."""
+        weights = material.over(step)
+        change = stress - self.stress
+        held = _times(weights.decay, self.held) + _times(material.shares * weights.ramp, change)
+        error = _times(weights.decay, self.error)
+        return Relaxing(stress, held, error, change / step if step > 0 else None, step)
+
+    def bend(self, before: Relaxing) -> np.ndarray:
+        """(m, q, 6) MPa/s², second derivative of S over this step and the one ``before``."""
+        assert self.slope is not None and before.slope is not None
+        return (self.slope - before.slope) / (0.5 * (self.step + before.step))
+
+    def missed(self, material: Viscoelastic, bend: np.ndarray, step: float | None = None) -> np.ndarray:
+        """(k, m, q, 6) MPa, what an even change of S in a step, this one's by default, is off by."""
+        step = self.step if step is None else step
+        return _times(material.shares * material.over(step).bend * step**2, bend)
+
+    def off_by(self, error: np.ndarray) -> Relaxing:
+        """The same with so much (k, m, q, 6) more of an error."""
+        return replace(self, error=self.error + error)
+
+    def overstress(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa, by which the stress is above that of the law."""
+        return self.held.sum(axis=0) - float(material.shares.sum()) * self.stress
+
+    def spread(self, part: SymmetricPart, whole: VolumeMesh, to: SymmetricPart) -> Relaxing:
+        """The same on another part of the whole mesh."""
+        if to is part:
+            return self
+
+        def on(field: np.ndarray) -> np.ndarray:
+            return spread(field, part, whole)[to.elements]
+
+        slope = None if self.slope is None else on(self.slope)
+        held, error = (np.array([on(term) for term in terms]) for terms in (self.held, self.error))
+        return Relaxing(on(self.stress), held, error, slope, self.step)
+
+
+def spread(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
+    """(M, q, 6) tensors at the quadrature points of a whole mesh, from those (m, q, 6) of a symmetric part."""
+    element, corner, turn = part.element_images(whole)
+    families = field.reshape(len(field), -1, 4, 6)  # quadrature points go by the corners that they are near
+    found = tensors(families[element[:, None], :, corner].swapaxes(1, 2).reshape(len(element), -1, 6))
+    turned = turn[:, None] @ found @ np.swapaxes(turn, -1, -2)[:, None]
+    return components(turned)
+
+
+def _times(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """(k, m, q, 6) fields, or one of them (m, q, 6), times factors (k,)."""
+    return factors[:, None, None, None] * fields

@@ -1,0 +1,174 @@
+"""Steps of time between two rows of a load, as long as the stress changes evenly enough in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.self_contact import Contact
+from mitsuba_taxel.mechanics.elements.past import Relaxing
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, Linearised, LoadedPad, Rejected
+
+TIME_TOLERANCE = 1e-3
+"""Error of the stress that one step may add, relative to the largest so far, root mean square over the pad."""
+TICKS = 64
+"""A step that finds no equilibrium is halved at most to this part."""
+MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
+"""What a step is multiplied by, for the error of the one before."""
+SHORTEST = 1e-15
+"""Part of the way between two rows below which a step is not cut."""
+
+
+class Ended(Exception):
+    """No further state: the ``reason``, and the ``value`` of the load and ``share`` of the way that were reached."""
+
+    def __init__(self, value: np.ndarray, share: float, reason: str) -> None:
+        super().__init__(reason)
+        self.value, self.share, self.reason = value, share, reason
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A state between two rows, at a ``share`` of the way.
+
+    ``velocity`` is that of the unknowns per s, None where it is unknown or the load jumps; ``unjudged`` the largest
+    displacement in mm since displacements without the load's symmetry were last looked at.
+    """
+
+    unknowns: np.ndarray
+    relaxing: Relaxing
+    velocity: np.ndarray | None
+    unjudged: float
+    share: float = 0.0
+    min_jacobian: float = 1.0
+    residual: float = 0.0
+    iterations: int = 0
+    stability_checked: bool = True
+
+
+class Stretch:
+    """The way from one row to the next.
+
+    Parameters
+    ----------
+    load : tuple[ndarray, ndarray]
+        Its value at the start, and how it changes.
+    duration : float
+        In s; 0 for a jump.
+    scale : float
+        MPa, largest stress so far, root mean square over the pad.
+    judges : bool
+        Whether states must be stable against all displacements, not only those with the symmetry of the load.
+    """
+
+    def __init__(
+        self,
+        pad: LoadedPad,
+        material: Viscoelastic,
+        start: Moment,
+        load: tuple[np.ndarray, np.ndarray],
+        duration: float,
+        scale: float,
+        judges: bool,
+    ) -> None:
+        self._pad, self._material, self._start, self._load = pad, material, start, load
+        self._duration, self._scale = duration, scale
+        change = float(np.linalg.norm(load[1]))
+        self._longest = min(1.0, pad.step / change) if change else 1.0
+        self._near: Linearised | None = None
+        self._judges = judges
+
+    def run(self, touch: Callable[[LoadedPad, np.ndarray], Contact | None]) -> tuple[Moment, float]:
+        """The state at the end, and the scale of the stress there; ``touch`` tells a contact.
+
+        Where the load's rate has changed, the first step's error is judged with that of the second, and both are done
+        again if it is too large.
+
+        Raises
+        ------
+        Ended
+            where there is no further state.
+        """
+        here, before = self._start, None
+        length = 0.5 if self._duration and here.relaxing.slope is None else 1.0
+        while here.share < 1:
+            length = min(length, self._longest, 1 - here.share)
+            share = 1.0 if here.share + 1.001 * length > 1 else here.share + length
+            try:
+                after = self._step(here, share)
+            except Rejected as rejection:
+                length /= 2
+                if length < self._longest / TICKS:
+                    raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
+                continue
+            error, judged = self._judged(before, here, after)
+            if error > TIME_TOLERANCE and length > SHORTEST:
+                here, before = (before or here), None
+                length *= min(max(CAUTION * np.sqrt(TIME_TOLERANCE / error), MOST_CUT), LEAST_CUT)
+                continue
+            self._refuse_contact(here, after, touch)
+            first = here.relaxing.slope is None and self._duration
+            before = here if first else None
+            here = judged
+            if not first:
+                growth = CAUTION * np.sqrt(TIME_TOLERANCE / error) if error else MOST_GROWTH
+                length *= min(max(growth, LEAST_CUT), MOST_GROWTH)
+        return here, self._scale
+
+    def deviation(self, end: Moment) -> np.ndarray:
+        """(unknowns,) what they are off by for the steps of time, estimated."""
+        error = end.relaxing.error.sum(axis=0)
+        if self._near is None or not error.any():
+            return np.zeros(self._pad.unknowns)
+        return self._pad.answer(self._near, end.unknowns, error)
+
+    def _step(self, here: Moment, share: float) -> Moment:
+        """The state at a share of the way, by one step."""
+        pad, time = self._pad, (share - here.share) * self._duration
+        pad.past = here.relaxing.past(self._material, time, pad.part)
+        guess = here.unknowns
+        if here.velocity is not None:
+            guess = guess + min(time, here.relaxing.step) * here.velocity
+        value = self._load[0] + share * self._load[1]
+        solution, near = pad.solve_next(guess, value, self._near, judged=False)
+        moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
+        unjudged = here.unjudged + moved
+        if self._judges and unjudged > NATURAL_STRAIN * pad.height:
+            del near
+            self._near = None  # frees its memory for the next one
+            solution, near = pad.solve_next(solution.unknowns, value, None, judged=True)
+            unjudged = 0.0
+        self._near = near
+        stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
+        relaxing = here.relaxing.after(self._material, time, stress)
+        velocity = (solution.unknowns - here.unknowns) / time if time else None
+        figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
+        return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures)
+
+    def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
+        """Relative error of the last step, or of the first two, and the state with that in its variables."""
+        self._scale = max(self._scale, self._pad.size_of(after.relaxing.stress))
+        if after.relaxing.slope is None or here.relaxing.slope is None or not self._scale:
+            return 0.0, after
+        bend = after.relaxing.bend(here.relaxing)
+        missed = after.relaxing.missed(self._material, bend)
+        error = self._pad.size_of(missed.sum(axis=0))
+        if before is not None:
+            earlier = here.relaxing.missed(self._material, bend)
+            error = max(error, self._pad.size_of(earlier.sum(axis=0)))
+            missed = missed + self._material.over(after.relaxing.step).decay[:, None, None, None] * earlier
+        return error / self._scale, replace(after, relaxing=after.relaxing.off_by(missed))
+
+    def _refuse_contact(
+        self, here: Moment, after: Moment, touch: Callable[[LoadedPad, np.ndarray], Contact | None]
+    ) -> None:
+        contact = touch(self._pad, after.unknowns)
+        if contact:
+            place = ", ".join(f"{number:.4g}" for number in contact.place)
+            raise self._ended(here, f"touches {contact.what} near ({place}) mm, which is outside the model")
+
+    def _ended(self, here: Moment, reason: str) -> Ended:
+        return Ended(self._load[0] + here.share * self._load[1], here.share, reason)

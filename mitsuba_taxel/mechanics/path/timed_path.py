@@ -1,0 +1,282 @@
+"""The states of a pad that remembers: under loads that have times, one row of them after the other.
+
+From rest at t = 0 the load goes evenly to each row's value in the time until then; rows of equal times are a jump. A
+state depends on the rows up to its own alone, and is the same to the bit whoever asks for it, with whatever others.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
+from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
+from mitsuba_taxel.mechanics.elements.solvers import available_solvers
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, SECOND_MESH, PadPath
+from mitsuba_taxel.mechanics.path.state import Comparison, Memory, State
+from mitsuba_taxel.mechanics.path.time_steps import TIME_TOLERANCE, Ended, Moment, Stretch
+from mitsuba_taxel.mechanics.path.timed_rows import Row
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
+
+KEPT = 3
+"""Rows whose states stay in memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """The pad at the end of a row; arrays are those of the whole pad but for the internal variables of a part.
+
+    ``rate`` is the load's, per s, in the row; ``velocity`` that of the unknowns in its last step, with the pressures
+    after the displacements; both are not numbers where the load has jumped.
+    """
+
+    displacement: np.ndarray
+    pressure: np.ndarray
+    rate: np.ndarray
+    velocity: np.ndarray
+    stress: np.ndarray
+    held: np.ndarray
+    error: np.ndarray
+    slope: np.ndarray
+    step: float
+    scale: float
+    unjudged: float
+    deviation: np.ndarray
+    min_jacobian: float
+    residual: float
+    iterations: int
+    stability_checked: bool
+    seconds: float
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Its fields by name, for the cache."""
+        return {field.name: np.array(getattr(self, field.name)) for field in fields(self)}
+
+    @classmethod
+    def of(cls, arrays: dict[str, np.ndarray]) -> Reached:
+        """What :meth:`arrays` gave."""
+        values: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
+        return cls(**values)
+
+    @property
+    def relaxing(self) -> Relaxing:
+        """The internal variables."""
+        return Relaxing(self.stress, self.held, self.error, self.slope if self.slope.size else None, self.step)
+
+
+class TimedPath:
+    """States of one pad with a memory under one kind of load, kept on disk, a few in memory.
+
+    Parameters
+    ----------
+    path : PadPath
+        Of the same pad without a memory: its mesh, and how its states are compared with those on another.
+    """
+
+    def __init__(self, path: PadPath, material: Viscoelastic) -> None:
+        self._path, self._material = path, material
+        self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
+        self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
+        self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
+
+    def state(self, rows: tuple[Row, ...], obstacles: np.ndarray | None = None) -> State:
+        """The deformed pad at the end of some rows, in which it must not touch ``obstacles``."""
+        if obstacles is not None:
+            self._refuse_contact(rows, obstacles)
+        at = self.reached(rows)
+        path, (time, value) = self._path, rows[-1]
+        figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
+        part = self._pad_for(rows).part
+        overstress = spread(at.relaxing.overstress(self._material), part, path.mesh)
+        error = self._pad_for(rows).size_of(at.error.sum(axis=0)) / at.scale if at.scale else 0.0
+        return State(
+            path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
+            second_mesh=partial(self._comparison, rows),
+            memory=Memory(time, overstress, at.deviation, error),
+        )  # fmt: skip
+
+    def reached(self, rows: tuple[Row, ...]) -> Reached:
+        """The pad at the end of some rows."""
+        done = len(rows)
+        while done and rows[:done] not in self._known and not cache.holds(self._name(rows[:done])):
+            done -= 1
+        at = self._kept(rows[:done])
+        for count in range(done + 1, len(rows) + 1):
+            name = self._name(rows[:count])
+            with cache.alone(name):
+                arrays = cache.load(name)  # another process may have solved it meanwhile
+                at = self._next(at, rows[:count]) if arrays is None else Reached.of(arrays)
+                if arrays is None:
+                    cache.store(name, at.arrays())
+            self._keep(rows[:count], at)
+        return at
+
+    def _kept(self, rows: tuple[Row, ...]) -> Reached:
+        if not rows:
+            return self._rest
+        if rows not in self._known:
+            arrays = cache.load(self._name(rows))
+            if arrays is None:  # damaged
+                return self._next(self.reached(rows[:-1]), rows)
+            self._keep(rows, Reached.of(arrays))
+        return self._known[rows]
+
+    def _keep(self, rows: tuple[Row, ...], at: Reached) -> None:
+        self._known[rows] = at
+        if len(self._known) > KEPT:
+            self._known.popitem(last=False)
+
+    def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+        """The pad at the end of the last row, from its state at that of the row before."""
+        began = clock.perf_counter()
+        start_time, start_value = rows[-2] if len(rows) > 1 else (0.0, (0.0,) * len(rows[-1][1]))
+        pad, earlier = self._pad_for(rows), self._pad_for(rows[:-1])
+        duration = rows[-1][0] - start_time
+        change = np.array(rows[-1][1]) - np.array(start_value)
+        rate = change / duration if duration > 0 else np.full(len(change), np.nan)
+        goes_on = np.allclose(rate, before.rate, rtol=1e-9, atol=0)
+        relaxing = before.relaxing.spread(earlier.part, self._path.mesh, pad.part)
+        velocity = None
+        if goes_on:
+            moved, pressed = np.split(before.velocity, [before.displacement.size])
+            velocity = pad.gather(moved.reshape(-1, 3), pressed)
+        else:
+            relaxing = replace(relaxing, slope=None)
+        start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
+        stretch = Stretch(
+            pad, self._material, start, (np.array(start_value), change), duration, before.scale, self._path.judged
+        )
+        try:
+            end, scale = stretch.run(self._touch)
+        except Ended as ended:
+            raise ComputationError(self._end(ended, start_time, duration)) from None
+        displacement, pressure = pad.split(end.unknowns)
+        return Reached(
+            displacement,
+            pressure,
+            rate,
+            self._stacked(pad, end.velocity),
+            end.relaxing.stress,
+            end.relaxing.held,
+            end.relaxing.error,
+            np.zeros(0) if end.relaxing.slope is None else end.relaxing.slope,
+            end.relaxing.step,
+            scale,
+            end.unjudged,
+            pad.split(stretch.deviation(end))[0],
+            end.min_jacobian,
+            end.residual,
+            end.iterations,
+            end.stability_checked,
+            before.seconds + clock.perf_counter() - began,
+        )
+
+    @cached_property
+    def _rest(self) -> Reached:
+        mesh, pad = self._path.mesh, self._pad_for(())
+        relaxing = Relaxing.at_rest(len(self._material.prony), *pad.model.assembly.elements.weight.shape)
+        nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
+        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0
+        none = np.zeros(mesh.corner_count)
+        return Reached(nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, 1.0, 0.0, 0, True, 0.0)
+
+    def _stacked(self, pad: LoadedPad, unknowns: np.ndarray | None) -> np.ndarray:
+        """Displacements of the whole pad, then its pressures, in one row; not a number for None."""
+        if unknowns is None:
+            return np.full(1, np.nan)
+        displacement, pressure = pad.split(unknowns)
+        return np.concatenate([displacement.ravel(), pressure])
+
+    def _pad_for(self, rows: tuple[Row, ...]) -> LoadedPad:
+        """The part of the pad between the mirrors that leave the loads of all rows as they are."""
+        values = [np.array(value) for _, value in rows]
+        images = self._path.images
+        mirrors = tuple(
+            mirror for mirror in images if all(len(v) == 1 or np.array_equal(mirror.image(v), v) for v in values)
+        )
+        if mirrors not in self._pads:
+            kind = IndentedPad if isinstance(self._path.load, IndenterDisplacement) else LoadedPad
+            # One that is shared with others must not have a past.
+            self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._path.load, mirrors, images)
+        return self._pads[mirrors]
+
+    def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Any:
+        return self._path.contact.find(pad.split(unknowns)[0])
+
+    def _end(self, ended: Ended, start: float, duration: float) -> str:
+        load = self._path.load
+        value = ", ".join(f"{number:.4g}" for number in ended.value)
+        shown = f"({value})" if len(ended.value) == 3 else value
+        time = start + ended.share * duration
+        return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}, {time:.4g} s."
+
+    def _refuse_contact(self, rows: tuple[Row, ...], obstacles: np.ndarray) -> None:
+        """Raise where a pad touches obstacles at the end of one of the rows; what is clear is looked at once."""
+        key, test = obstacles.tobytes(), None
+        for count in range(1, len(rows) + 1):
+            if (key, rows[:count]) in self._clear:
+                continue
+            test = test or ContactTest(self._path.mesh, obstacles)
+            found = test.find_package(self.reached(rows[:count]).displacement)
+            if found:
+                time, value = rows[count - 1]
+                raise ComputationError(self._end(Ended(np.array(value), 0.0, f"touches {found.what}"), time, 0.0))
+            self._clear.add((key, rows[:count]))
+
+    def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
+        """What the same rows on the first other mesh that bears them tell."""
+        with LOCK:
+            at, mesh = self.reached(rows), self._path.mesh
+            if not at.displacement.any():
+                return Comparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
+            for second, comparison in self._path.comparisons():
+                try:
+                    with memory_for(SECOND_MESH):
+                        other = timed_path(second, self._material)
+                        there = other.reached(rows)
+                        forces = (one._board_force(rows, reached) for one, reached in ((self, at), (other, there)))
+                        return Comparison(
+                            comparison.error(at.displacement, there.displacement),
+                            partial(self._deviations, comparison.deviations, at, there),
+                            comparison.force_error(*forces) if self._path.load.gives_displacement else 0.0,
+                            there.seconds,
+                        )
+                except ComputationError:
+                    continue  # its path ends before this load, or memory does
+            return Comparison()
+
+    def _deviations(self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached) -> np.ndarray:
+        """Those of the elements, with that of the steps of time in what is left."""
+        found = deviations(at.displacement, there.displacement)
+        found[1] += at.deviation
+        return found
+
+    def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+        overstress = spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        return board_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
+
+    def _name(self, rows: tuple[Row, ...]) -> str:
+        path = self._path
+        numerics = [path.judged, RESIDUAL_TOLERANCE, TIME_TOLERANCE, available_solvers()[0]]
+        return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
+
+
+@lru_cache(maxsize=4)
+def timed_path(path: PadPath, material: Viscoelastic) -> TimedPath:
+    """The one that everybody shares."""
+    return TimedPath(path, material)

@@ -1,0 +1,193 @@
+"""Pads with a memory: closed solutions, limits, stated errors of the steps of time, the same bits for everybody."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    IndenterForce,
+    NeoHookean,
+    PatchForce,
+    PlateDisplacement,
+    PlateForce,
+    Pressure,
+    SpreadForce,
+    Viscoelastic,
+    linearise,
+    load_path,
+    nodal_fields,
+    reactions,
+    state_after,
+)
+from mitsuba_taxel.mechanics.path.timed_path import timed_path
+from mitsuba_taxel.pads import Pad
+
+PAD, SIZE = Pad(rows=1, columns=1), 3.0
+LAW = NeoHookean(1.0, 0.5)
+SOFT = Viscoelastic(LAW, ((0.2, 1.0), (0.3, 10.0)))
+PLATE = PlateDisplacement()
+
+
+def states(values, times, material=SOFT, load=PLATE, pad=PAD):
+    return load_path(pad, material, values, times=times, load=load, mesh_size=SIZE)
+
+
+def plate_forces(found):
+    return np.array([reactions(state).applied_force[2] for state in found])
+
+
+def test_a_held_plate_is_pushed_as_the_prony_series_says_at_finite_strain():
+    times = [0, 0.1, 1, 3, 10, 100, 1e9]
+    found = states([(0, 0, -0.5)] * len(times), times)
+    forces = plate_forces(found)
+    np.testing.assert_allclose(forces / forces[0], SOFT.relaxation(np.array(times)), rtol=1e-7)
+    (elastic,) = load_path(PAD, LAW, [(0, 0, -0.5)], load=PLATE, mesh_size=SIZE)
+    assert forces[0] == pytest.approx(reactions(elastic).applied_force[2], rel=1e-5)  # which is interpolated
+    assert all(state.memory.error < 1e-8 for state in found)
+    stresses = [
+        nodal_fields(s.mesh, s.displacement, s.pressure, s.material, s.memory.overstress).von_mises_stress
+        for s in (found[0], found[-1])
+    ]
+    np.testing.assert_allclose(stresses[1], 0.5 * stresses[0], rtol=1e-6)
+
+
+def test_in_the_long_run_a_pressed_pad_is_one_of_the_long_term_modulus():
+    soft = Viscoelastic(NeoHookean(2.0, 0.5), SOFT.prony)
+    force = (0.1, 0.05, -1.0)
+    (lasting,) = states([force], [1e9], soft, PlateForce())
+    (elastic,) = load_path(PAD, NeoHookean(1.0, 0.5), [force], load=PlateForce(), mesh_size=SIZE)
+    assert np.abs(lasting.displacement - elastic.displacement).max() < 2e-4 * np.abs(elastic.displacement).max()
+
+
+def creep(times):
+    """Compliance over that at once, by the eigenvalues of the equations of both terms."""
+    shares, rest = SOFT.shares, 1 - SOFT.shares.sum()
+    rates = np.linalg.solve(np.eye(2) + np.outer(shares, np.ones(2)) / rest, -np.diag(1 / SOFT.times))
+    values, vectors = np.linalg.eig(rates)
+    held = (vectors * np.exp(np.outer(times, values))[:, None, :]) @ np.linalg.solve(vectors, shares)
+    return (1 - held.sum(axis=1)) / rest
+
+
+def test_creep_under_a_small_force_and_its_stated_error():
+    times = np.array([0, 0.3, 1, 3, 10, 30, 1e9])
+    found = states([(0, 0, -1e-4)] * len(times), times, load=PlateForce())
+    sunk = np.array([state.displacement[:, 2].min() for state in found])
+    errors = sunk / sunk[0] / creep(times) - 1
+    stated = np.array([np.abs(s.memory.deviation).max() / np.abs(s.displacement).max() for s in found])
+    assert np.all(np.abs(errors) < 2e-3)
+    middle = slice(2, -1)
+    assert np.all((stated[middle] > np.abs(errors[middle]) / 3) & (stated[middle] < 3 * np.abs(errors[middle])))
+    assert abs(errors[-1]) < 1e-4
+
+
+def test_small_cycles_have_the_storage_and_loss_modulus():
+    omega, count = 0.5, 16  # steps of a cycle, between which straight lines have (2 pi / count)^2 / 12 less amplitude
+    time = np.arange(1, 2 * count + 1) * 2 * np.pi / omega / count
+    found = states([(0, 0, 1e-3 * np.sin(omega * t)) for t in time], time)
+    forces = plate_forces(found)[count:]
+    stiffness = plate_forces(states([(0, 0, 1e-3)], [0.0]))[0]
+    wave = np.exp(-1j * omega * time[count:])
+    modulus = 2j * (forces * wave).mean() / stiffness
+    x = omega * SOFT.times
+    transient = SOFT.shares @ np.exp(-time[count] / SOFT.times)
+    exact = 1 - SOFT.shares.sum() + (SOFT.shares * 1j * x / (1 + 1j * x)).sum()
+    assert modulus.real == pytest.approx(exact.real, abs=0.01 + 0.3 * transient)
+    assert modulus.imag == pytest.approx(exact.imag, abs=0.01 + 0.3 * transient)
+
+
+def test_quick_and_slow_terms_in_one_series_and_steps_of_any_length():
+    wild = Viscoelastic(LAW, ((0.5, 1e-6), (0.4999, 1e6)))
+    times = np.array([0, 1e-9, 1e-6, 1.0, 1e6, 1e9])
+    forces = plate_forces(states([(0, 0, -0.3)] * len(times), times, wild))
+    np.testing.assert_allclose(forces / forces[0], wild.relaxation(times), rtol=1e-6)
+    found = states([(0, 0, -1e-6)] * 3, [0, 1.0, 1e12], wild, PlateForce())
+    sunk = np.array([state.displacement[:, 2].min() for state in found])
+    np.testing.assert_allclose(sunk / sunk[0], [1, 2, 1e4], rtol=1e-2)
+    assert np.abs(found[-1].memory.deviation).max() > abs(sunk[-1] - 1e4 * sunk[0]) / 3
+
+
+@pytest.mark.parametrize(
+    ("load", "value"),
+    [
+        (SpreadForce(), (0.02, 0.01, -0.5)),
+        (PatchForce((0.5, 0.2), (2.0, 2.0)), (0, 0, -0.2)),
+        (PlateForce(), (0, 0.1, -0.5)),
+        (PLATE, (0.1, 0, -0.3)),
+        (Pressure(), (0.01,)),
+        (IndenterDisplacement(Indenter("sphere", radius=200.0)), (0, 0, -0.05)),
+    ],
+)
+def test_every_load_is_balanced_through_a_loop(load, value):
+    value = np.array(value)
+    way = [0 * value, value * [0, 0, 1] if len(value) == 3 else value, value, 0.5 * value, 0 * value]
+    found = states(way[1:], [1.0, 2.0, 2.5, 4.0], load=load)
+    for state in found[:-1]:
+        assert reactions(state).imbalance < 1e-6
+        assert state.stability_checked
+    assert np.abs(found[-1].displacement).max() > 1e-3  # the loop is open
+    assert reactions(found[-1]).imbalance < 1e-5
+
+
+ROWS = [(0, 0, -0.2), (0.05, 0, -0.2), (0, 0, -0.1)]
+
+
+def same(one, other):
+    return np.array_equal(one.displacement, other.displacement) and np.array_equal(one.pressure, other.pressure)
+
+
+def test_a_state_depends_on_the_rows_before_it_alone():
+    together = states(ROWS, [1, 2, 3])
+    timed_path.cache_clear()  # what is on disk remains
+    for count in (3, 1, 2):
+        assert same(
+            together[count - 1], state_after(PAD, SOFT, ROWS[:count], [1, 2, 3][:count], load=PLATE, mesh_size=SIZE)
+        )
+    other = states([ROWS[0], (0, 0, -0.3)], [1, 2])
+    assert same(together[0], other[0])
+    assert not same(together[1], other[1])
+
+
+def test_a_quicker_load_meets_a_stiffer_pad():
+    forces = [plate_forces(states([(0, 0, -0.3)], [time]))[0] for time in (1e-3, 1.0, 1e5)]
+    assert forces[0] < forces[1] < forces[2] < 0
+    assert forces[2] / forces[0] == pytest.approx(0.5, rel=2e-3)
+
+
+def test_a_second_mesh_tells_the_error():
+    (state,) = states([(0, 0, -0.3)], [1.0])
+    assert 0 < state.error.relative < 0.5
+    assert 0 < state.force_error < abs(reactions(state).applied_force[2])
+    assert state.deviations.shape == (2, *state.displacement.shape)
+
+
+def test_a_path_that_ends_says_when():
+    with pytest.raises(ComputationError, match=r"the load path ends at displacement = \(0, 0, -.* mm, 0\..* s\."):
+        states([(0, 0, -4.5)], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        (None, "times are missing"),
+        ([1], "times"),
+        ([1, 0.5], r"times\[1\] = 0.5 s is not allowed: at least 1 s"),
+        ([-1, 0], r"times\[0\] = -1 s"),
+        ([0, np.inf], "times"),
+    ],
+)
+def test_times_that_no_load_has_are_refused(times, words):
+    with pytest.raises(InputError, match=words):
+        states([(0, 0, -0.1)] * 2, times)
+
+
+def test_other_refusals():
+    with pytest.raises(InputError, match="has no memory"):
+        states([(0, 0, -0.1)], [1.0], LAW)
+    with pytest.raises(InputError, match="displacement of an indenter"):
+        states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0)))
+    with pytest.raises(InputError, match="memory"):
+        linearise(states([(0, 0, -0.3)], [1.0])[0])
