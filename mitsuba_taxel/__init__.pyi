@@ -51,6 +51,9 @@ from .mechanics import (
     SpreadForce as SpreadForce,
 )
 from .mechanics import (
+    Viscoelastic as Viscoelastic,
+)
+from .mechanics import (
     Yeoh as Yeoh,
 )
 from .mechanics import (

@@ -14,9 +14,13 @@ from .options import debug_option, json_option
 @click.option(
     "-o", "--output", "file", type=click.Path(path_type=Path), metavar="PART.png", help="Draw it, as PNG or SVG."
 )
+@click.option(
+    "--edges", "height", type=float, metavar="MM",
+    help="Where the edge of a mirror at this height lies for 10, 50 and 90 % of the current.",
+)  # fmt: skip
 @json_option
 @debug_option
-def command(name: str | None, file: Path | None, as_json: bool) -> None:
+def command(name: str | None, file: Path | None, height: float | None, as_json: bool) -> None:
     """List the parts of the catalogue, or tell what is known of one, by its name or from a file of one's own.
 
     Body, windows and dies, figures of the datasheet and their source; what it does not tell; and the current under a
@@ -29,6 +33,8 @@ def command(name: str | None, file: Path | None, as_json: bool) -> None:
     if name is None:
         if file is not None:
             raise click.UsageError("-o is not allowed without a part.")
+        if height is not None:
+            raise click.UsageError("--edges is not allowed without a part.")
         parts = [read_part(one) for one in part_names()]
         if as_json:
             _print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
@@ -41,9 +47,11 @@ def command(name: str | None, file: Path | None, as_json: bool) -> None:
     if as_json:
         from dataclasses import asdict
 
-        _print_json({**asdict(part), "mirror_curve": _curve(part)})
+        _print_json({**asdict(part), "mirror_curve": _curve(part), "edges_mm": _edges(part, height)})
     else:
         _show(part)
+        if height is not None:
+            _show_edges(part, height)
 
 
 def _print_json(content: object) -> None:
@@ -74,6 +82,21 @@ def _curve(part) -> list[tuple[float, float, float]]:
     most = mirror_curve(part, np.linspace(heights.min(), heights.max(), 200)[:60]).max()
     model = mirror_curve(part, heights)
     return list(zip(heights.tolist(), given.tolist(), (model / max(most, model.max())).tolist(), strict=True))
+
+
+def _edges(part, height: float | None) -> dict[str, list[float]]:
+    """By axis, places of an edge for 10, 50 and 90 % of the current; none without a height."""
+    from mitsuba_taxel.parts import edge_positions
+
+    return {} if height is None else {word: edge_positions(part, height, k).tolist() for k, word in enumerate("xy")}
+
+
+def _show_edges(part, height: float) -> None:
+    from .tables import print_table
+
+    rows = ((word, *(f"{place:.3f}" for place in places)) for word, places in _edges(part, height).items())
+    print(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
+    print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 
 
 def _show(part) -> None:

@@ -2,6 +2,9 @@ from .mirror import (
     MirrorRays as MirrorRays,
 )
 from .mirror import (
+    edge_positions as edge_positions,
+)
+from .mirror import (
     mirror_curve as mirror_curve,
 )
 from .mirror import (

@@ -76,6 +76,23 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
     return np.array([mirror_rays(part, float(height)).power.sum() for height in np.atleast_1d(heights)])
 
 
+def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
+    """Where the straight edge of a mirror is in mm, from the body's middle along x (0) or y (1), when it brings some
+    shares of the power of one without an edge; it lies on the lower side of the edge.
+
+    Raises
+    ------
+    InputError
+        if the height is not above 0, or shares are not between 0 and 1.
+    """
+    rays, asked = mirror_rays(part, height), np.atleast_1d(np.asarray(shares, dtype=float))
+    if not np.all((asked > 0) & (asked < 1)):
+        raise InputError(f"shares = {shares} are not allowed: numbers between 0 and 1 are needed.")
+    order = np.argsort(rays.places[:, axis])
+    covered = np.cumsum(rays.power[order])
+    return np.interp(asked * covered[-1], covered, rays.places[order, axis])
+
+
 def _bent(index: float, height: float, depths: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Angles in air of the rays between points so far apart, and T^2 / (2 n^2) d(sin^2)/dR / R."""
     angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]

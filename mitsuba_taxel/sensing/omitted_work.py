@@ -79,7 +79,7 @@ def _of_pad(pad: Any) -> Iterator[str]:
         yield "pad without load: no error of the mechanics to find out"
         if pad.mesh_tolerance is None:
             yield "pad without load: meshed, nothing solved"
-    for end, mirrors in _symmetric_segments(pad.state):
+    for end, mirrors in () if pad.prony else _symmetric_segments(pad.state):
         planes = ", ".join(_PLANES[mirror.name] for mirror in mirrors)
         where = f"({', '.join(f'{component:g}' for component in end)})" if len(end) > 1 else f"{end[0]:g}"
         yield (
@@ -94,7 +94,7 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
     """Where each segment of the path to a state ends, and the mirrors that leave pad and segment as they are."""
     from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
-    if not state.value.any() or state.memory is not None:
+    if not state.value.any():
         return
     mirrors = list(mirror_images(state.mesh, state.load))
     segments = [(state.value, mirrors)]

@@ -282,7 +282,7 @@ class DeformablePad(Specification):
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
         """Times in s and values of the load, its own the last; raises `InputError`."""
         load, value = self.build_load()
-        rows = []
+        rows: list[list[float]] = []
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + load.components:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, Scene, measure
-from mitsuba_taxel.parts import mirror_curve, mirror_rays, read_part
+from mitsuba_taxel.parts import edge_positions, mirror_curve, mirror_rays, read_part
 
 VCNT = read_part("vcnt2020")
 
@@ -97,3 +97,18 @@ def test_rays_meet_the_mirror_between_the_windows():
 def test_no_height(height):
     with pytest.raises(InputError, match="height = "):
         mirror_rays(VCNT, height)
+
+
+def test_the_edge_of_a_mirror_cuts_the_light_between_the_dies():
+    small = replace(
+        VCNT, **{n: replace(getattr(VCNT, n), die_width=1e-3, die_length=1e-3) for n in ("emitter", "detector")}
+    )
+    for axis, middle in enumerate((0.0, -0.3)):
+        np.testing.assert_allclose(edge_positions(small, 1.0, axis), middle, atol=1e-3)
+        low, half, high = edge_positions(VCNT, 1.0, axis)
+        assert half == pytest.approx(middle, abs=5e-3) and 0.15 < high - low < 0.25
+    rays = mirror_rays(VCNT, 0.5)
+    beyond = rays.places[:, 0] < edge_positions(VCNT, 0.5, 0, 0.25)
+    assert rays.power[beyond].sum() == pytest.approx(0.25 * rays.power.sum(), rel=1e-3)
+    with pytest.raises(InputError, match="between 0 and 1"):
+        edge_positions(VCNT, 1.0, 0, 1.0)

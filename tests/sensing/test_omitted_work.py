@@ -160,7 +160,8 @@ def test_a_pad_without_load_is_only_meshed(llvm_mono):
 def test_a_tolerance_of_the_mesh_takes_solutions():
     from mitsuba_taxel.sensing.omitted_work import _of_pad
 
-    pad = SimpleNamespace(value=(0, 0, 0), mesh_tolerance=0.5, finish=None, state=SimpleNamespace(value=np.zeros(3)))
+    state = SimpleNamespace(value=np.zeros(3))
+    pad = SimpleNamespace(is_loaded=False, prony=(), mesh_tolerance=0.5, finish=None, state=state)
     lines = list(_of_pad(pad))
     assert not has(lines, "pad without load: meshed") and has(lines, "pad without load: no error")
 

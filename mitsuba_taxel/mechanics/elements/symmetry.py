@@ -71,8 +71,8 @@ class SymmetricPart:
         Element of the whole that each of its elements is.
     walls : tuple[Mirror, ...]
         The mirrors that bound it.
-    mirrors : tuple[Mirror, ...]
-        The group.
+    group : tuple[Mirror, ...]
+        The mirrors that make it.
     source : (N,) ndarray
         Node of the part that each node of the whole is an image of.
     turn : (N, 3, 3) ndarray
@@ -83,7 +83,7 @@ class SymmetricPart:
     nodes: np.ndarray
     elements: np.ndarray
     walls: tuple[Mirror, ...]
-    mirrors: tuple[Mirror, ...]
+    group: tuple[Mirror, ...]
     source: np.ndarray
     turn: np.ndarray
 
@@ -110,12 +110,17 @@ class SymmetricPart:
         element = np.empty(len(corners), dtype=np.int64)
         element[of_whole] = np.repeat(of_part, self.copies)
         corner = (corners[:, :, None] == own[element][:, None, :]).argmax(axis=2)
-        return element, corner, _turns(whole.points[whole.tets[:, :4]].mean(axis=1), self.mirrors)
+        return element, corner, _turns(whole.points[whole.tets[:, :4]].mean(axis=1), self.group)
+
+    @property
+    def mirrors(self) -> int:
+        """How many make the group."""
+        return len(self.group)
 
     @property
     def copies(self) -> int:
         """How many images of the part make the whole."""
-        return {0: 1, 1: 2, 2: 4, 4: 8}[len(self.mirrors)]
+        return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
 
     @cached_property
     def _whole_corners(self) -> int:

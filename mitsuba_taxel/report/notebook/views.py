@@ -19,7 +19,7 @@ from mitsuba_taxel.sensing.wording import budget_line, light_error_line, reading
 if TYPE_CHECKING:
     import xarray as xr
 
-    from mitsuba_taxel.mechanics import Material
+    from mitsuba_taxel.mechanics import Material, Viscoelastic
     from mitsuba_taxel.mechanics.materials.silicones import Silicone
     from mitsuba_taxel.mechanics.path.state import State
     from mitsuba_taxel.pads import Pad, PadFile
@@ -97,10 +97,21 @@ def _pad_file_html(pad: PadFile) -> str:
     return _framed(f"Pad: {pad.path.name}", drawing, _line(rules))
 
 
-def _material_html(material: Material) -> str:
+def _viscoelastic_html(silicone: Viscoelastic) -> str:
+    """The law at once, and what relaxes."""
+    left = 1 - silicone.shares.sum()
+    rows = [(f"{share:.6g}", f"{time:.6g}") for share, time in silicone.prony]
+    memory = _framed("Memory", _line(f"Left in the long run: {left:.6g}."), _table(("share", "time [s]"), rows))
+    return _material_html(silicone.law) + memory
+
+
+def _material_html(material: Material | Viscoelastic) -> str:
     """A law, its constants and the moduli that follow from them."""
+    from mitsuba_taxel.mechanics import Viscoelastic
     from mitsuba_taxel.parameters import parameters_of
 
+    if isinstance(material, Viscoelastic):
+        return _viscoelastic_html(material)
     law = (type(material).__doc__ or "").strip().splitlines()[0].rstrip(".")
     units = {name: stated.unit for name, stated in parameters_of(type(material)).items()}
     rows = [(name, f"{getattr(material, name):.6g}", units.get(name, "")) for name in material.parameters]
@@ -260,6 +271,7 @@ _VIEWS: dict[str, Callable[..., str]] = {
     "Pad": _pad_html,
     "PadFile": _pad_file_html,
     "Material": _material_html,
+    "Viscoelastic": _viscoelastic_html,
     "Silicone": _silicone_html,
     "State": _state_html,
     "PadSensor": _sensor_html,
