@@ -47,8 +47,9 @@ class Memory(NamedTuple):
     ----------
     time : float
         In s, since the pad was at rest.
-    overstress : (m, q, 6) ndarray
-        MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy, yz, xz.
+    overstress : ndarray
+        (m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
+        yz, xz.
     deviation : (N, 3) ndarray
         mm, by which the displacement is estimated to be off for the steps of time.
     error : float
