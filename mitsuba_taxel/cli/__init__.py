@@ -22,7 +22,7 @@ from .options import debug_option
 COMMANDS = (
     "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
     "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce",
-    "doctor",
+    "validate", "doctor",
 )  # fmt: skip
 
 

@@ -1,0 +1,28 @@
+"""`taxel validate`: simulated sensors beside measured ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .options import debug_option, folder_option
+
+
+@click.command(short_help="Simulated sensors beside measured ones.")
+@folder_option
+@click.option(
+    "--docs",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Where validation.md goes.  [default: that of results]",
+)
+@debug_option
+def command(folder: Path, docs: Path | None) -> None:
+    """Compute what is missing of the comparison in DIR, and write the page validation.md."""
+    from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+    from mitsuba_taxel.reproduce.validation import write_validation
+
+    store = PaperStudies(folder, lambda name: click.echo(name, err=True))
+    said = f"taxel validate -o DIR{f' --docs {docs}' if docs else ''}"
+    click.echo(f"Page: {write_validation(store, docs or folder, said)}")

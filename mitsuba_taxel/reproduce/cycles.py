@@ -1,0 +1,63 @@
+"""Loading cycles of the paper's pads with a memory: volts per newton, nonlinearity and hysteresis."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.characterise import characteristics, simulated_experiments
+from mitsuba_taxel.electronics import Circuit
+from mitsuba_taxel.reproduce import measured, paper
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.studies import sweep
+
+CELLS = 9
+"""Of our pad: forces are those of the experiments per cell."""
+STEPS, POINTS = 5, 1024
+
+
+class Figures(NamedTuple):
+    """Of the taxels of a pad: least and largest V/N of the experiments' pad; of the most sensitive one, percent of
+    nonlinearity and of hysteresis, with their errors."""
+
+    least: float
+    most: float
+    nonlinearity: tuple[float, float]
+    hysteresis: tuple[float, float]
+
+
+def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]) -> xr.Dataset:
+    """Readings along one cycle to the experiments' force per cell, at their rate."""
+    share = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
+    forces = -paper.MEASURED_FORCE * CELLS / measured.CELLS_OF_EXPERIMENTS * share
+    times = measured.RAMP_SECONDS * np.arange(len(share)) / STEPS
+    prony = "; ".join(f"{g:.6g} {tau:g}" for g, tau in terms)
+    rows = {"time": times.tolist(), "fz": np.round(forces, 6).tolist()}
+    request = {"together": rows, "prony": prony, "points": POINTS}
+    defines = {"cell": cell, "prony": prony}
+    return store.study(f"cycle/{cell}", request, lambda: sweep("pad.xml", {}, defines, together=rows, points=POINTS))
+
+
+def figures(study: xr.Dataset) -> Figures:
+    """Of a cycle, with the circuit of the measured pad and LEDs that give its mean voltage at rest."""
+    at_rest = float(study.power.isel(step=0).mean())
+    circuit = Circuit(
+        supply=measured.ADC_REFERENCE,
+        load_resistance=measured.LOAD_RESISTANCE,
+        transfer=measured.REST_VOLTAGE / measured.LOAD_RESISTANCE / at_rest,
+        adc_bits=measured.ADC_BITS,
+    )
+    found = simulated_experiments(study, circuit)
+    table = characteristics(found.experiments, found.off)
+    table = table[table.reading == "V"]
+    slopes = table[(table.figure == "mean_slope") & (table.loading == 1)].set_index("taxel")
+    per_force = CELLS / measured.CELLS_OF_EXPERIMENTS * slopes.value.abs()
+    best = per_force.idxmax()
+
+    def of_best(figure: str) -> tuple[float, float]:
+        row = table[(table.figure == figure) & (table.taxel == best)].iloc[0]
+        return float(row.value), float(row.error)
+
+    return Figures(float(per_force.min()), float(per_force.max()), of_best("nonlinearity"), of_best("hysteresis"))
