@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.parameters import nested, number, transform, vector, whole
+from mitsuba_taxel.parameters import nested, number, text, transform, vector, whole
 from mitsuba_taxel.parameters.similarity import similarity_scale
+from mitsuba_taxel.parts import read_part
 from mitsuba_taxel.specification.annular_led import AnnularLed
 from mitsuba_taxel.specification.phototransistor import Phototransistor
 from mitsuba_taxel.specification.specification import Specification
@@ -22,31 +24,75 @@ _ROUNDING = 1e-6
 """Relative error of lengths that Mitsuba keeps in single precision, as it does the components of vectors."""
 
 
+class Package(NamedTuple):
+    """A body in mm, what is set into its top, and where along x."""
+
+    body: tuple[float, float, float]
+    led: AnnularLed
+    phototransistor: Phototransistor
+    led_x: float
+    phototransistor_x: float
+
+    @property
+    def extent(self) -> str:
+        """Of the body, in words."""
+        return ", ".join(f"{side:g}" for side in self.body)
+
+
+@lru_cache(maxsize=8)
+def _package_of(name: str) -> Package:
+    """A part as a package; raises `InputError` for what that cannot be."""
+    part = read_part(name)
+    emitter, detector = part.emitter, part.detector
+    depth = max(emitter.die_depth, detector.die_depth)
+    if depth > 0:
+        raise InputError(
+            f"part = {name!r} is not allowed here: its dies lie {depth:g} mm below their windows, and refraction there is "
+            "not modelled but by `taxel parts`."
+        )
+    if emitter.y or detector.y or emitter.die_width != emitter.die_length:
+        raise InputError(f"part = {name!r} is not allowed here: dies on y = 0, the emitter's a square, are needed.")
+    led = AnnularLed(size=emitter.die_width, hole=0.0, law="lambertian", wavelength=part.wavelength)
+    phototransistor = Phototransistor(width=detector.die_width, depth=detector.die_length)
+    return Package(part.body, led, phototransistor, emitter.x, detector.x)
+
+
 @dataclass(frozen=True)
 class PhotoReflector(Specification):
-    """An array of photo-reflectors; the defaults are those of the NJL5908AR."""
+    """An array of photo-reflectors; the defaults are those of the paper's NJL5908AR."""
 
     plugin = "photo_reflector"
 
     rows: int = whole(1, 1, 1000, "Rows of the array, from +y to -y.")
     columns: int = whole(1, 1, 1000, "Columns of the array, along +x.")
     pitch: float = number(3.55, "mm", "Distance between neighbours.", above=0, common=(0.1, 200))
-    body: tuple[float, float, float] = vector(
-        (1.46, 1.06, 0.5), "mm", "Extent of the package along x, y and z.", above=0, common=(0.05, 100)
+    part: str | None = text(
+        None,
+        "A part by its name in the catalogue, or from a TOML file, whose dies lie in the plane of their windows. It says "
+        "what the body, the dies and their places are; LED and phototransistor are not nested then: the LED is "
+        "Lambertian and emits 1 W.",
+        "the name of a part, or of a TOML file",
+        default_words="the paper's sensor, as stated here",
     )
-    spacing: float = number(
+    body: tuple[float, float, float] | None = vector(
+        (1.46, 1.06, 0.5), "mm", "Extent of the package along x, y and z.", above=0, common=(0.05, 100), without="part"
+    )
+    spacing: float | None = number(
         0.9,
         "mm",
         "Distance between the centres of LED (at -spacing/2) and phototransistor (at +spacing/2) along x.",
         minimum=0,
         common=(0.02, 100),
+        without="part",
     )
     to_world: Any = transform(
         "Rigid motion, with at most a uniform scale. The body stands on z = 0, its centre on x = y = 0."
     )
-    led: AnnularLed = nested("emitter", AnnularLed, AnnularLed(), "One `annular_led`, repeated in each body.")
-    phototransistor: Phototransistor = nested(
-        "sensor", Phototransistor, Phototransistor(), "One `phototransistor`, repeated in each body."
+    led: AnnularLed | None = nested(
+        "emitter", AnnularLed, AnnularLed(), "One `annular_led`, repeated in each body.", without="part"
+    )
+    phototransistor: Phototransistor | None = nested(
+        "sensor", Phototransistor, Phototransistor(), "One `phototransistor`, repeated in each body.", without="part"
     )
     wall: Wall = nested(
         "bsdf",
@@ -63,31 +109,37 @@ class PhotoReflector(Specification):
                 f"rows = {self.rows}, columns = {self.columns} are not allowed: at most {MOST_TAXELS} photo-reflectors "
                 "are possible."
             )
+        package = self.package
         scale = 1.0 if self.to_world is None else similarity_scale(np.array(self.to_world.matrix, dtype=float))
-        if not all(SHORTEST <= scale * side <= LONGEST for side in self.body):
+        if not all(SHORTEST <= scale * side <= LONGEST for side in package.body):
             raise InputError(
-                f"body = {self._extent} is not allowed: with the scale of to_world, sides from {SHORTEST:g} to "
+                f"body = {package.extent} is not allowed: with the scale of to_world, sides from {SHORTEST:g} to "
                 f"{LONGEST:g} mm are needed."
             )
-        self._check_layout()
+        self._check_layout(package)
 
     @property
-    def _extent(self) -> str:
-        return ", ".join(f"{side:g}" for side in self.body)
+    def package(self) -> Package:
+        """Body and dies, those of the part where there is one; raises `InputError`."""
+        if self.part is not None:
+            return _package_of(self.part)
+        assert self.body is not None and self.spacing is not None and self.led and self.phototransistor
+        return Package(self.body, self.led, self.phototransistor, -0.5 * self.spacing, 0.5 * self.spacing)
 
-    def _check_layout(self) -> None:
-        length, width, _ = self.body
-        closest = 0.5 * (self.led.size + self.phototransistor.width)
-        furthest = length - max(self.led.size, self.phototransistor.width)
+    def _check_layout(self, package: Package) -> None:
+        led, phototransistor = package.led, package.phototransistor
+        length, width, _ = package.body
+        closest = 0.5 * (led.size + phototransistor.width)
+        furthest = length - max(led.size, phototransistor.width)
         slack = 1 + _ROUNDING
-        if not closest / slack <= self.spacing <= furthest * slack:
+        if self.spacing is not None and not closest / slack <= self.spacing <= furthest * slack:
             raise InputError(
                 f"spacing = {self.spacing:g} is not allowed: from {closest:g} (LED and phototransistor touch) "
                 f"to {furthest:g} (the edge of the body) is needed."
             )
-        widest = max(self.led.size, self.phototransistor.depth)
+        widest = max(led.size, phototransistor.depth)
         if widest > width * slack:
-            raise InputError(f"body = {self._extent} is not allowed: its y extent must hold {widest:g}.")
+            raise InputError(f"body = {package.extent} is not allowed: its y extent must hold {widest:g}.")
         closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
         if self.pitch < closest_pitch / slack:
             raise InputError(

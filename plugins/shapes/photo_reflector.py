@@ -7,12 +7,13 @@ from itertools import pairwise
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
+from mitsuba_taxel.backend.plugin_objects import found, kind_of, make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
 from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
+from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters
 
 
@@ -25,7 +26,8 @@ class PhotoReflector(mi.Mesh):
 
     Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two
     faces, and the face attribute :monosp:`face_region` tells the three apart. Faces of which nothing is said absorb;
-    the dark centre of an LED belongs to its face. Defaults are those of the NJL5908AR.
+    the dark centre of an LED belongs to its face. Defaults are those of the paper's NJL5908AR; a :monosp:`part` of the
+    catalogue brings its own dies.
 
     .. tabs::
         .. code-tab:: xml
@@ -42,12 +44,20 @@ class PhotoReflector(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        detector = _phototransistor_of(props)
+        if "part" in props and str(props["part"]).endswith(SUFFIX):
+            props["part"] = str(found(props["part"]))
         self.specification = stated = Parameters.read(props)
-        self.rows, self.columns, self.pitch, self.spacing = stated.rows, stated.columns, stated.pitch, stated.spacing
-        self.body = np.array(stated.body)
+        package = stated.package
+        led, face = package.led, package.phototransistor
+        if stated.part is not None:
+            for part in (led, face):
+                words = part.to_dict()
+                props[part.plugin] = make_plugin(words.pop("type"), **words)
+        detector = _phototransistor_of(props)
+        self.rows, self.columns, self.pitch = stated.rows, stated.columns, stated.pitch
+        self.centres = {"led": package.led_x, "phototransistor": package.phototransistor_x}
+        self.body = np.array(package.body)
         self.to_world = stated.to_world or mi.ScalarTransform4f()
-        led, face = stated.led, stated.phototransistor
         self.sizes = {"led": (led.size, led.size), "phototransistor": (face.width, face.depth)}
         _cover_the_body(props)
         vertices, triangles = _body(self.body, *self._cuts())
@@ -65,16 +75,15 @@ class PhotoReflector(mi.Mesh):
 
     def face_grid(self, name: str) -> FaceGrid:
         """Where the faces called ``led`` or ``phototransistor`` lie."""
-        side = -0.5 if name == "led" else 0.5
-        centre = (side * self.spacing, 0.0, self.body[2])
+        centre = (self.centres[name], 0.0, self.body[2])
         return FaceGrid(self.to_world, centre, self.sizes[name], self.rows, self.columns, self.pitch)
 
     def _regions(self, centroids: np.ndarray) -> np.ndarray:
         """Codes (T,) of the regions of one body's triangles, given their centroids (T, 3) in mm."""
         codes = np.full(len(centroids), BODY_REGIONS["body"])
         on_top = centroids[:, 2] > self.body[2] * (1 - 1e-6)
-        for side, name in ((-0.5, "led"), (0.5, "phototransistor")):
-            offset = np.abs(centroids[:, :2] - (side * self.spacing, 0.0))
+        for name, x in self.centres.items():
+            offset = np.abs(centroids[:, :2] - (x, 0.0))
             codes[on_top & np.all(offset < 0.5 * np.array(self.sizes[name]), axis=1)] = BODY_REGIONS[name]
         return codes
 
@@ -92,8 +101,8 @@ class PhotoReflector(mi.Mesh):
     def _cuts(self) -> tuple[np.ndarray, np.ndarray]:
         """Where lines parallel to the axes cut the top, so that both faces are unions of its cells."""
         cuts: tuple[list[float], list[float]] = ([], [])
-        for side, name in ((-0.5, "led"), (0.5, "phototransistor")):
-            for axis, centre in enumerate((side * self.spacing, 0.0)):
+        for name, x in self.centres.items():
+            for axis, centre in enumerate((x, 0.0)):
                 half = 0.5 * self.sizes[name][axis]
                 cuts[axis].extend((centre - half, centre + half))
         lines = []
@@ -104,7 +113,8 @@ class PhotoReflector(mi.Mesh):
         return lines[0], lines[1]
 
     def to_string(self) -> str:
-        return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {self.spacing:g}]"
+        led, phototransistor = self.centres.values()
+        return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {phototransistor - led:g}]"
 
 
 def _phototransistor_of(props: mi.Properties) -> mi.Sensor:

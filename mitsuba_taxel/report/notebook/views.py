@@ -155,14 +155,15 @@ def _state_html(state: State) -> str:
 
 def _sensor_html(sensor: PadSensor) -> str:
     """A sensor: its pad, silicone, load and optical parts."""
+    package = sensor.photo_reflector.package
     parts = {
         "load": f"{type(sensor.load).__name__}, {sensor.load.quantity} = {tuple(sensor.force)} {sensor.load.unit}",
         "roof": sensor.roof,
         "side": sensor.side,
         "finish": "smooth" if sensor.finish is None else sensor.finish,
-        "photo-reflector": f"spacing {sensor.photo_reflector.spacing:g} mm",
-        "LED": sensor.photo_reflector.led,
-        "phototransistor": sensor.photo_reflector.phototransistor,
+        "photo-reflector": f"spacing {package.phototransistor_x - package.led_x:g} mm",
+        "LED": package.led,
+        "phototransistor": package.phototransistor,
         "body": sensor.photo_reflector.wall,
     }
     rows = [(name, part if isinstance(part, str) else _given(part)) for name, part in parts.items()]
