@@ -66,8 +66,13 @@ class _Contents:
         return self._endpoints("sensor")
 
     def _endpoints(self, kind: str) -> list[Any]:
-        free = [[part] if part.kind == kind else part.nested(kind) for part in self.parts.roots]
-        return [part.made for group in free for part in group]
+        found = []
+        for part in self.parts.roots:
+            given = [part] if part.kind == kind else part.nested(kind)
+            found += [one.made for one in given]
+            if not given and part.plugin == "photo_reflector" and part.made is not None:  # a part brings its own
+                found.append(part.made.emitter() if kind == "emitter" else part.made.sensor())
+        return found
 
 
 def _walls(shape: ScenePart) -> Iterator[Finding]:

@@ -140,12 +140,12 @@ be another. Slopes are means from 0 to 10 N.
 
 {markdown_table(heads, rows)}
 
-No gain was fitted, and still the most sensitive taxel comes out at {shares} of the measured one, in the
-order of the shapes. What the measured pads have more, the simulated ones lack: spread between taxels, which
+No gain was fitted. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
+and hemispheric. The spread between taxels is smaller: that of boards and moulds is what
 [tolerances](tutorials/tolerances.md) make. The memory opens loops that are narrower than the measured ones, as above:
-{hysteresis} % of the parallelepiped's. The reading of a hemispheric cell hardly changes in the mean, as it falls and
-rises again, so that ratios to its change are not resolved. The steps of printed moulds, which the authors blame for the
-nonlinearity of round cells, are not in these pads ([a rough mould](tutorials/rough_mould.md)).
+{hysteresis} % of the parallelepiped's. Ratios are not resolved where readings change by little more than their error:
+under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, which the authors blame for
+the nonlinearity of round cells, are not in these pads ([a rough mould](tutorials/rough_mould.md)).
 Table 3, of tangential forces, is compared by its ratios in [the paper, rerun](paper.md).
 """
 

@@ -47,8 +47,8 @@ def _package_of(name: str) -> Package:
     depth = max(emitter.die_depth, detector.die_depth)
     if depth > 0:
         raise InputError(
-            f"part = {name!r} is not allowed here: its dies lie {depth:g} mm below their windows, and refraction there is "
-            "not modelled but by `taxel parts`."
+            f"part = {name!r} is not allowed here: its dies lie {depth:g} mm below their windows, where "
+            "light is bent, which only `taxel parts` models."
         )
     if emitter.y or detector.y or emitter.die_width != emitter.die_length:
         raise InputError(f"part = {name!r} is not allowed here: dies on y = 0, the emitter's a square, are needed.")
@@ -68,8 +68,8 @@ class PhotoReflector(Specification):
     pitch: float = number(3.55, "mm", "Distance between neighbours.", above=0, common=(0.1, 200))
     part: str | None = text(
         None,
-        "A part by its name in the catalogue, or from a TOML file, whose dies lie in the plane of their windows. It says "
-        "what the body, the dies and their places are; LED and phototransistor are not nested then: the LED is "
+        "A part by its name in the catalogue, or from a TOML file, whose dies lie in the plane of their windows. It "
+        "says what the body, the dies and their places are; LED and phototransistor are not nested then: the LED is "
         "Lambertian and emits 1 W.",
         "the name of a part, or of a TOML file",
         default_words="the paper's sensor, as stated here",
