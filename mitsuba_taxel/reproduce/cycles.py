@@ -11,6 +11,7 @@ from mitsuba_taxel.characterise import characteristics, simulated_experiments
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.reproduce import measured, paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.scenes import YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 CELLS = 9
@@ -29,14 +30,18 @@ class Figures(NamedTuple):
 
 
 def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]) -> xr.Dataset:
-    """Readings along one cycle to the experiments' force per cell, at their rate."""
+    """Readings along one cycle to the experiments' force per cell, at their rate.
+
+    The modulus of the paper is that in the long run.
+    """
     share = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
     forces = -paper.MEASURED_FORCE * CELLS / measured.CELLS_OF_EXPERIMENTS * share
     times = measured.RAMP_SECONDS * np.arange(len(share)) / STEPS
     prony = "; ".join(f"{g:.6g} {tau:g}" for g, tau in terms)
     rows = {"time": times.tolist(), "fz": np.round(forces, 6).tolist()}
-    request = {"together": rows, "prony": prony, "points": POINTS}
-    defines = {"cell": cell, "prony": prony}
+    at_once = round(YOUNGS_MODULUS / (1 - sum(g for g, _ in terms)), 4)
+    defines = {"cell": cell, "prony": prony, "youngs_modulus": at_once}
+    request = {"together": rows, "defines": defines, "points": POINTS}
     return store.study(f"cycle/{cell}", request, lambda: sweep("pad.xml", {}, defines, together=rows, points=POINTS))
 
 

@@ -136,7 +136,7 @@ def _tables(store: PaperStudies) -> str:
 Cycles to the force per cell of the experiments (10 N on 12 cells) at their rate, on the nominal pad of nine cells.
 Nothing of these tables is used: the electronics are those of the pad above ({electronics}), with LEDs
 that give its mean voltage at rest, {measured.REST_VOLTAGE:g} V; the memory is that found above, of a silicone that may
-be another. Slopes are means from 0 to 10 N.
+be another; in the long run it has the modulus of the paper. Slopes are means from 0 to 10 N.
 
 {markdown_table(heads, rows)}
 

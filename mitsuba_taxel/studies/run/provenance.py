@@ -16,7 +16,7 @@ from mitsuba_taxel.sensing.scene import is_file
 from mitsuba_taxel.studies.plan.batch import Batch
 
 ROOMS = (
-    "backend", "base", "geometry", "parameters", "pads", "mechanics", "transport", "specification", "kernels",
+    "backend", "base", "geometry", "parameters", "parts", "pads", "mechanics", "transport", "specification", "kernels",
     "electronics", "sensing", "plugins", "studies",
 )  # fmt: skip
 """Where the code is that decides what a reading of a study is."""
