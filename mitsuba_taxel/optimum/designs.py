@@ -220,12 +220,17 @@ def _moved(design: Design, number: int, step: float) -> Design:
     return Design(design.choice, tuple(x))
 
 
-def pads_of(scene: Scene) -> list[Pad]:
-    """The undeformed pads of a scene, but for those from files."""
+def parts_of(scene: Scene) -> list[DeformablePad]:
+    """The pads of a scene, as it describes them."""
     with scene.files_beside_it():
         nodes = scene.parsed(parser_config(activate_variant())).nodes
-        parts = [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]
-    return [pad for part in parts if isinstance(pad := part.build_pad(), Pad)]
+        return [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]
+
+
+def pads_of(scene: Scene) -> list[Pad]:
+    """The undeformed pads of a scene, but for those from files."""
+    built = (part.build_pad() for part in parts_of(scene) if part.filename is None)
+    return [pad for pad in built if isinstance(pad, Pad)]
 
 
 def thicknesses(pad: Pad) -> list[float]:

@@ -84,7 +84,7 @@ def gain_line(result: Optimum) -> str:
     if result.gain_error != result.gain_error:
         return f"Improvement: {result.gain:.1%}, not judged again."
     return (
-        f"Improvement, judged again on a finer mesh: {result.gain:.1%} ± {result.gain_error:.1%}; it is one with "
+        f"Improvement, judged again: {result.gain:.1%} ± {result.gain_error:.1%}; it is one with "
         f"probability {result.probability:.4f}."
     )
 

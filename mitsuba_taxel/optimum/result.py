@@ -80,6 +80,8 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     held = balance(np.array(best.x), judged)
     if again is None:
         notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
+    else:
+        notes += again.notes
     asked = plan.asked
     reads = {"before": course.read(before), "best": course.read(best)}
     if again is not None:

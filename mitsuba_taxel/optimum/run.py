@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.optimum.course import Course, Progress, worst_of
-from mitsuba_taxel.optimum.designs import Designs, pads_of
+from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Plan, read_plan
@@ -24,6 +24,7 @@ from mitsuba_taxel.studies.run.pool import Pool, open_pool
 FINER = 0.75
 """Of the mesh size, where a design is judged again; and as many times the points."""
 MORE_POINTS = 4
+SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
 def optimise(
@@ -112,7 +113,8 @@ def _no_design(course: Course) -> InputError:
 
 def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -> Designs | None:
     """Designs read anew, on a finer mesh, with more points and another seed; None where one cannot be."""
-    pads = pads_of(plan.scene(designs[-1]))
+    scene = plan.scene(designs[-1])
+    parts, pads = parts_of(scene), pads_of(scene)
     size = plan.batch.mesh_size or min((pad.default_mesh_size for pad in pads), default=None)
     finer = replace(
         plan.batch,
@@ -121,4 +123,5 @@ def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -
         mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
     )
     again = Designs(plan, pool, folder / "judged", False, finer)
+    again.notes = [SAME_MESH] if parts and not (size and scene.leaves_mesh_open) else []
     return again if all(read is not None for read in again.read(designs)) else None

@@ -9,8 +9,9 @@ from plate_reference import plate_power
 from scipy.optimize import minimize_scalar
 from taxel_program import run_program
 
-from mitsuba_taxel import InputError, open_study
+from mitsuba_taxel import InputError, Scene, open_study
 from mitsuba_taxel.optimum import optimise
+from mitsuba_taxel.optimum.designs import pads_of, parts_of
 
 PLATE = """
 scene = "plate.xml"
@@ -93,10 +94,16 @@ def test_a_soft_cell_with_as_much_light_as_is_allowed(cell):
     assert modulus["best"] == 3 and modulus["at"] == "low"
     assert power["best"] == pytest.approx(expected, rel=1e-3) and power["at"] == ""
     assert goal["best"] / goal["before"] == pytest.approx(expected * 4 / 3, rel=3e-3)
+    assert any("the mesh could not be made finer" in note for note in found["notes"])
     assert limit["multiplier"] == pytest.approx(expected * 4 / 3, rel=5e-3) and found["unbalanced"] < 1e-3
     slopes = {(row["figure"], row["variable"]): row["slope"] for row in found["slopes"]}
     assert slopes[goal["figure"], "led_power"] == pytest.approx(goal["best"] / power["best"], rel=1e-6)
     assert slopes[goal["figure"], "youngs_modulus"] == pytest.approx(-goal["best"] / 3, rel=3e-3)
+
+
+def test_pads_from_files_have_no_drawings():
+    scene = Scene("hexagonal.xml")
+    assert len(parts_of(scene)) == 1 and not pads_of(scene)
 
 
 def test_what_is_on_disk(cell):
@@ -127,7 +134,7 @@ def test_most_cells_keep_the_constraint(cell):
     robust = optimise(folder / "most.toml", folder / "out")
     expected = 0.0055 / found["figures"][1]["before"] - 1.2816 * 0.15
     assert robust.variables.best[1] == pytest.approx(expected, rel=1e-3) and robust.variables.best[0] == 3
-    assert robust.figures.best[1] == pytest.approx(0.0055, rel=1e-3) and "90 % of all sensors" in robust.notes[-1]
+    assert robust.figures.best[1] == pytest.approx(0.0055, rel=1e-3) and "90 % of all sensors" in robust.notes[0]
     (goal, _) = found["figures"]
     share = (expected - 1.2816 * 0.15) * 4 / 3
     assert robust.figures.best[0] == pytest.approx(share * goal["before"], rel=3e-3)
