@@ -1,132 +1,171 @@
-"""Forces of a rigid body on the faces that it presses on, and how they change.
+"""Pressures of a rigid body on the faces that it presses on.
 
-At quadrature points of the undeformed faces the body pushes back what is inside of it, by a stiffness per area:
-E = int c/2 min(g, 0)^2 dA with g the distance from the body (P. Wriggers, Computational Contact Mechanics, 2006,
-sections 5.1 and 6.3). Forces and stiffness are its derivatives, so that matrices stay symmetric and of their pattern:
-all nodes of a face lie in one element.
+The pressure has a value at each node, linear between them on each face cut into four triangles, and keeps the body out
+on average: the gap, weighted by the linear function of the node, does not become negative (M. A. Puso, T. A. Laursen
+and J. Solberg, Comput. Methods Appl. Mech. Eng. 197, 2008: mortar contact of quadratic elements). What is left of it
+is the pressure over a stiffness, so that both follow from the displacement: E = sum 1/2 min(gap, 0)^2 / slack, and
+forces are its derivative.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import Gap, Indenter
 from mitsuba_taxel.pads.pad import REGIONS
 
-STIFFNESS = 300.0
+STIFFNESS = 2e3
 """Pressure by which a body is kept out of a face where it is in by the size of the face, in Young's moduli."""
 SHAPE_STEP = 1e-5
-"""Fastest node's way, relative to the pad's height, that differences of areas are taken with."""
+"""Fastest node's way, relative to the pad's height, that differences by the shape are taken with."""
 
-# Twelve points, exact to degree 6 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985).
-_A, _B, _C, _D = 0.249286745170910, 0.063089014491502, 0.310352451033785, 0.053145049844816
-_PLACES = [(a, b, 1 - a - b) for a in (_A, _B) for a, b in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
-_PLACES += [
-    (x, y, 1 - x - y)
-    for x, y in (
-        (_C, _D),
-        (_D, _C),
-        (_C, 1 - _C - _D),
-        (1 - _C - _D, _C),
-        (_D, 1 - _C - _D),
-        (1 - _C - _D, _D),
-    )
-]
-BARYCENTRIC = np.array(_PLACES)
-WEIGHTS = np.array([0.116786275726379] * 3 + [0.050844906370207] * 3 + [0.082851075618374] * 6) / 2
-_VALUES, _SLOPES = shape_functions(BARYCENTRIC), shape_slopes(BARYCENTRIC)
+_NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
+_PIECES = np.array([[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]])
+# Three points on each of the four triangles, exact to degree 2 there.
+_HATS = np.concatenate([(np.full((3, 3), 1 / 6) + np.eye(3) / 2) @ np.eye(len(_NODES))[piece] for piece in _PIECES])
+"""(q, 6) linear functions of the nodes at the points of a face."""
+_WEIGHTS = np.full(len(_HATS), 0.5 / len(_HATS))
+_VALUES, _SLOPES = shape_functions(_HATS @ _NODES), shape_slopes(_HATS @ _NODES)
 
 
 class Pressing(NamedTuple):
-    """What presses at quadrature points: their ``face`` and ``point`` (n,), the ``force`` (n,) of each in N along the
-    gap's normal, and its ``stiffness`` (n,) in N/mm."""
+    """How a body stands to the nodes of faces.
 
-    face: np.ndarray
-    point: np.ndarray
-    gap: Gap
-    force: np.ndarray
-    stiffness: np.ndarray
+    Attributes
+    ----------
+    at : Gap
+        At the quadrature points of all faces.
+    gap : (m,) ndarray
+        Distance times the node's linear function, integrated over undeformed faces, mm³.
+    rate : (m, 3 N) csr_array
+        Its derivative by the displacement of each node, mm².
+    lift : (m, 3) ndarray
+        What it loses as the body moves: normals of the body, integrated in the same way, mm².
+    pressure : (m,) ndarray
+        At each node, MPa.
+    """
+
+    at: Gap
+    gap: np.ndarray
+    rate: sparse.csr_array
+    lift: np.ndarray
+    pressure: np.ndarray
+
+    @property
+    def force(self) -> np.ndarray:
+        """(3,) N, of the body on the faces."""
+        return self.pressure @ self.lift
+
+    @property
+    def pushed(self) -> np.ndarray:
+        """(N, 3) nodal forces."""
+        return (self.rate.T @ self.pressure).reshape(-1, 3)
 
 
 class Indentation:
     """A rigid body and the faces of a mesh that it may press on: top and outside.
 
+    A node where both meet has a pressure on each.
+
     Parameters
     ----------
     modulus : float
         MPa.
+
+    Attributes
+    ----------
+    node : (m,) ndarray
+        That each pressure is at.
+    area : (m,) ndarray
+        Integral of its linear function, mm².
+    slack : (m,) ndarray
+        Gap that a pressure leaves, mm³/MPa.
     """
 
     def __init__(self, mesh: VolumeMesh, indenter: Indenter, modulus: float) -> None:
-        self.indenter, self._points, self._modulus = indenter, mesh.points, modulus
-        self.faces = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
+        self.indenter, self._mesh, self._modulus = indenter, mesh, modulus
+        touched = np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))
+        self.faces = mesh.faces[touched]
         self._highest = int(mesh.points[:, 2].argmax())
-        self._start = np.array([*indenter.at, mesh.points[self._highest, 2]])
-        self.area = self._areas(mesh.points)
-        self._stiffness = self._per_depth(self.area)
+        keys = mesh.face_region[touched][:, None] * len(mesh.points) + self.faces
+        keys, numbers = np.unique(keys, return_inverse=True)
+        self.node, self._numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
+        self._areas = _WEIGHTS * np.linalg.norm(np.cross(*(s @ mesh.points[self.faces] for s in _SLOPES)), axis=2)
+        self._weights = self._areas[:, :, None] * _HATS
+        size = np.sqrt(2 * self._areas.sum(axis=1))
+        self.area = self._over_nodes(self._weights.sum(axis=1))
+        self.slack = self._over_nodes(self._weights.sum(axis=1) * size[:, None]) / (STIFFNESS * modulus)
 
-    def _areas(self, points: np.ndarray) -> np.ndarray:
-        """(B, q) mm² that each quadrature point stands for."""
-        return WEIGHTS * np.linalg.norm(np.cross(*(slopes @ points[self.faces] for slopes in _SLOPES)), axis=2)
+    def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
+        """(m,) sums of what faces (B, 6) have at their nodes."""
+        return np.bincount(self._numbers.ravel(), of_faces.ravel(), len(self.node))
 
-    def _per_depth(self, area: np.ndarray) -> np.ndarray:
-        """(B, q) N/mm of each quadrature point."""
-        return STIFFNESS * self._modulus * area / np.sqrt(2 * area.sum(axis=1, keepdims=True))
+    def pressing(self, displacement: np.ndarray, moved: np.ndarray, pressure: np.ndarray | None = None) -> Pressing:
+        """How the body, moved by (3,) mm, stands under a displacement (N, 3) of the nodes.
 
-    def pressing(self, displacement: np.ndarray, moved: np.ndarray) -> Pressing:
-        """What presses under a displacement (N, 3) of the nodes, with the body moved by (3,), in mm."""
-        places = _VALUES @ (self._points + displacement)[self.faces] - (self._start + moved)
-        gap = self.indenter.gap(places.reshape(-1, 3))
-        force = -gap.size * self._stiffness.ravel()
-        inside = np.flatnonzero(force > 0)
-        face, point = np.divmod(inside, len(WEIGHTS))
-        return Pressing(face, point, Gap(*(part[inside] for part in gap)), force[inside], self._stiffness[face, point])
+        Its ``pressure`` (m,) is that of the gaps, where no other is given.
+        """
+        start = np.array([*self.indenter.at, self._mesh.points[self._highest, 2]])
+        places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
+        at = self.indenter.gap(places.reshape(-1, 3))
+        gap = self._over_nodes(np.einsum("bqh,bq->bh", self._weights, at.size.reshape(places.shape[:2])))
+        normal = at.normal.reshape(places.shape)
+        lift = np.einsum("bqh,bqi->bhi", self._weights, normal)
+        slopes = np.einsum("bqh,bqi,qa->bhai", self._weights, normal, _VALUES, optimize=True)
+        columns = np.broadcast_to(3 * self.faces[:, None, :, None] + np.arange(3), slopes.shape)
+        rows = np.broadcast_to(self._numbers[:, :, None, None], slopes.shape)
+        shape = len(self.node), 3 * len(self._mesh.points)
+        rate = sparse.coo_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
+        lift = np.stack([self._over_nodes(lift[:, :, axis]) for axis in range(3)], axis=1)
+        if pressure is None:
+            pressure = np.maximum(-gap, 0.0) / self.slack
+        return Pressing(at, gap, rate, lift, pressure)
 
-    def forces(self, at: Pressing, vectors: np.ndarray) -> np.ndarray:
-        """(N, 3) nodal forces of forces (n, 3) at the points that press."""
-        nodal = np.zeros_like(self._points)
-        np.add.at(nodal, self.faces[at.face], _VALUES[at.point][:, :, None] * vectors[:, None])
+    def rate(self, here: Pressing, direction: np.ndarray, pressed: np.ndarray) -> np.ndarray:
+        """(N, 3) by how much nodal forces grow while the body moves along ``direction`` (3,), with the pressures of the
+        nodes that have the numbers ``pressed``."""
+        growth = here.lift[pressed] @ direction / self.slack[pressed]
+        nodal = (here.rate[pressed].T @ growth).reshape(-1, 3)
+        np.add.at(nodal, self.faces, np.einsum("bqi,qa->bai", -self._turning(here) @ direction, _VALUES))
         return nodal
 
-    def pushed(self, at: Pressing) -> np.ndarray:
-        """(N, 3) nodal forces."""
-        return self.forces(at, at.force[:, None] * at.gap.normal)
-
-    def rate(self, at: Pressing, direction: np.ndarray) -> np.ndarray:
-        """(N, 3) by how much nodal forces grow while the body moves along ``direction`` (3,)."""
-        return self.forces(at, _blocks(at) @ direction)
-
-    def force_rate(self, at: Pressing, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def force_rate(self, here: Pressing, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """(3,) by how much the total force grows while the body moves along ``direction`` (3,), nodes by ``rate``."""
-        moves = direction - np.einsum("na,nai->ni", _VALUES[at.point], rate[self.faces[at.face]])
-        return np.einsum("nij,nj->i", _blocks(at), moves)
+        growth = (here.lift @ direction - here.rate @ rate.ravel()) / self.slack
+        turned = np.einsum("bqij,bqj->i", self._turning(here), _VALUES @ rate[self.faces] - direction)
+        return np.where(here.pressure > 0, growth, 0.0) @ here.lift + turned
 
-    def shape_rate(self, at: Pressing, mesh: VolumeMesh, velocity: np.ndarray) -> np.ndarray:
+    def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """(N, 3) by how much nodal forces grow as the undeformed nodes move by ``velocity`` (N, 3), and the body with
         the highest of them."""
-        moves = np.einsum("na,nai->ni", _VALUES[at.point], velocity[self.faces[at.face]])
-        moves[:, 2] -= velocity[self._highest, 2]
-        forces = -np.einsum("nij,nj->ni", _blocks(at), moves)
-        step = SHAPE_STEP * np.ptp(mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)
-        ahead, behind = (self._per_depth(self._areas(mesh.points + k * velocity)) for k in (step, -step))
-        stiffer = (ahead - behind)[at.face, at.point] / (2 * step) / at.stiffness
-        return self.forces(at, forces + (stiffer * at.force)[:, None] * at.gap.normal)
+        pressed = self.pressing(displacement, moved).pressure > 0
+        step = SHAPE_STEP * np.ptp(self._mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)
 
-    def stiffness(self, at: Pressing) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes (m, 6) of the faces that are pressed on, and what they put up against displacements, (m, 18, 18)."""
-        pressed, place = np.unique(at.face, return_inverse=True)
-        values = _VALUES[at.point]
-        matrices = np.zeros((len(pressed), 6, 3, 6, 3))
-        np.add.at(matrices, place, np.einsum("na,nij,nb->naibj", values, _blocks(at), values, optimize=True))
+        def pushed(change: float) -> np.ndarray:
+            other = Indentation(
+                replace(self._mesh, points=self._mesh.points + change * velocity), self.indenter, self._modulus
+            )
+            other._highest = self._highest
+            there = other.pressing(displacement, moved)
+            return there._replace(pressure=np.where(pressed, -there.gap / other.slack, 0.0)).pushed
+
+        return (pushed(step) - pushed(-step)) / (2 * step)
+
+    def stiffness(self, here: Pressing) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes (n, 6) of the faces that are pressed on, and (n, 18, 18) what they put up against displacements while
+        pressures stay: those turn with the body's normals."""
+        pressed = (here.pressure[self._numbers] > 0).any(axis=1)
+        turning = self._turning(here)[pressed]
+        matrices = np.einsum("bqij,qa,qc->baicj", -turning, _VALUES, _VALUES, optimize=True)
         return self.faces[pressed], matrices.reshape(-1, 18, 18)
 
-
-def _blocks(at: Pressing) -> np.ndarray:
-    """(n, 3, 3) by how much the force of each point changes with its place."""
-    normal = at.gap.normal
-    along = at.stiffness[:, None, None] * normal[:, :, None] * normal[:, None, :]
-    return along - at.force[:, None, None] * at.gap.curvature
+    def _turning(self, here: Pressing) -> np.ndarray:
+        """(B, q, 3, 3) N/mm by how much the force at each point turns with its place."""
+        force = np.einsum("bqh,bh->bq", self._weights, here.pressure[self._numbers])
+        return force[:, :, None, None] * here.at.curvature.reshape(*force.shape, 3, 3)

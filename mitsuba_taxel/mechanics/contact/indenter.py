@@ -106,7 +106,10 @@ class Indenter(Checked):
         distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
         normal = from_middle / distance[:, None]
         curvature = (free - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
-        return Gap(distance - self._radius, normal, curvature)
+        # without the rounding of a difference of two radii, which may be far larger than the gap
+        across = places @ free
+        gap = ((across**2).sum(axis=1) - 2 * self._radius * places[:, 2]) / (distance + self._radius)
+        return Gap(gap, normal, curvature)
 
     def _of_punch(self, places: np.ndarray) -> Gap:
         """A rod with a flat end, a core that is thinner by the edge's radius and rounded by it."""

@@ -37,7 +37,7 @@ def load_rate(
         return value[0] * rate
     if isinstance(load, IndenterDisplacement):
         body = Indentation(mesh, load.indenter, material.youngs_modulus)
-        return body.shape_rate(body.pressing(displacement, value), mesh, velocity)
+        return body.shape_rate(displacement, value, velocity)
     fastest = float(np.abs(velocity).max(initial=0.0))
     if not isinstance(load, SpreadForce | PatchForce) or fastest == 0:
         return np.zeros_like(displacement)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.elements.assembly import Assembly, InternalForces
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     Load,
@@ -42,12 +44,15 @@ class Configuration:
         Of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted.
     min_jacobian : float
         Least volume ratio J at any quadrature point.
+    pressing : Pressing or None
+        How a rigid body stands to the faces, if one is the load.
     """
 
     residual: np.ndarray
     load: np.ndarray
     entries: np.ndarray | None
     min_jacobian: float
+    pressing: Pressing | None = None
 
 
 class Model:
@@ -91,24 +96,62 @@ class Model:
         value: np.ndarray,
         with_tangent: bool = True,
         past: Past | None = None,
+        pushed_by: np.ndarray | None = None,
     ) -> Configuration:
-        """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``."""
+        """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``.
+
+        A rigid body pushes by the pressures ``pushed_by``, if they are given. Its pressures do not change in the
+        tangent: what they keep apart is :meth:`held`.
+        """
         inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
         if inside.entries is not None and isinstance(self.load, Pressure):
             places = (self.mesh.points + displacement)[self._wet_faces]
             stiffness = -value[0] * pressure_stiffness(places)
             self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
         if isinstance(self.load, IndenterDisplacement):
-            return self._indented(inside, displacement, value)
+            return self._indented(inside, self.indentation.pressing(displacement, value, pushed_by))
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 
-    def _indented(self, inside: InternalForces, displacement: np.ndarray, value: np.ndarray) -> Configuration:
-        pressing = self.indentation.pressing(displacement, value)
-        if inside.entries is not None and len(pressing.face):
+    def _indented(self, inside: InternalForces, pressing: Pressing) -> Configuration:
+        if inside.entries is not None and pressing.pressure.any():
             self.assembly.sparsity.add_blocks(inside.entries, *self.indentation.stiffness(pressing))
-        load = self.numbering.summed(self.indentation.pushed(pressing))
-        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
+        load = self.numbering.summed(pressing.pushed)
+        return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian, pressing)
+
+    def held(self, displacement: np.ndarray, value: np.ndarray) -> Held:
+        """What the load sets instead of forces: the plate's displacement, or gaps where a body presses."""
+        if isinstance(self.load, IndenterDisplacement):
+            pressing = self.indentation.pressing(displacement, value)
+            pressed = self.pressed(pressing)
+            return Held(self.over_unknowns(pressing.rate[pressed]), self.indentation.slack[pressed])
+        driven = isinstance(self.load, PlateDisplacement) and self.numbering.plate is not None
+        moved = self.numbering.plate_unknowns if driven else np.zeros(0, int)
+        rows = sparse.csr_array(
+            (np.ones(len(moved)), (np.arange(len(moved)), moved)), shape=(len(moved), self.assembly.unknowns)
+        )
+        return Held(rows, np.zeros(len(moved)))
+
+    def pressed(self, pressing: Pressing) -> np.ndarray:
+        """Numbers of the pressures above 0, but for those that :attr:`may_press` leaves out."""
+        return np.flatnonzero((pressing.pressure > 0) & self.may_press)
+
+    @cached_property
+    def may_press(self) -> np.ndarray:
+        """(m,) whether the node of a pressure moves; on a mirror, states that are opposite in it have no pressure."""
+        return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
+
+    def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
+        """Rows (k, 3 n) over displacements of nodes as rows over the unknowns."""
+        return rows @ self._displacements_of_unknowns
+
+    @cached_property
+    def _displacements_of_unknowns(self) -> sparse.csr_array:
+        """(3 n, unknowns)."""
+        degrees = 3 * len(self.mesh.points)
+        free = np.flatnonzero(self.numbering.unknown[:degrees] >= 0)
+        entries = self.numbering.sign[free], (free, self.numbering.unknown[free])
+        return sparse.csr_array(entries, shape=(degrees, self.assembly.unknowns))
 
     def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
         """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
@@ -132,7 +175,7 @@ class Model:
         if isinstance(self.load, IndenterDisplacement):
             assert value is not None
             pressing = self.indentation.pressing(displacement, value)
-            return self.numbering.summed(self.indentation.rate(pressing, direction))
+            return self.numbering.summed(self.indentation.rate(pressing, direction, self.pressed(pressing)))
         return self.load_vector(displacement, direction)
 
     def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
@@ -140,8 +183,7 @@ class Model:
         if not isinstance(self.load, IndenterDisplacement):
             return 0.0
         own = self.assembly.elements.material
-        pressing = self.indentation.pressing(displacement, value)
-        pushed = self.numbering.summed(self.indentation.pushed(pressing))
+        pushed = self.numbering.summed(self.indentation.pressing(displacement, value).pushed)
         return material.youngs_modulus / own.youngs_modulus * pushed
 
     def _faces(self, region: str) -> np.ndarray:

@@ -46,6 +46,9 @@ class Factorisation(Protocol):
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
         """The same to a few digits, which is enough where an iteration follows."""
 
+    def solve_many(self, rhs: np.ndarray) -> np.ndarray:
+        """The same for the columns of (n, k)."""
+
 
 class Solver(Protocol):
     """Factors a sequence of matrices of one pattern, given by their lower triangles.
@@ -68,6 +71,9 @@ class _RslabFactorisation:
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
         return self._factor.solve(rhs)
+
+    def solve_many(self, rhs: np.ndarray) -> np.ndarray:
+        return self._factor.solve_many(rhs)
 
 
 class Rslab:
@@ -120,7 +126,7 @@ class _SuperLuFactorisation:
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         return self._factor.solve(rhs)
 
-    solve_roughly = solve
+    solve_roughly = solve_many = solve
 
 
 class SuperLu:

@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.loads import (
     SPREAD_FORCE,
     IndenterDisplacement,
@@ -72,7 +73,8 @@ class Rejected(Exception):
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     """Change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`: a step of a load path."""
     if isinstance(load, PlateDisplacement | IndenterDisplacement):
-        return NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
+        local = 2 if isinstance(load, IndenterDisplacement) else 1  # much of the pad is strained less
+        return local * NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
 
@@ -149,9 +151,9 @@ class LoadedPad:
             if it does not converge, inverts an element, or ends in an unstable equilibrium.
         """
         found = self._balanced(start, value)
-        linearised = self._linearised(self._entries(found, value))
+        linearised = self._linearised(self._entries(found, value), found.unknowns, value)
         # One more step costs a back-solve, and derivatives then do not feel what was left.
-        correction = linearised.step(found.state.residual, self._gap(found.unknowns, value))
+        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
         found = replace(found, unknowns=found.unknowns - correction, linearised=None)
         solution = self._accepted(found, self._is_stable(linearised))
         self.refuse_unstable(solution.unknowns, linearised.entries, value)
@@ -165,10 +167,10 @@ class LoadedPad:
         found = self._balanced(start, value)
         entries = self._entries(found, value)
         if found.linearised is not None and self._solver.knows_inertia and self._stability.of_all:
-            linearised = self._linearised(entries, found.linearised)
+            linearised = self._linearised(entries, found.unknowns, value, found.linearised)
             return self._accepted(found, True), linearised
         found = replace(found, linearised=None)  # frees its memory for the next one
-        linearised = self._linearised(entries)
+        linearised = self._linearised(entries, found.unknowns, value)
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
@@ -195,7 +197,7 @@ class LoadedPad:
         linearised = found.linearised
         largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
         if linearised is None or found.distance > NEAR * largest:
-            linearised = self._linearised(self._entries(found, value))
+            linearised = self._linearised(self._entries(found, value), found.unknowns, value)
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
@@ -203,9 +205,9 @@ class LoadedPad:
         solution, near = self.solve_linearised(start, value)
         state = self._evaluate(solution.unknowns, value)
         assert state.entries is not None  # no element is turned inside out
-        linearised = self._linearised(state.entries, near)
+        linearised = self._linearised(state.entries, solution.unknowns, value, near)
         # One more step costs a back-solve, and derivatives then do not feel what was left.
-        correction = linearised.step(state.residual, self._gap(solution.unknowns, value))
+        correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
         return replace(solution, unknowns=solution.unknowns - correction), linearised
 
     def size_of(self, stress: np.ndarray) -> float:
@@ -225,7 +227,7 @@ class LoadedPad:
         linearised = found.linearised
         if judged or linearised is None:
             linearised, found = None, replace(found, linearised=None)  # frees its memory for the next one
-            linearised = self._linearised(self._entries(found, value))
+            linearised = self._linearised(self._entries(found, value), found.unknowns, value)
         solution = self._accepted(found, self._is_stable(linearised))
         if judged:
             self.refuse_unstable(solution.unknowns, linearised.entries, value)
@@ -247,10 +249,10 @@ class LoadedPad:
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
-                linearised, distance = self._linearised(state.entries), 0.0
+                linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
             assert linearised is not None  # from an earlier iteration
             first, last = first or error, error
-            correction = linearised.step(state.residual, self._gap(unknowns, value))
+            correction = linearised.step(self._left(state), self._gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
@@ -284,7 +286,7 @@ class LoadedPad:
 
     def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
         """What one step of Newton's method with a known tangent takes off ``unknowns``; None if it cannot say."""
-        residual = self._evaluate(unknowns, value, with_tangent=False).residual
+        residual = self._left(self._evaluate(unknowns, value, with_tangent=False))
         if not np.all(np.isfinite(residual)):
             return None
         return linearised.step(residual, self._gap(unknowns, value))
@@ -294,7 +296,7 @@ class LoadedPad:
         elements = self.model.assembly.elements
         forces = elements.pulled(self.numbering.split(unknowns)[0], stress)
         nothing = np.zeros((len(forces), 4))
-        return -linearised.step(self.model.assembly.over_unknowns(forces, nothing), np.zeros(len(self._moved)))
+        return -linearised.step(self.model.assembly.over_unknowns(forces, nothing))
 
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
         """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
@@ -304,6 +306,12 @@ class LoadedPad:
     def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
         return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past)
 
+    def _left(self, state: Configuration) -> np.ndarray:
+        """What is out of balance, but for what holds a moved plate, which changes nothing and is large beside it."""
+        left = state.residual.copy()
+        left[self._moved] = 0.0
+        return left
+
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
         """How far a state is from balance: the largest relative error of forces, volumes, plate."""
         forces, volumes = np.split(state.residual, [self.numbering.displacements])
@@ -312,7 +320,8 @@ class LoadedPad:
             load = float(np.linalg.norm(forces[self._moved]))
             forces = np.delete(forces, self._moved)
         scale = max(load, self._small_load)
-        gap = float(np.abs(self._gap(unknowns, value)).max(initial=0.0))
+        missed = self._gap(unknowns, value)
+        gap = 0.0 if missed is None else float(np.abs(missed).max())
         forces_off, volumes_off = float(np.linalg.norm(forces)), float(np.linalg.norm(volumes))
         return max(forces_off / scale, volumes_off / self._volume, gap / self.height)
 
@@ -335,17 +344,17 @@ class LoadedPad:
         """Unknowns of the plate where the load moves it, else none."""
         return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
 
-    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """How far each moved unknown of the plate is from where it should be, in mm."""
-        return unknowns[self._moved] - self._targets(value)
+    def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+        """How far each moved unknown of the plate is from where it should be, in mm; None without one."""
+        return unknowns[self._moved] - self.numbering.plate_values(value) if self._driven else None
 
-    def _targets(self, value: np.ndarray) -> np.ndarray:
-        return self.numbering.plate_values(value) if self._driven else np.zeros(0)
-
-    def _linearised(self, entries: np.ndarray, near: Linearised | None = None) -> Linearised:
-        """The linearised pad of some entries, with the factor of one ``near`` by, if there is one."""
+    def _linearised(
+        self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
+    ) -> Linearised:
+        """The linearised pad of some entries at a state, with the factor of one ``near`` by, if there is one."""
         lower = self.model.assembly.matrix(entries)
-        return Linearised(entries, lower, self._factored, self._moved, self.numbering.displacements, near)
+        held = self.model.held(self.numbering.split(unknowns)[0], value)
+        return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
 
     def _factored(self, lower: sparse.csc_matrix) -> Factorisation:
         try:
@@ -361,7 +370,7 @@ class LoadedPad:
         Where the load is no linear function of its ``value``, that is needed.
         """
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
-        return linearised.correction(force, self._targets(direction))
+        return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
 
     def _is_stable(self, linearised: Linearised) -> bool:
         """Whether stability was checked against what the part can do; raises Rejected if it is unstable."""
@@ -408,8 +417,8 @@ class Linearised:
         Triangle of the tangent.
     factored : Callable[[sparse.csc_matrix], Factorisation]
         Gives the factor of such a triangle.
-    moved : ndarray
-        Unknowns that the load sets instead of forces.
+    held : Held
+        What the load sets instead of forces.
     displacements : int
         How many of the unknowns are displacements; they come first.
     """
@@ -419,53 +428,53 @@ class Linearised:
         entries: np.ndarray,
         lower: sparse.csc_matrix,
         factored: Callable[[sparse.csc_matrix], Factorisation],
-        moved: np.ndarray,
+        held: Held,
         displacements: int,
         near: Linearised | None = None,
     ) -> None:
-        self.entries, self._lower, self._factored, self._moved = entries, lower, factored, moved
+        self.entries, self._lower, self._factored, self.held = entries, lower, factored, held
         self._displacements, self._own = slice(displacements), near is None
-        self._factor: Factorisation
-        self._columns: np.ndarray
-        self._factor, self._columns = (near._factor, near._columns) if near else self._own_factor()
+        self.factor: Factorisation = near.factor if near else factored(lower)
 
-    def _own_factor(self) -> tuple[Factorisation, np.ndarray]:
-        """The factor, and its solutions for unit forces at the moved unknowns."""
-        factor = self._factored(self._lower)
-        columns = np.zeros((self._lower.shape[0], len(self._moved)))
-        for column, unknown in enumerate(self._moved):
-            unit = np.zeros(len(columns))
-            unit[unknown] = 1.0
-            columns[:, column] = factor.solve(unit)
-        return factor, columns
+    @cached_property
+    def _flexibility(self) -> np.ndarray:
+        """(k, k) how sums that are held answer what holds them."""
+        return self.held.flexibility(self.factor)
 
-    def step(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """As :meth:`correction`, as well as the factor tells it: enough for an iteration."""
-        if not len(self._moved):
-            return self._factor.solve_roughly(residual)
-        forces = residual.copy()
-        forces[self._moved] = 0.0  # what holds the plate changes nothing, and is large beside what is left elsewhere
-        free = self._factor.solve_roughly(forces)
-        return free + self._columns @ np.linalg.solve(self._columns[self._moved], gap - free[self._moved])
+        return self._answer(residual, gap)[0]
 
-    def correction(self, residual: np.ndarray, gap: np.ndarray) -> np.ndarray:
-        """The change that answers a ``residual`` with the moved unknowns changing by ``gap``."""
-        found, last = self.step(residual, gap), math.inf
+    def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and by how much what holds the sums that are held does so."""
+        free = self.factor.solve_roughly(residual)
+        if not len(self.held.slack):
+            return free, np.zeros(0)
+        short = -(self.held.rows @ free) if gap is None else gap - self.held.rows @ free
+        holding = np.linalg.solve(self._flexibility, short)
+        return free + self.factor.solve_roughly(self.held.rows.T @ holding), holding
+
+    def correction(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+        """The change that answers a ``residual`` with sums that are held changing by ``gap``, by nothing if None."""
+        rows, slack, last = self.held.rows, self.held.slack, math.inf
+        gap = np.zeros(len(slack)) if gap is None else gap
+        found, holding = self._answer(residual, gap)
         for _ in range(MOST_REFINEMENTS):
-            change = self.step(residual - symmetric_product(self._lower, found), gap - found[self._moved])
+            left = residual + rows.T @ holding - symmetric_product(self._lower, found)
+            change, more = self._answer(left, gap - rows @ found - slack * holding)
             size = float(np.abs(change[self._displacements]).max())
             if not size < last and not self._own:
-                (self._factor, self._columns), self._own = self._own_factor(), True
+                self.factor, self._own = self._factored(self._lower), True
+                self.__dict__.pop("_flexibility", None)
                 return self.correction(residual, gap)
-            found, last = found + change, SLOW_REFINEMENT * size
+            found, holding, last = found + change, holding + more, SLOW_REFINEMENT * size
             if size <= REFINED * np.abs(found[self._displacements]).max():
                 break
         return found
 
     @cached_property
     def negative(self) -> int | None:
-        """Negative eigenvalues of the tangent with the moved unknowns held (Haynsworth, 1968); None if unknown."""
-        if self._factor.negative_pivots is None:
+        """Negative eigenvalues of the tangent with what is held (Haynsworth, 1968); None if unknown."""
+        if self.factor.negative_pivots is None:
             return None
-        compliance = self._columns[self._moved]
-        return self._factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(compliance) < 0))
+        return self.factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._flexibility) < 0))

@@ -18,7 +18,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     """N, by which the body pushes the whole pad down."""
     body = pad.model.indentation
     pressing = body.pressing(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
-    return -pad.part.copies * float(pressing.force @ pressing.gap.normal[:, 2])
+    return -pad.part.copies * float(pressing.force[2])
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:

@@ -147,7 +147,7 @@ class LoadSegment:
     def _interval(self, pad: LoadedPad, start: Node, s: float, shortest: bool) -> list[Node]:
         """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
         solve = pad.solve_symmetric if self.judged else pad.solve_linearised
-        end, linearised = self._node(pad, solve, s, self._guess(s))
+        end, linearised = self._node(pad, solve, s, self._guess(pad, s))
         fits = shortest or self._interpolates(pad, start, end, linearised)
         entries = linearised.entries
         del linearised  # which takes much memory
@@ -169,10 +169,10 @@ class LoadSegment:
         del linearised
         return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
 
-    def _guess(self, s: float) -> np.ndarray:
+    def _guess(self, pad: LoadedPad, s: float) -> np.ndarray:
         """Unknowns beyond the last node: by the last interval's cubic no further than its length, else straight on."""
         last = self.nodes[-1]
-        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s:
+        if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
             return hermite(self.nodes[-2], last, s)
         return last.unknowns + (s - last.s) * last.tangent
 

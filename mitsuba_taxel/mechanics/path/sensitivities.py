@@ -217,7 +217,7 @@ class LinearisedState:
 
     def _solved(self, block: TangentBlock, forces: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         with _told(self._pad.load, self._value):
-            return self._tangent(block).correction(forces, np.zeros(len(block.moved)) if gap is None else gap)
+            return self._tangent(block).correction(forces, gap)
 
     def _tangent(self, block: TangentBlock) -> Linearised:
         model, own = block.model, self._blocks[0].model
@@ -225,7 +225,7 @@ class LinearisedState:
             entries: Any = self._tangents[own].entries
             if model.part is not own.part:
                 entries = model.evaluate(*self._on(block), self._value).entries
-            self._tangents[model] = block.factored(entries)
+            self._tangents[model] = block.factored(entries, self._on(block)[0], self._value)
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:

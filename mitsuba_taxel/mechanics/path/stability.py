@@ -22,6 +22,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
+from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.past import Past
@@ -108,14 +109,13 @@ class Stability:
         past: Past | None,
     ) -> Iterator[int]:
         for block in self._blocks:
-            if block.model.part is self._model.part:
-                yield block.surplus(entries)
-            else:
-                restricted = block.model.part.restrict(displacement, pressure)
-                there = past and past.on(block.model.part, self._whole)
-                of_block = block.model.evaluate(*restricted, value, past=there).entries
-                assert of_block is not None  # or the state would not be one of balance
-                yield block.surplus(of_block)
+            part = block.model.part
+            on_part = part.restrict(displacement, pressure)
+            of_block: np.ndarray | None = entries
+            if part is not self._model.part:
+                of_block = block.model.evaluate(*on_part, value, past=past and past.on(part, self._whole)).entries
+            assert of_block is not None  # or the state would not be one of balance
+            yield block.surplus(of_block, block.model.held(on_part[0], value))
 
     @cached_property
     def pieces(self) -> _Pieces:
@@ -164,11 +164,12 @@ class _Block:
     model: Model
     solver: Solver
 
-    def surplus(self, entries: np.ndarray) -> int:
-        """Negative eigenvalues of the tangent beyond those of the pressures."""
-        negative = self.solver.factor(self.model.assembly.matrix(entries)).negative_pivots
-        assert negative is not None  # or this would not be asked for
-        return negative - self.model.numbering.pressures
+    def surplus(self, entries: np.ndarray, held: Held | None = None) -> int:
+        """Negative eigenvalues of the tangent beyond those of the pressures, with what is ``held``."""
+        factor = self.solver.factor(self.model.assembly.matrix(entries))
+        assert factor.negative_pivots is not None  # or this would not be asked for
+        surplus = factor.negative_pivots - self.model.numbering.pressures
+        return surplus - held.negative(factor) if surplus and held else surplus
 
 
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:

@@ -17,7 +17,6 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
@@ -54,7 +53,6 @@ class TangentBlock:
         turn: Mirror | None = None,
     ) -> None:
         self._whole, self.model, self._signs, self._images, self._turn = whole, model, signs, images, turn
-        self.moved = model.numbering.plate_unknowns if isinstance(model.load, PlateDisplacement) else np.zeros(0, int)
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
@@ -87,8 +85,8 @@ class TangentBlock:
         of_part = self.model.numbering.split(unknowns)
         return self._image(self._sign * part.expand(*of_part)[0])
 
-    def factored(self, entries: np.ndarray) -> Linearised:
-        """The factored tangent of given entries.
+    def factored(self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray) -> Linearised:
+        """The factored tangent of given entries, where the part has a ``displacement`` (n, 3) under a load's ``value``.
 
         Raises
         ------
@@ -97,7 +95,8 @@ class TangentBlock:
         """
         numbering = self.model.numbering
         lower = self.model.assembly.matrix(entries)
-        found = Linearised(entries, lower, self._factor, self.moved, numbering.displacements)
+        held = self.model.held(displacement, value)
+        found = Linearised(entries, lower, self._factor, held, numbering.displacements)
         if found.negative not in (None, numbering.pressures):
             raise Rejected("the equilibrium is unstable")
         return found

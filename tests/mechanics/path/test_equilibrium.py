@@ -177,7 +177,8 @@ def test_a_factor_of_a_state_near_by_gives_the_rate_of_another(load, small_mesh)
     exact = pad.rate(own, solution.unknowns, direction)
     for other in (near, far):
         _, there = pad.solve(solution.unknowns, other)
-        rate = pad.rate(pad._linearised(own.entries, there), solution.unknowns, direction)
+        linearised = pad._linearised(own.entries, solution.unknowns, value, there)
+        rate = pad.rate(linearised, solution.unknowns, direction)
         np.testing.assert_allclose(rate, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 
 
