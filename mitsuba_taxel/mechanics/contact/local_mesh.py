@@ -18,7 +18,7 @@ SMALL_DEPTH = 0.04
 may be larger with the distance from the middle."""
 FINENESS = 0.7
 """Size of elements, relative to half the width of the contact."""
-FINENESS_AT_EDGE = 0.25
+FINENESS_AT_EDGE = 0.175
 """The same at the edge of a punch, where the pressure is high."""
 
 
