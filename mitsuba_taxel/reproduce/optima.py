@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +102,7 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None, 
 
         folder = store.folder / name
         write_study(folder, purpose, cell, evaluations)
-        start = time.process_time()
-        found = optimise(folder / "study.toml", folder / "found", workers=workers)
-        return _dataset(found, time.process_time() - start)
+        return _dataset(optimise(folder / "study.toml", folder / "found", workers=workers))
 
     return store.study(
         name, {"study": _study(purpose, cell, evaluations), "taxels": list(PURPOSES[purpose][0])}, compute
@@ -135,7 +132,7 @@ def write_study(folder: Path, purpose: str, cell: str, evaluations: int) -> None
             temporary.write_text(text, encoding="utf-8")
 
 
-def _dataset(found: Any, cpu_seconds: float) -> xr.Dataset:
+def _dataset(found: Any) -> xr.Dataset:
     """Tables of an ``Optimum`` as variables, and its numbers as attributes."""
     variables = {}
     for name in TABLES:
@@ -146,5 +143,5 @@ def _dataset(found: Any, cpu_seconds: float) -> xr.Dataset:
     attributes: dict[str, Any] = {name: float(getattr(found, name)) for name in numbers}
     words = json.dumps([*found.warnings, *found.notes])
     failed = int(np.sum(found.history["failed"].notna())) if "failed" in found.history else 0
-    attributes |= {"designs": len(found.history), "failed": failed, "cpu_seconds": cpu_seconds, "said": words}
+    attributes |= {"designs": len(found.history), "failed": failed, "said": words}
     return xr.Dataset(variables, attrs=attributes)

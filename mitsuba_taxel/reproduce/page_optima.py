@@ -130,17 +130,18 @@ def _words(one: xr.Dataset, column: str) -> list[str]:
 
 def _cost(found: Optima) -> str:
     every = [one for of in found.values() for one in of.values()]
-    total = {name: sum(float(one.attrs[name]) for one in every) for name in ("designs", "load_steps", "cpu_seconds")}
-    head = ["purpose", "shape", "designs", "failed", "load steps", "CPU s"]
-    names = ("designs", "failed", "load_steps", "cpu_seconds")
+    total = {name: sum(float(one.attrs[name]) for one in every) for name in ("designs", "load_steps", "seconds")}
+    head = ["purpose", "shape", "designs", "failed", "load steps", "s"]
+    names = ("designs", "failed", "load_steps", "seconds")
     rows = [
         [purpose, cell, *(f"{float(one.attrs[name]):.0f}" for name in names)]
         for purpose, of in found.items()
         for cell, one in of.items()
     ]
     return (
-        f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps, and judging the best ones "
-        f"again, took {total['cpu_seconds'] / 60:.0f} minutes of one processor.\n\n{markdown_table(head, rows)}\n"
+        f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps took "
+        f"{total['seconds'] / 60:.0f} minutes, summed over processes; judging the best ones again is not in it.\n\n"
+        f"{markdown_table(head, rows)}\n"
     )
 
 
