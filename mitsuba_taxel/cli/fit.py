@@ -6,16 +6,20 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, folder_option, json_option
+from .options import (
+    debug_option,
+    folder_option,
+    json_option,
+    scheduler_option,
+    workers_option,
+)
 
 
 @click.command(short_help="Unknowns of a scene from measured readings.")
 @click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
 @folder_option
-@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
-@click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
-)
+@workers_option
+@scheduler_option
 @json_option
 @debug_option
 def command(source: Path, folder: Path, workers: int | None, scheduler: str | None, as_json: bool) -> None:

@@ -116,6 +116,11 @@ circuit_option = click.option(
     metavar="CIRCUIT.toml",
     help="Also tell volts and counts, as this circuit shows them; `taxel new circuit` writes one.",
 )
+workers_option = click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+scheduler_option = click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+)
+retry_option = click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(
     "-o",

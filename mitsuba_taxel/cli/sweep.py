@@ -16,10 +16,13 @@ from .options import (
     folder_option,
     json_option,
     points_option,
+    retry_option,
+    scheduler_option,
     seed_option,
     target_error_option,
     target_slope_option,
     time_budget_option,
+    workers_option,
 )
 
 OF_A_SCENE = (
@@ -53,11 +56,9 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
 @time_budget_option
 @seed_option
 @folder_option
-@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
-@click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
-)
-@click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@workers_option
+@scheduler_option
+@retry_option
 @click.option(
     "--meshes", type=click.Choice(["all", "last", "none"]), default="all", show_default=True,
     help="Deformed pads to keep: of all scenes, of the last one of each curve, or none. Rough walls take 13 MB each.",

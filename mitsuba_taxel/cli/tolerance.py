@@ -7,17 +7,22 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, folder_option, json_option
+from .options import (
+    debug_option,
+    folder_option,
+    json_option,
+    retry_option,
+    scheduler_option,
+    workers_option,
+)
 
 
 @click.command(short_help="Spread of readings by tolerances, and which of them costs most.")
 @click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
 @folder_option
-@click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
-@click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
-)
-@click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+@workers_option
+@scheduler_option
+@retry_option
 @json_option
 @debug_option
 def command(

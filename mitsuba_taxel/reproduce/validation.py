@@ -140,7 +140,7 @@ be another; in the long run it has the modulus of the paper. Slopes are means fr
 
 {markdown_table(heads, rows)}
 
-No gain was fitted. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
+No gain was fitted to these tables. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
 and hemispheric. The spread between taxels is smaller: that of boards and moulds is what
 [tolerances](tutorials/tolerances.md) make. The memory opens loops that are narrower than the measured ones, as above:
 {hysteresis} % of the parallelepiped's. Ratios are not resolved where readings change by little more than their error:
