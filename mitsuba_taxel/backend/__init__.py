@@ -1,4 +1,4 @@
-"""The ground under everything else: which LLVM, which variant, which plugins Mitsuba knows."""
+"""Set-up of Mitsuba: choice of LLVM and variant, registration of plugins."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
 
 
 def report() -> dict[str, object]:
-    """What this installation stands on: versions, the LLVM in use, variants and plugins.
+    """Versions, the LLVM in use, variants and plugins of this installation.
 
     Returns a dictionary with the keys ``versions`` (name -> version), ``llvm`` (``path``, ``version``),
     ``variants`` (those our plugins work in), and ``plugins`` (sorted names).

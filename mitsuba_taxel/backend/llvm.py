@@ -1,4 +1,4 @@
-"""Choose an LLVM that Dr.Jit can really use, before Dr.Jit chooses one that it cannot.
+"""Choose an LLVM that works, before Dr.Jit chooses one that does not.
 
 Dr.Jit 1.5 looks for any LLVM on the system; version 14 is refused with an exception, but 15 and 16 abort the
 whole process at the first render (``Cannot select: fminimum``). The library is fixed when mitsuba is imported.
@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 OLDEST_LLVM = 19
-"""Oldest major version with which rendering has been seen to work (19, 22 and 23 were tried)."""
+"""Oldest major version known to render (19, 22 and 23 were tried)."""
 
 _SYSTEM_FOLDERS = (
     "/usr/lib/x86_64-linux-gnu",
@@ -31,7 +31,7 @@ _REMEDY = (
 
 
 def choose_llvm() -> None:
-    """Point ``DRJIT_LIBLLVM_PATH`` at a fit LLVM, unless the user has set it or Dr.Jit is already loaded."""
+    """Point ``DRJIT_LIBLLVM_PATH`` at a suitable LLVM, unless the user has set it or Dr.Jit is already loaded."""
     if "drjit" in sys.modules or os.environ.get("DRJIT_LIBLLVM_PATH"):
         return
     library = _packaged_library() or _newest(_system_libraries())
@@ -40,12 +40,12 @@ def choose_llvm() -> None:
 
 
 def check_llvm() -> None:
-    """Refuse an LLVM with which a render would abort the process.
+    """Refuse an LLVM that would abort the process at the first render.
 
     Raises
     ------
     ImportError
-        if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`, or ``DRJIT_LIBLLVM_PATH`` names none.
+        if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`, or ``DRJIT_LIBLLVM_PATH`` is not an LLVM.
     """
     import drjit as dr
 
@@ -78,7 +78,7 @@ def _system_libraries() -> Iterable[Path]:
 
 
 def _newest(libraries: Iterable[Path]) -> Path | None:
-    """The library of the highest version that is fit, by its file name."""
+    """The library of the highest suitable version, by its file name."""
     fit = [(version, path) for path in libraries if (version := _version(path)) >= OLDEST_LLVM and path.exists()]
     return max(fit)[1] if fit else None
 

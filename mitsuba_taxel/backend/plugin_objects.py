@@ -1,4 +1,4 @@
-"""Mitsuba's objects: made by our plugins for themselves, and called by their plugin's name."""
+"""Create Mitsuba objects from within our plugins, and find their plugins' names."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import mitsuba as mi
 def make_plugin(name: str, **parameters: Any) -> Any:
     """An object of the plugin ``name``; nested objects are given as such.
 
-    Not ``mi.load_dict``: that exchanges Mitsuba's one file resolver for a while, which a plugin must not do while
-    other plugins of the scene are made on other threads (a ``ply`` then reads freed memory).
+    Unlike ``mi.load_dict``, this does not replace Mitsuba's global file resolver, which is unsafe while other threads
+    create plugins of the scene (a ``ply`` then reads freed memory).
     """
     props = mi.Properties(name)
     for key, value in parameters.items():
@@ -27,7 +27,7 @@ def found(name: str) -> Path:
 
 
 def kind_of(made: Any) -> str:
-    """The plugin's name, as its class has it: Mitsuba's own classes are not seen from Python, ours only from there."""
+    """The plugin's name: for our plugins from the Python class, for Mitsuba's own from its C++ class."""
     ours = type(made).__module__ != "mitsuba"
     name = type(made).__name__ if ours else made.class_name()
     name = name.removesuffix("Integrator").removesuffix("Mesh") or "Mesh"

@@ -1,7 +1,7 @@
-"""Make Mitsuba know our plugins, whatever variant is set and however often it changes.
+"""Register our plugins with Mitsuba, in every variant.
 
-A plugin is a file ``plugins/<kind>/<name>.py`` holding a class whose name is the file's in CamelCase. Its class
-derives from a type of the current variant, so the file is loaded afresh at each change of variant.
+A plugin is a file ``plugins/<kind>/<name>.py`` holding a class whose name is the file's in CamelCase. Its class derives
+from a type of the current variant, so the file is reloaded at each change of variant.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REGISTER = {
 
 @cache
 def plugin_files() -> dict[str, Path]:
-    """Plugin name -> the file that holds it (its folder is its kind), without importing any of them."""
+    """Plugin name -> its file (the folder is the kind of plugin), without importing any."""
     spec = importlib.util.find_spec(_PACKAGE)
     if spec is None or not spec.submodule_search_locations:
         raise ImportError(f"{_PACKAGE} is not installed: install the project with pip.")
@@ -44,7 +44,7 @@ def plugin_files() -> dict[str, Path]:
 
 
 def plugin_kind(name: str) -> str:
-    """What a plugin of this package makes, as ``bsdf``."""
+    """Kind of a plugin of this package, such as ``bsdf``."""
     return plugin_files()[name].parent.name.removesuffix("s")
 
 
@@ -52,7 +52,7 @@ def register_for_every_variant() -> None:
     """Register the plugins for the current variant, if any, and for each that will be set later."""
     import mitsuba as mi
 
-    # Mitsuba asks `scalar_rgb` what kind of thing a plugin is; what it does not know it may merge, or not write as XML.
+    # Mitsuba looks up the kind of a plugin in `scalar_rgb`; unknown ones it may merge, or not write as XML.
     for name, file in plugin_files().items():
         getattr(mi.scalar_rgb, _REGISTER[file.parent.name])(name, _refusal(name, "scalar_rgb"))
     mi.detail.add_variant_callback(_on_variant_change)
@@ -61,7 +61,7 @@ def register_for_every_variant() -> None:
 
 
 def default_variant() -> str:
-    """The variant where the user has set none: ``MITSUBA_TAXEL_VARIANT``, or else :data:`DEFAULT_VARIANT`."""
+    """The variant used unless the user sets one: ``MITSUBA_TAXEL_VARIANT``, or else :data:`DEFAULT_VARIANT`."""
     variant = os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
     if variant not in SUPPORTED_VARIANTS:
         allowed = ", ".join(SUPPORTED_VARIANTS)
@@ -70,7 +70,7 @@ def default_variant() -> str:
 
 
 def activate_variant() -> str:
-    """The variant in force; sets the default where the user has set none."""
+    """The current variant; sets the default if the user has set none."""
     import mitsuba as mi
 
     if mi.variant() is None:

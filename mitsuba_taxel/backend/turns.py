@@ -1,4 +1,4 @@
-"""Threads take turns with Mitsuba: what Dr.Jit records, and which plugins are registered, is state of the process."""
+"""Serialise access to Mitsuba: Dr.Jit's recording and the registered plugins are state of the process."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LOCK = threading.RLock()
 
 
 def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Let one thread at a time be in any of the functions that this decorates; others wait."""
+    """Decorate functions of which only one may run at a time, in any thread; others wait."""
 
     @wraps(function)
     def alone(*args: _P.args, **kwargs: _P.kwargs) -> _R:

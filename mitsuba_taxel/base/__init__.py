@@ -1,1 +1,1 @@
-"""What every room stands on: errors, arguments, files, stages of a run, units."""
+"""Errors, checks of arguments, files, timing of stages, units."""

@@ -1,4 +1,4 @@
-"""Arrays as bytes that are read back only if they are whole, and never execute anything (no pickle).
+"""Arrays as checksummed bytes, without pickle.
 
 The SHA-256 of the content comes first, then an npz archive.
 """
@@ -16,7 +16,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """Bytes that hold arrays by name."""
+    """Serialise arrays, by name."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     archive = buffer.getvalue()

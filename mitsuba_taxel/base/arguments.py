@@ -1,4 +1,4 @@
-"""What callers hand in, checked: of the kind that is needed, or refused by name."""
+"""Checks of arguments; refusals name the parameter."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def require(name: str, value: object, kinds: type | tuple[type, ...], needed: str) -> None:
-    """Raise `InputError` unless a value is of one of some kinds; True and False are no numbers."""
+    """Raise `InputError` unless a value is of one of some types; True and False do not count as numbers."""
     allowed = kinds if isinstance(kinds, tuple) else (kinds,)
     if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
         raise refusal(name, value, f"{needed} is needed")
 
 
 def refusal(name: str, value: object, needed: str) -> InputError:
-    """The error that says what was given for a parameter, and what is needed."""
+    """The error that states the value given for a parameter, and what is needed."""
     shown = repr(value)
     return InputError(f"{name} = {shown if len(shown) <= 100 else type(value).__name__} is not allowed: {needed}.")
 
 
 def path_of(name: str, value: object) -> Path:
-    """A path, given as one or as text; raises `InputError` where it is neither, or no file can have this name."""
+    """A path, given as one or as text; raises `InputError` if it is neither, or no valid file name."""
     try:
         path = Path(os.fspath(value))  # type: ignore[call-overload]
     except TypeError:  # neither, or bytes
@@ -44,7 +44,7 @@ def path_of(name: str, value: object) -> Path:
 
 
 def text_of(name: str, value: str) -> str:
-    """The value of a parameter as Mitsuba takes it; raises `InputError` for what a locale could not read as text."""
+    """The value of a text parameter; raises `InputError` for text that Mitsuba cannot encode."""
     try:
         value.encode()
     except UnicodeEncodeError:
@@ -53,7 +53,7 @@ def text_of(name: str, value: str) -> str:
 
 
 def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
-    """A mapping from names; None stands for an empty one. Raises `InputError`."""
+    """A mapping from names; None stands for an empty one. Raises `InputError` for anything else."""
     table: Any = {} if value is None else value
     if not isinstance(table, Mapping) or not all(isinstance(key, str) for key in table):
         raise refusal(name, value, f"a mapping of parameters' names to {what} is needed")
@@ -61,7 +61,7 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
 
 
 def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """An array of so many finite numbers; raises `InputError`."""
+    """An array of finite numbers, of a given shape; raises `InputError` for anything else."""
     try:
         array = np.asarray(numbers, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -73,7 +73,7 @@ def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number that is finite in double precision; True and False are none."""
+    """Whether a value is a real number, finite in double precision; True and False are not."""
     try:
         return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:
@@ -81,7 +81,7 @@ def is_number(value: object) -> bool:
 
 
 def as_numbers(words: Sequence[str]) -> list[float] | None:
-    """Words as numbers, or None where one of them is no finite number."""
+    """Words as numbers, or None if one of them is not a finite number."""
     try:
         numbers = [float(word) for word in words]
     except ValueError:
@@ -90,14 +90,14 @@ def as_numbers(words: Sequence[str]) -> list[float] | None:
 
 
 def is_whole(value: object) -> bool:
-    """Whether a value is a whole number; True and False are none."""
+    """Whether a value is a whole number; True and False are not."""
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
-    """Refuse fields of a dataclass that are not what their annotations say, or of the ``kinds`` given by name.
+    """Refuse fields of a dataclass that do not match their annotations, or the ``kinds`` given by name.
 
-    Annotations are looked at if they are float, int or str, alone or with None.
+    Only annotations float, int and str are checked, alone or with None.
     """
     for field in fields(part):
         value = getattr(part, field.name)
@@ -115,14 +115,14 @@ def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> Non
 
 
 def is_row(value: object, of: Callable[[object], bool]) -> bool:
-    """Whether a value is a sequence, or a row of an array, of such as ``of`` says; text is none."""
+    """Whether a value is a sequence or one-dimensional array whose items all satisfy ``of``; text is not."""
     if isinstance(value, np.ndarray):
         return value.ndim == 1 and all(map(of, value))
     return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and all(map(of, value))
 
 
 def names_of(name: str, value: object) -> tuple[str, ...]:
-    """A row of names; raises `InputError` if it is none."""
+    """A sequence of names; raises `InputError` for anything else."""
     if not is_row(value, lambda one: isinstance(one, str)):
         raise refusal(name, value, "a row of names of parameters is needed")
     return tuple(value)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Files that are whole or not there, also where a run is killed or the disk is full."""
+"""Atomic writing of files: complete or absent, even if a run is killed or the disk is full."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class WriteError(ComputationError):
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """A temporary path beside ``file``, which takes its place at once on success and vanishes on failure.
+    """A temporary path beside ``file``, which replaces it atomically on success and is removed on failure.
 
     Raises
     ------
     WriteError
-        where the disk does not take the file.
+        if the file cannot be written.
     """
     try:
         handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=file.suffix, dir=file.parent)
@@ -58,7 +58,7 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def reason_of(error: Exception) -> str | None:
-    """What keeps the disk from taking a file, if that is behind an error: compiled libraries have their own."""
+    """Why a file cannot be written, if that caused an error: compiled libraries raise their own exceptions."""
     if isinstance(error, WriteError):
         return error.reason
     if isinstance(error, OSError):
@@ -93,7 +93,7 @@ def _is_alive(process: int) -> bool:
 
 
 def _flush_folder(folder: Path) -> None:
-    """See that a renaming outlasts a power cut."""
+    """Make a renaming survive a power cut."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

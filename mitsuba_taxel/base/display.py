@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: said by the room that draws, which stands above the object's own."""
+"""Display of objects in notebooks; the HTML is supplied by a room above the object's own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Displayed:
     Attributes
     ----------
     html_of : Callable[[Displayed], str]
-        Gives the HTML of any such object; the package sets it.
+        Returns the HTML of any such object; set by the package.
     """
 
     html_of: ClassVar[Callable[[Displayed], str]]

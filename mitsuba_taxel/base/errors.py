@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 MOST_LETTERS = 1000
-"""Of a message: what it quotes may be of any length."""
+"""Largest length of a message, since quoted values may be of any length."""
 
 
 class InputError(ValueError):
-    """What was asked for cannot be: the message names the parameter, its value and what is allowed.
+    """Invalid input: the message names the parameter, its value and what is allowed.
 
     The command line prints it and exits with code 2. It is one line, whatever it quotes.
 
     Attributes
     ----------
     part : object
-        The object of a scene that is to blame, where that is known.
+        The object of a scene that caused the error, if known.
     """
 
     def __init__(self, message: object, part: object = None) -> None:
@@ -23,7 +23,7 @@ class InputError(ValueError):
 
 
 class ComputationError(RuntimeError):
-    """A computation on valid input did not succeed: the message says where it stopped and why.
+    """A computation on valid input failed: the message says where it stopped and why.
 
     The command line prints it and exits with code 1. It is one line, whatever it quotes.
     """
@@ -33,12 +33,12 @@ class ComputationError(RuntimeError):
 
 
 def one_line(message: object) -> str:
-    """A message on one line, without the middle of one that is too long to be read."""
+    """A message on one line, shortened in the middle if too long."""
     line = " ".join(str(message).split())
     half = MOST_LETTERS // 2
     return line if len(line) <= MOST_LETTERS else f"{line[:half]} [...] {line[-half:]}"
 
 
 def comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt is behind an error: where it falls into the recording of a kernel it is wrapped in one."""
+    """Whether an interrupt caused an error: during the recording of a kernel it is wrapped in one."""
     return error is not None and (isinstance(error, KeyboardInterrupt) or comes_from_interrupt(error.__cause__))

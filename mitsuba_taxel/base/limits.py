@@ -1,4 +1,4 @@
-"""Limits that the processes which this package starts are put under."""
+"""Limits of the processes that this package starts."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ import resource
 
 
 def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
-    """Bytes of memory for a new process: ``most``, or less where this process is under a lower limit itself."""
+    """Bytes of memory for a new process: ``most``, or less if this process has a lower limit itself."""
     own = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
     return min([most, *own])

@@ -1,4 +1,4 @@
-"""The sources of this package as a digest: what other code has computed is stale."""
+"""Digest of this package's sources, by which results of other code are recognised as stale."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def code_digest(*rooms: str) -> str:
     Raises
     ------
     ImportError
-        if there is no such sub-package: one that was moved must not drop out of a key silently.
+        if there is no such sub-package, so that one that was moved is not silently dropped from a key.
     """
     digest = hashlib.sha256()
     for name, file in _files(rooms):
@@ -27,7 +27,7 @@ def code_digest(*rooms: str) -> str:
 
 
 def _files(rooms: tuple[str, ...]) -> Iterator[tuple[str, Path]]:
-    """Files by the names that they have in the package, wherever it is installed."""
+    """Files by their names within the package, wherever it is installed."""
     for file in sorted(_folder(PACKAGE).glob("*.py")):
         yield file.name, file
     for room in sorted(rooms):

@@ -1,4 +1,4 @@
-"""Where a run's time goes, by stage."""
+"""Time of a run by stage."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-# Of the thread, or the asynchronous task, that is running: what others do at the same time is not counted.
+# Of the current thread or asynchronous task only.
 _records: ContextVar[tuple[dict[str, float], ...]] = ContextVar("records", default=())
 _lost: ContextVar[list[float] | None] = ContextVar("lost", default=None)  # seconds of the stage entered last to others
 
 
 @contextmanager
 def record() -> Iterator[dict[str, float]]:
-    """Collect the seconds of every :func:`stage` entered within; what one stage holds is not counted in another."""
+    """Collect the seconds of every :func:`stage` entered within; nested stages are not counted twice."""
     seconds: dict[str, float] = {}
     before = _records.set((*_records.get(), seconds))
     try:
@@ -25,7 +25,7 @@ def record() -> Iterator[dict[str, float]]:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """Count the time spent within as that of stage ``name``, less that of stages inside it."""
+    """Count the time spent within as that of stage ``name``, excluding nested stages."""
     start = time.perf_counter()
     inside = [0.0]
     around = _lost.get()

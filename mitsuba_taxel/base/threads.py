@@ -1,4 +1,4 @@
-"""How many threads the mechanics computes with. No result depends on it."""
+"""Number of threads of the mechanics; no result depends on it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ _chosen: int | None = None
 
 
 def thread_count() -> int:
-    """As many as the machine has cores, unless another number was chosen."""
+    """The number of cores of the machine, unless another number was set."""
     return _chosen or os.cpu_count() or 1
 
 
 def set_thread_count(count: int) -> None:
-    """Choose the number of threads of this process, for one that shares the machine with others."""
+    """Set the number of threads of this process, for processes that share a machine."""
     global _chosen
     _chosen = count

@@ -7,15 +7,15 @@ import math
 FORCES = ("fx", "fy", "fz")
 """Parameters of a scene that are components of its force, in N."""
 TIME = "time"
-"""Parameter of a scene that says when its load is there, in s."""
+"""Parameter of a scene that is the time of its load, in s."""
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 """Powers of ten and their names."""
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """What numbers up to ``largest`` are divided by, to be at most 1000, and the unit that they then have.
+    """Divisor that makes numbers up to ``largest`` at most 1000, and their unit with its prefix.
 
-    Percent, and what has no unit, gets no prefix.
+    Percent and dimensionless numbers get no prefix.
     """
     if not unit or unit.startswith("%") or not (math.isfinite(largest) and largest > 0):
         return 1.0, unit

@@ -11,7 +11,7 @@ from mitsuba_taxel.pads import Pad, PadFile
 def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     """How many cells the pad in a file has.
 
-    A surface is read, mended and told apart into regions; only a STEP file has to be meshed for that.
+    A surface is read, repaired and told apart into regions; only a STEP file has to be meshed for that.
 
     Raises
     ------
@@ -20,8 +20,8 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     """
     from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.geometry.triangles import volume
-    from mitsuba_taxel.pads.imported.mending import faces_of, mended
     from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
+    from mitsuba_taxel.pads.imported.repair import faces_of, repaired
     from mitsuba_taxel.pads.imported.surfaces import check_mesh_size, read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
 
@@ -29,10 +29,10 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     if pad.suffix not in SURFACE_FORMATS:
         return int(pad.mesh(size).face_cell.max())
     try:
-        vertices, triangles = mended(*read_surface(pad.content(), pad.suffix))
+        vertices, triangles = repaired(*read_surface(pad.content(), pad.suffix))
         _, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), pad.regions)
-    except GeometryError as flaw:
-        raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw
+    except GeometryError as error:
+        raise InputError(f"filename = {pad.path} is not allowed: {error}.") from error
     check_mesh_size(size, volume(vertices, triangles))
     return int(cell.max())
 

@@ -81,15 +81,15 @@ def _given_twice(element: Element) -> Iterator[Finding]:
 
 
 def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    flaw = flaw_of_plugin(element, parameters)
+    message = error_in_plugin(element, parameters)
     words = specifications().get(filled_in(element.attributes["type"], parameters))
-    if flaw:
-        yield element.finding("error", flaw)
+    if message:
+        yield element.finding("error", message)
     elif words is not None:
         yield from _of_plugin(element, words, parameters)
 
 
-def flaw_of_plugin(element: Element, parameters: Mapping[str, str]) -> str:
+def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     """What is wrong with the type of an object; empty if it is a plugin, and one for such an element."""
     plugin = filled_in(element.attributes.get("type", ""), parameters)
     kind = plugin_kind(plugin) if plugin in specifications() else _kind_of(plugin)
@@ -98,17 +98,17 @@ def flaw_of_plugin(element: Element, parameters: Mapping[str, str]) -> str:
     if "$" in plugin or _exists(plugin):
         return ""
     ours = [name for name in specifications() if plugin_kind(name) == element.tag]
-    return f"{plugin!r} is no plugin{_meant(plugin, (*ours, *_mitsuba_plugins()))}."
+    return f"{plugin!r} is not a plugin{_meant(plugin, (*ours, *_mitsuba_plugins()))}."
 
 
 def _of_plugin(element: Element, words: type[Specification], parameters: Mapping[str, str]) -> Iterator[Finding]:
     for child in element.children:
-        message = flaw_of(child, words, parameters)
+        message = error_in(child, words, parameters)
         if message:
             yield child.finding("error", message)
 
 
-def flaw_of(child: Element, words: type[Specification], parameters: Mapping[str, str]) -> str:
+def error_in(child: Element, words: type[Specification], parameters: Mapping[str, str]) -> str:
     """What is wrong with the name or the element of something that a plugin of this package is told; empty if nothing.
 
     Objects nested in the plugin are not looked at.

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import KINDS, Element, filled_in
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.pads import cells_of_file, refuse_finish
-from mitsuba_taxel.check.parameters import flaw_of, flaw_of_plugin
+from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import PadFile
 from mitsuba_taxel.pads.parametric.meshing import check_room
@@ -178,7 +178,7 @@ class _Maker:
                 return False
         if any(child.made is None for child in part.children.values()):
             return False
-        if part.element.tag in KINDS and flaw_of_plugin(part.element, self.parameters):
+        if part.element.tag in KINDS and error_in_plugin(part.element, self.parameters):
             return False
         props = mi.Properties(part.props)
         for name, child in part.children.items():
@@ -198,7 +198,7 @@ class _Maker:
         words = specifications().get(part.plugin)
         refused = []
         if words is not None:
-            flawed = [child for child in part.element.children if flaw_of(child, words, self.parameters)]
+            flawed = [child for child in part.element.children if error_in(child, words, self.parameters)]
             refused = [filled_in(child.attributes["name"], self.parameters) for child in flawed]
         for name, message in far_transforms(part.props).items():
             said = f"{message}{guilty_parameters(self.parameters)}."

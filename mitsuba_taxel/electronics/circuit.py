@@ -19,7 +19,7 @@ except ModuleNotFoundError:  # Python 3.10
     import tomli as tomllib  # type: ignore[no-redef]
 
 ROOM_TEMPERATURE = 25.0
-"""In degrees C: that of the figures of datasheets."""
+"""In degrees C; datasheets refer to it."""
 ZERO_CELSIUS = 273.15
 MOST_DECADES = 100
 BOLTZMANN = 1.380649e-23
@@ -30,7 +30,7 @@ CHARGE = 1.602176634e-19
 
 @dataclass(frozen=True, kw_only=True)
 class _Resistance(Number):
-    """A number of Ohm; infinite for what is not connected."""
+    """A resistance in Ohm; infinite for an open circuit."""
 
     def checked(self, value: Any) -> float:
         return math.inf if isinstance(value, float) and value == math.inf else super().checked(value)
@@ -40,12 +40,12 @@ class _Resistance(Number):
 class Circuit(Checked):
     """A phototransistor as emitter follower on a load resistor, a buffer and an analogue-digital converter.
 
-    All taxels have the same. The figures of datasheets are those at 25 degrees C.
+    It is the same for all taxels. Values from datasheets are those at 25 degrees C.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, or a circuit that cannot work.
+        if a value is not allowed, or the circuit cannot work.
     """
 
     supply: float = number(REQUIRED, "V", "Supply voltage of phototransistor, buffer and converter.", above=0)
@@ -60,9 +60,9 @@ class Circuit(Checked):
     led_current: float | None = number(
         None,
         "A",
-        "Of each LED. The power of a scene's LEDs is then only a factor, 1 for all alike.",
+        "Current of each LED. The power of a scene's LEDs is then only a relative factor, 1 by default.",
         minimum=0,
-        default_words="none: LEDs emit the power that the scene says",
+        default_words="none: LEDs emit the power of the scene",
     )
     led_efficiency: float | None = number(
         REQUIRED, "W/A", "Optical power per current of an LED.", above=0, needs="led_current"
@@ -72,32 +72,32 @@ class Circuit(Checked):
     saturation_voltage: float = number(
         0.1,
         "V",
-        "Between collector and emitter, where the phototransistor passes half of its photocurrent; 0 for one that "
+        "Collector-emitter voltage at which the phototransistor passes half of its photocurrent; 0 for one that "
         "passes all of it down to 0 V.",
         minimum=0,
     )
-    dark_current: float = number(0.0, "A", "Of the phototransistor without light.", minimum=0)
-    dark_decade: float = number(23.0, "K", "Rise of the temperature that makes the dark current tenfold.", above=0)
-    temperature: float = number(ROOM_TEMPERATURE, "degrees C", "Of all parts.", minimum=-200, maximum=500)
-    buffer_gain: float = number(1.0, "", "Voltage gain of the buffer, whose output ends at the supply.", above=0)
+    dark_current: float = number(0.0, "A", "Current of the phototransistor without light.", minimum=0)
+    dark_decade: float = number(23.0, "K", "Rise of temperature for a tenfold dark current.", above=0)
+    temperature: float = number(ROOM_TEMPERATURE, "degrees C", "Temperature of all parts.", minimum=-200, maximum=500)
+    buffer_gain: float = number(1.0, "", "Voltage gain of the buffer, whose output is limited to the supply.", above=0)
     adc_bits: int = whole(12, 1, 24, "Resolution of the converter.")
     adc_reference: float | None = number(
         None, "V", "Voltage of the converter's full scale.", above=0, default_words="the supply"
     )
-    bandwidth: float = number(1000.0, "Hz", "Of a low pass of first order before the converter, -3 dB.", above=0)
+    bandwidth: float = number(1000.0, "Hz", "-3 dB bandwidth of a first-order low pass before the converter.", above=0)
     current_gain: float = number(
         0.0,
         "",
-        "Of the phototransistor: shot noise of its base current is amplified by it. 0 counts that of the photocurrent "
-        "alone.",
+        "Current gain of the phototransistor, which amplifies the shot noise of its base current. With 0, only that of "
+        "the photocurrent counts.",
         minimum=0,
     )
-    flicker_noise: float = number(0.0, "V", "At 1 Hz and in 1 Hz, at the converter; it goes with 1/f.", minimum=0)
+    flicker_noise: float = number(0.0, "V", "1/f noise at the converter, at 1 Hz and in 1 Hz.", minimum=0)
     flicker_from: float = number(
-        0.1, "Hz", "Lowest frequency of such noise that counts: one over the time of a recording.", above=0
+        0.1, "Hz", "Lowest frequency of 1/f noise: one over the duration of a recording.", above=0
     )
     other_noise: float = number(
-        0.0, "V", "At the converter, of supply, buffer and converter besides; one standard deviation.", minimum=0
+        0.0, "V", "Other noise at the converter, of supply, buffer and converter; one standard deviation.", minimum=0
     )
 
     def _check(self) -> None:
@@ -144,7 +144,7 @@ class Circuit(Checked):
 
     @property
     def full_scale(self) -> float:
-        """Voltage that the converter's counts end at, in V."""
+        """Voltage of the converter's largest count, in V."""
         return self.supply if self.adc_reference is None else self.adc_reference
 
     @property
@@ -155,11 +155,11 @@ class Circuit(Checked):
     @property
     def limit(self) -> float:
         """Output in V from which the circuit counts as saturated: that of the converter or the buffer, or where the
-        phototransistor passes but half of its photocurrent."""
+        phototransistor passes only half of its photocurrent."""
         return min(self.full_scale, self.supply, self.buffer_gain * (self.supply - self.saturation_voltage))
 
     def as_table(self) -> dict[str, Any]:
-        """What the circuit is, as a study file says it."""
+        """The circuit as a table of a study file."""
         return values_of(self)
 
 
@@ -175,12 +175,12 @@ def circuit_of(table: object) -> Circuit:
 
 
 def read_circuit(file: str | Path) -> Circuit:
-    """The circuit in a TOML file, of such entries or with a table ``[circuit]`` of them, as a study file has.
+    """The circuit in a TOML file, at top level or in a table ``[circuit]`` as in a study file.
 
     Raises
     ------
     InputError
-        if it cannot be read, or describes no circuit.
+        if it cannot be read, or is not a circuit.
     """
     file = path_of("circuit", file)
     try:
@@ -188,5 +188,5 @@ def read_circuit(file: str | Path) -> Circuit:
     except OSError as error:
         raise InputError(f"circuit {str(file)!r} cannot be read: {error.strerror}.") from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"circuit {str(file)!r} is no TOML: {error}.") from error
+        raise InputError(f"circuit {str(file)!r} is not valid TOML: {error}.") from error
     return circuit_of(content.get("circuit", content))

@@ -15,11 +15,11 @@ def noise_parts(circuit: Circuit, power: Any) -> dict[str, np.ndarray]:
     """Standard deviations in V for optical powers in W, by their source.
 
     ``shot`` of the photocurrent, 2 q I (1 + 2 b): with a current gain b, the currents that feed its base and recombine
-    there, each I / b, are amplified by b. ``thermal`` of the load, 4 k T R, beside the resistance of the
-    phototransistor. Both in the noise bandwidth of a low pass of first order, pi / 2 of its own. ``flicker``, K^2 / f,
-    from ``flicker_from`` on: K^2 / 2 ln(1 + (bandwidth / flicker_from)^2). ``other`` as given. ``quantisation`` of the
-    converter, a step / sqrt(12), as if all places within a step were equally likely: where a signal stays within one
-    step it is all or nothing.
+    there, each I / b, are amplified by b. ``thermal`` of the load, 4 k T R, in parallel with the resistance of the
+    phototransistor. Both in the noise bandwidth of a first-order low pass, pi / 2 times its -3 dB bandwidth.
+    ``flicker``, K^2 / f, from ``flicker_from`` on: K^2 / 2 ln(1 + (bandwidth / flicker_from)^2). ``other`` as given.
+    ``quantisation`` of the converter, a step / sqrt(12), which assumes a signal uniformly distributed within a step: it
+    does not hold for a signal that stays within one.
     """
     shown = respond(circuit, power)
     width = math.pi / 2 * circuit.bandwidth

@@ -1,4 +1,4 @@
-"""What a circuit makes of optical power: photocurrent, volts, counts. Nothing is linearised.
+"""Response of a circuit to optical power: photocurrent, volts, counts, without linearisation.
 
 A phototransistor with a floating base, after Ebers and Moll, passes
 
@@ -19,14 +19,14 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit
 
 BISECTIONS = 80
-"""Halvings of the range that the voltage lies in: beyond double precision."""
+"""Bisections of the voltage's range: beyond double precision."""
 LARGEST_EXPONENT = 700.0
 LEAST_CONDUCTANCE = 1e-200
-"""In 1/Ohm; below it nothing is connected."""
+"""In 1/Ohm; smaller ones count as an open circuit."""
 
 
 class Response(NamedTuple):
-    """What a circuit shows for some optical powers; all arrays have their shape.
+    """Response of a circuit to optical powers; all arrays have their shape.
 
     Attributes
     ----------
@@ -35,12 +35,12 @@ class Response(NamedTuple):
     voltage : ndarray
         At the converter, in V.
     rate : ndarray
-        Its derivative by the power, in V/W.
+        Its derivative with respect to the power, in V/W.
     counts : ndarray of int
         From 0 to the converter's largest.
     resistance : ndarray
-        Of the emitter's node for small signals, in Ohm: the load beside the phototransistor; 0 for an open emitter
-        without any current, which stays at 0 V.
+        Small-signal resistance of the emitter's node in Ohm: the load in parallel with the phototransistor; 0 for an
+        open emitter without any current, which stays at 0 V.
     passed : ndarray
         Share of the photocurrent that the phototransistor passes.
     """
@@ -54,7 +54,7 @@ class Response(NamedTuple):
 
 
 def respond(circuit: Circuit, power: Any) -> Response:
-    """What a circuit shows for optical powers in W, an array of any shape or a number.
+    """Response of a circuit to optical powers in W, an array of any shape or a number.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Counts of the converter for voltages in V; not a number counts as 0."""
+    """Counts of the converter for voltages in V; NaN counts as 0."""
     steps = np.floor(np.nan_to_num(np.asarray(voltage, dtype=float)) / circuit.step)
     return np.clip(steps, 0, 2**circuit.adc_bits - 1).astype(int)
 
@@ -88,7 +88,7 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
 def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
     """Optical power in W that brings the converter to voltages in V, from 0 to below the supply.
 
-    Negative where the dark current alone brings more; not a number where no power does.
+    Negative where the dark current alone exceeds the voltage; NaN where no power reaches it.
     """
     voltage = np.asarray(voltage, dtype=float)
     emitter = voltage / circuit.buffer_gain
@@ -100,7 +100,7 @@ def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def _excess(circuit: Circuit, current: np.ndarray, conductance: float) -> np.ndarray:
-    """V_CE / V_T, by bisection: what the phototransistor passes rises with it, what the load takes falls."""
+    """V_CE / V_T, by bisection: the current of the phototransistor rises with it, that of the load falls."""
     low = np.zeros_like(current)
     high = np.full_like(current, circuit.supply / circuit.thermal_voltage)
     if np.isinf(conductance):
@@ -125,7 +125,7 @@ def _passed(circuit: Circuit, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _emitter_voltage(
     circuit: Circuit, current: np.ndarray, conductance: float, u: np.ndarray, passed: np.ndarray
 ) -> np.ndarray:
-    """In V; from the current where it is small, from what is left of the supply where that is."""
+    """In V; from the current where it is small, from the supply less V_CE where that is small."""
     if np.isinf(conductance):
         return np.zeros_like(current)
     across = circuit.thermal_voltage * u

@@ -13,17 +13,17 @@ from mitsuba_taxel.electronics.response import respond
 
 
 class Shown(NamedTuple):
-    """What a circuit shows of readings (T,).
+    """Readings (T,) behind a circuit.
 
     Attributes
     ----------
     voltage, error, noise : (T,) ndarray
-        In V: at the converter, what that is off by for the power's total error, and 1 sigma by the electronics.
+        In V: voltage at the converter, its error due to the power's total error, and 1 sigma of the electronics.
     counts : (T,) ndarray of int
     step : float
         Voltage of one count, in V.
     derivatives : Derivatives or None
-        Those of the readings, of volts in place of watts.
+        Those of the readings, in volts instead of watts.
     """
 
     voltage: np.ndarray
@@ -44,8 +44,8 @@ class Shown(NamedTuple):
         }
 
     def equivalent_noise(self) -> dict[str, np.ndarray]:
-        """(T,) noise as a change of each parameter that there are derivatives by, by the name and unit of it; infinite
-        where that changes nothing."""
+        """(T,) noise as an equivalent change of each parameter with a derivative, by its name and unit; infinite
+        where the derivative is 0."""
         if self.derivatives is None:
             return {}
         found = {}
@@ -58,7 +58,7 @@ class Shown(NamedTuple):
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:
-    """What a circuit shows of ``Readings``; derivatives follow by the chain rule, with the circuit's exact slope."""
+    """``Readings`` behind a circuit; derivatives follow by the chain rule, with the circuit's exact slope."""
     power = np.maximum(readings.power, 0.0)
     response, derivatives = respond(circuit, power), readings.derivatives
     if derivatives is not None:

@@ -12,12 +12,12 @@ from mitsuba_taxel.electronics.noise import total_noise
 from mitsuba_taxel.electronics.response import respond
 
 VOLTS = ("voltage", "voltage_error", "counts", "noise")
-"""What a circuit adds to a study."""
+"""Variables that a circuit adds to a study."""
 
 
 def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
-    """A study with ``voltage``, its ``voltage_error`` by the total error of the power, ``counts`` and ``noise`` beside
-    the power, and the circuit as the attribute ``circuit``; as it is where there is no circuit."""
+    """A study with added ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts`` and
+    ``noise``, and the circuit as the attribute ``circuit``; unchanged without a circuit."""
     if circuit is None:
         return study
     power = study.power.values
@@ -38,15 +38,15 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
 
 
 def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
-    """The circuit that a study has, the same for all of its scenes; None where it has none."""
+    """The circuit of a study, the same for all of its scenes, or None."""
     attributes = study.leaves[0].attrs if isinstance(study, xr.DataTree) else study.attrs
     return circuit_of(json.loads(attributes["circuit"])) if "circuit" in attributes else None
 
 
 def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
-    """A study whose readings and derivatives are volts in place of watts, for figures of merit.
+    """A study whose readings and derivatives are in volts instead of watts, for figures of merit.
 
-    Voltages of the mean powers are exact; those of the replicates are off from these to first order.
+    Voltages of the mean powers are exact; deviations of the replicates are linearised.
     """
     mean = study.replicate_power.mean("replicate")
     shown = respond(circuit, _lit(mean.values))
@@ -66,5 +66,5 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
 
 
 def _lit(power: np.ndarray) -> np.ndarray:
-    """Powers that a circuit can be asked of: 0 for those that are missing, or less than 0 by their error."""
+    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error."""
     return np.maximum(np.nan_to_num(power), 0.0)

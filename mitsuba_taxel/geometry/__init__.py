@@ -1,1 +1,1 @@
-"""Points, triangles, curved patches and volume meshes, and what can be computed of them alone."""
+"""Geometry of points, triangles, curved patches and volume meshes."""

@@ -1,10 +1,10 @@
-"""Whether curved triangles touch.
+"""Contact detection between curved triangles.
 
 A six-node triangle is a quadratic Bezier patch and lies in the convex hull of its six control points. Two patches are
-cut into pieces until a certificate shows that two pieces are apart, or they are so flat that none can be given.
+subdivided until a certificate proves their pieces disjoint, or they are so flat that none exists.
 
-A pair of patches is a column of 13 points: the control points of one, those of the other, and the origin that all of
-them are relative to, so that small pieces keep their digits. Control points come in the order of the nodes.
+A pair of patches is a column of 13 points: the control points of one, those of the other, and a common origin, so that
+small pieces keep their precision. Control points are in the order of the nodes.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from scipy.linalg import block_diag
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 
 BATCH = 256
-"""Pairs cut at a time: the search goes deep before it goes wide, which bounds its memory."""
+"""Pairs subdivided at a time: the search is depth-first, which bounds its memory."""
 FIRST_BATCH = 16384
-"""Pairs looked at together before any is cut."""
+"""Pairs tested together before any is subdivided."""
 THIN = 1e-6
 """Twice the area of a triangle relative to its longest side squared, below which its normal is not trusted."""
 STRICT = 1e-10
-"""Distance from a common vertex's plane, relative to the patches' size, that is more than rounding."""
+"""Distance from a plane through a common vertex, relative to the patches' size, that exceeds rounding."""
 
 Place = tuple[float, float, float]
 
 
 def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(3, N) control points of curved triangles (B, 6) with ``nodes`` (N, 3): those on edges are off the surface."""
+    """(3, N) control points of curved triangles (B, 6) with ``nodes`` (N, 3); those of edges lie off the surface."""
     control = nodes.T.copy()
     for k, (i, j) in enumerate(FACE_EDGES, start=3):
         ends = nodes[faces[:, i]] + nodes[faces[:, j]]
@@ -39,15 +39,15 @@ def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    """Where a patch touches its partner, or ``None`` if none does.
+    """First point found where a patch touches its partner, or ``None``.
 
     Parameters
     ----------
     one, other : (3, 6, n) ndarray
         Control points.
     shared : str
-        What two partners have in common: "nothing", "vertex" (their first corner) or "edge" (from their first to their
-        second corner). They may not meet elsewhere.
+        What two partners share: "nothing", "vertex" (their first corner) or "edge" (from their first to their second
+        corner). Meeting elsewhere is contact.
     tolerance : float
         Distance up to which patches count as touching, mm.
     """
@@ -95,13 +95,13 @@ def _common_point(pair: np.ndarray) -> Place:
 
 
 def bulge(patches: np.ndarray) -> np.ndarray:
-    """(n,) how far the control points of patches (3, 6, n) are from their flat triangles at most."""
+    """(n,) largest distance of the control points of patches (3, 6, n) from their flat triangles."""
     following = patches[:, [1, 2, 0]]
     return _length(patches[:, 3:] - (patches[:, :3] + following) / 2).max(axis=0)
 
 
 def quarters(patches: np.ndarray) -> np.ndarray:
-    """Patches (3, 6, n) cut into four each, (3, 6, 4 n)."""
+    """Patches (3, 6, n) subdivided into four each, (3, 6, 4 n)."""
     return np.tensordot(_QUARTERS, patches, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(3, 6, -1)
 
 
@@ -119,7 +119,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors of length 1; what has no length stays 0."""
+    """Unit vectors; zero vectors stay 0."""
     return vectors / np.maximum(_length(vectors), np.finfo(float).tiny)
 
 
@@ -128,10 +128,10 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Whether patches that no certificate holds apart touch: flat ones do, and so do those as small as a point.
+    """Whether patches without a certificate touch: flat ones do, and so do those as small as a point.
 
-    Patches that share nothing may be too thin to tell. Those that share something are as flat as they need be when
-    they are so relative to their size, as an angle is at stake.
+    For patches that share nothing flatness is absolute. For those that share something it is relative to their size, as
+    only angles matter.
     """
     plain = np.ones(pairs.shape[2], dtype=bool)
     for patches in (pairs[:, :6], pairs[:, 6:12]):
@@ -147,7 +147,7 @@ def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
 
 
 def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """The pairs with the patch that bulges more, or of two flat ones the longer one, before its partner."""
+    """The pairs, each with the more curved patch first, or the longer one if both are flat."""
     one, other = pairs[:, :6], pairs[:, 6:12]
     rounder, other_rounder = bulge(one), bulge(other)
     longer = _length(_sides(one)).max(axis=0) < _length(_sides(other)).max(axis=0)
@@ -156,11 +156,11 @@ def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     return np.where(swap, pairs[:, [6, 7, 8, 9, 10, 11, 0, 1, 2, 3, 4, 5, 12]], pairs)
 
 
-# ---- certificates that patches do not meet but in what they share ----------------------------------------------------
+# ---- certificates that patches do not meet except in what they share -------------------------------------------------
 
 
 def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether a plane holds the control points of two patches apart by more than ``tolerance``.
+    """Whether a plane separates the control points of two patches by more than ``tolerance``.
 
     The normals tried are those of the separating axis theorem for flat triangles, so that no flat pair is missed.
     """
@@ -191,7 +191,7 @@ def _side_normals(one: np.ndarray, other: np.ndarray) -> list[np.ndarray]:
 
 
 def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether a plane through the common vertex holds all other control points of two patches apart."""
+    """Whether a plane through the common vertex separates all other control points of two patches."""
     vertex = pairs[:, :1]
     one, other = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
     towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (one, other)]
@@ -202,14 +202,15 @@ def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _divides(normal: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Whether points lie strictly behind a plane through 0, and others before it."""
+    """Whether points lie strictly behind a plane through 0, and others in front of it."""
     size = np.maximum(_length(one).max(axis=0), _length(other).max(axis=0))
     limit = STRICT * size * _length(normal)
     return (_dot(normal[:, None], one).max(axis=0) < -limit) & (_dot(normal[:, None], other).min(axis=0) > limit)
 
 
 def _middle_plane(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Normal of a plane amid those that hold two flat sectors (3, 2 rays, n) apart, which touch a ray or two each."""
+    """Normal of a middle plane among those that separate two flat sectors (3, 2 rays, n), each touching a ray or
+    two."""
     one, other = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (one, other))
     candidates = [_cross(one[:, i], other[:, j]) for i, j in product(range(2), repeat=2)]
     for rays in (one, other):
@@ -228,8 +229,8 @@ def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     """Whether two patches with a common edge unfold onto a plane one to one.
 
     They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on either side;
-    P f is one to one, P being a projection onto a plane, if its gradient has a positive definite symmetric part
-    everywhere. The gradient is linear, so that the corners tell; the quadrilateral may be as high as is best.
+    with a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part
+    everywhere. The gradient is linear, so it suffices to test the corners; the height of the quadrilateral is free.
     """
     one, other = pairs[:, :6], pairs[:, 6:12]
     along = _unit(one[:, 1] - one[:, 0])
@@ -244,8 +245,8 @@ def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 def _unfolds(patch: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Whether the projection of one side can be given a positive definite gradient at its three corners.
 
-    With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, that is
-    4 a d / h > (b / h + c)^2, which h = max |b| / max |c| fulfils if a d > max |b| max |c|.
+    With the derivatives (a, c) along the edge, of length 1, and (b, d) / h away from it, that is 4 a d / h > (b / h +
+    c)^2, which h = max |b| / max |c| satisfies if a d > max |b| max |c|.
     """
     b0, b1, b2, b01, b12, b20 = (patch[:, k] for k in range(6))
     edge = 2 * np.stack([b01 - b0, b1 - b01, b12 - b20], axis=1)
@@ -265,7 +266,7 @@ _CERTIFICATES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 }
 
 
-# ---- cutting ---------------------------------------------------------------------------------------------------------
+# ---- subdivision -----------------------------------------------------------------------------------------------------
 
 
 def _piece(*corners: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Which of many boxes overlap, by a tree that follows them as they move."""
+"""Overlapping boxes by a binary tree that can be refitted as they move."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 MORTON_BITS = 10
 MOST_PAIRS = 15_000_000
-"""Of boxes of two sets that overlap, found at once: the memory of one call goes with them. Triangles of even size meet
+"""Largest number of overlapping pairs that one call returns, which bounds its memory. Triangles of uniform size meet
 some ten others each."""
 
 
@@ -26,7 +26,7 @@ def overlapping(
     Raises
     ------
     TooManyPairs
-        as of triangles that all cross each other.
+        if there are too many, as for triangles that all cross each other.
     """
     if not len(lower_a) or not len(lower_b):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -36,16 +36,16 @@ def overlapping(
 
 
 class Level(NamedTuple):
-    """Boxes round what the nodes of one level of a tree hold, (2 ** depth, 3) corners each; low > high if nothing."""
+    """Bounding boxes of the nodes of one level of a tree, (2 ** depth, 3) corners each; low > high if empty."""
 
     low: np.ndarray
     high: np.ndarray
 
 
 class BoxTree:
-    """A binary tree of a set of things, in the order of their ``centres`` (n, 3) along a Morton curve.
+    """A binary tree of boxes, in the order of their ``centres`` (n, 3) along a Morton curve.
 
-    It is as deep as it must be, or as one of ``size`` things.
+    Its depth is that needed, or that of a tree of ``size`` boxes.
     """
 
     def __init__(self, centres: np.ndarray, size: int = 0) -> None:
@@ -55,7 +55,7 @@ class BoxTree:
         self._empty = leaves >= len(order)
 
     def levels(self, low: np.ndarray, high: np.ndarray) -> list[Level]:
-        """Boxes of all nodes, from the root to the leaves, for things in boxes with corners ``low`` and ``high``."""
+        """Bounding boxes of all nodes, from the root to the leaves, for boxes with corners ``low`` and ``high``."""
         empty = self._empty[:, None]
         level = Level(np.where(empty, np.inf, low[self._order]), np.where(empty, -np.inf, high[self._order]))
         levels = [level]
@@ -65,7 +65,7 @@ class BoxTree:
         return levels
 
     def overlapping(self, levels: list[Level]) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of two different things whose boxes overlap or touch, each two once."""
+        """Numbers of all pairs of different boxes that overlap or touch, each pair once."""
         one: np.ndarray = np.zeros(1, dtype=np.int64)
         other = one
         for level in levels[1:]:
@@ -78,7 +78,7 @@ class BoxTree:
     def overlapping_with(
         self, levels: list[Level], tree: BoxTree, others: list[Level]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of a thing in this tree and one in another whose boxes overlap or touch.
+        """Numbers of all pairs of a box in this tree and one in another that overlap or touch.
 
         Raises
         ------
@@ -112,7 +112,7 @@ def _kept(level: Level, one: np.ndarray, other_level: Level, other: np.ndarray) 
 
 
 def _morton(points: np.ndarray) -> np.ndarray:
-    """Place (N,) of points (N, 3) along a curve that fills their box."""
+    """Position (N,) of points (N, 3) along a space-filling curve."""
     extent = np.ptp(points, axis=0)
     cells = (2**MORTON_BITS - 1) * (points - points.min(axis=0)) / np.where(extent > 0, extent, 1.0)
     code = np.zeros(len(points), dtype=np.int64)

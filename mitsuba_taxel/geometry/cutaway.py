@@ -1,4 +1,4 @@
-"""Closed surfaces cut open by a plane, with the face that the cut leaves."""
+"""Closed surfaces cut by a plane, and capped there."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mitsuba_taxel.geometry.polygons import triangulated
 from mitsuba_taxel.geometry.triangles import half_edges
 
 NUDGE = 1e-4
-"""Of a surface's extent, how far the plane may be moved: planes of symmetry run along edges of many meshes, and nearer
-to these than the rounding of single precision the surface is crumpled."""
+"""Largest shift of the plane, relative to the surface's extent: planes of symmetry run along edges of many meshes, near
+which the rounding of single precision crumples the surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class Half:
-    """What a cut leaves of a surface.
+    """The part of a surface on one side of a cut.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Half:
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     source : (T,) ndarray
-        Number of the triangle of the whole surface that each is or is a part of, -1 on the face of the cut.
+        Number of the triangle of the whole surface that contains each, -1 on the cap.
     """
 
     vertices: np.ndarray
@@ -34,7 +34,7 @@ class Half:
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Whether each edge of triangles (T, 3) is run through as often one way as the other."""
+    """Whether triangles (T, 3) run along each of their edges equally often in both directions."""
     edges, _ = half_edges(triangles)
     keys = edges.astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
     back = edges[:, ::-1].astype(np.int64) @ [int(triangles.max(initial=0)) + 1, 1]
@@ -42,10 +42,10 @@ def is_closed(triangles: np.ndarray) -> bool:
 
 
 def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, offset: float) -> Half:
-    """The part of a surface where ``normal @ x > offset``; a closed one stays closed, by a flat face.
+    """The part of a surface where ``normal @ x > offset``; a closed surface stays closed, by a flat cap.
 
-    The plane is moved by at most :data:`NUDGE` of the surface's extent, off the surface's vertices. The face is made
-    of the polygons in which the plane meets the surface, and shares their vertices. A surface with holes is left open.
+    The plane is shifted by at most :data:`NUDGE` of the surface's extent, away from vertices. The cap consists of the
+    polygons in which the plane meets the surface, and shares their vertices. A surface with holes is left open.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     height = height - _clear_of(height, NUDGE * np.ptp(vertices, axis=0).max(initial=0.0))
     above = height > 0
     crossed = np.flatnonzero(np.isin(above[triangles].sum(axis=1), (1, 2)))
-    # Each is turned so that its first corner is alone on its side.
+    # Corners are rotated so that the first is alone on its side.
     inside = above[triangles[crossed]]
     alone = np.argmax(inside == (inside.sum(axis=1) == 1)[:, None], axis=1)
     a, b, c = (np.take_along_axis(triangles[crossed], (alone[:, None] + k) % 3, axis=1)[:, 0] for k in range(3))
@@ -87,7 +87,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
 
 
 def _clear_of(height: np.ndarray, reach: float) -> float:
-    """The shift of a plane, between 0 and ``reach``, at which it stays furthest from all vertices."""
+    """The shift of a plane, between 0 and ``reach``, with the largest distance from all vertices."""
     near = height[(height > -reach) & (height < 2 * reach)]
     shifts = reach * np.linspace(0, 1, 17)
     gaps = [np.abs(near - shift).min(initial=np.inf) for shift in shifts]

@@ -1,4 +1,4 @@
-"""Whether curved elements are valid."""
+"""Validity of curved elements: Jacobians of their maps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def curved_volume(mesh: VolumeMesh) -> float:
 
 
 def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
-    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and where it lies."""
+    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and its position."""
     corner = mesh.points[mesh.tets[:, 1:4]] - mesh.points[mesh.tets[:, :1]]
     quality = jacobians(mesh.points, mesh.tets).min(axis=1) * np.sign(np.linalg.det(corner))
     worst = int(np.argmin(quality))

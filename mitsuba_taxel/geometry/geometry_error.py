@@ -1,4 +1,4 @@
-"""What is wrong with a file of geometry, and where."""
+"""Errors in a file of geometry, with their place."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class GeometryError(Exception):
-    """A reason why a pad's file cannot be used; whoever knows the file's name makes an `InputError` of it."""
+    """Why a pad's file cannot be used; becomes an `InputError` where the file's name is known."""
 
 
 def place(point: np.ndarray) -> str:

@@ -19,7 +19,7 @@ class Mirror:
     Attributes
     ----------
     normal : tuple[int, int]
-        (nx, ny) of the plane, towards the side that is kept; components are -1, 0 or 1.
+        (nx, ny) of the plane, towards the kept side; components are -1, 0 or 1.
     """
 
     name: str
@@ -46,11 +46,11 @@ ACROSS_SECOND_DIAGONAL = Mirror("-xy", (1, 1))
 ACROSS_DIAGONAL = Mirror("xy", (1, -1))
 
 MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
-"""In an order in which reflecting a point to the kept side of one plane after the other leaves it on that of all."""
+"""Ordered so that reflecting a point to the kept side of one plane after the other brings it to that of all."""
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
-    """The mesh and its image, joined in the nodes on the plane."""
+    """The mesh and its image, joined at the nodes on the plane."""
     on_plane = mirror.side(mesh.points) == 0
     image = np.arange(len(mesh.points))
     image[~on_plane] = len(mesh.points) + np.arange(np.count_nonzero(~on_plane))

@@ -1,4 +1,4 @@
-"""A k-d tree of points that can be built in any thread."""
+"""A k-d tree of points that is safe in threads without denormal numbers."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from scipy.spatial import cKDTree
 
 
 class PointTree:
-    """Points (N, 3) by their place, as scipy's ``cKDTree``, with all of them moved to positive coordinates.
+    """scipy's ``cKDTree`` of points (N, 3), shifted to positive coordinates.
 
-    Mitsuba builds plugins in threads that flush denormal numbers to zero. There scipy's tree does not get from a
-    coordinate of 0, on which many points may lie, to the next larger number, and never ends.
+    Mitsuba builds plugins in threads that flush denormal numbers to zero. There the construction of scipy's tree never
+    ends if many points share a coordinate of 0, as it fails to step to the next larger number.
     """
 
     def __init__(self, points: np.ndarray) -> None:
@@ -30,7 +30,7 @@ class PointTree:
         return self._tree.query_ball_point(points + self._shift, radius)
 
     def count_pairs(self, radius: float) -> int:
-        """Number of pairs within a radius, as :meth:`query_pairs` would give them."""
+        """Number of pairs that :meth:`query_pairs` would return."""
         return (int(self._tree.count_neighbors(self._tree, radius)) - self._tree.n) // 2
 
     def query_pairs(self, radius: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Triangles of plane polygons with holes, by cutting off ears (D. Eberly, Triangulation by ear clipping, 2002)."""
+"""Triangulation of plane polygons with holes by ear clipping (D. Eberly, Triangulation by ear clipping, 2002)."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import numpy as np
 
 
 class NotSimple(Exception):
-    """Edges that are no polygons, or polygons that touch themselves or each other."""
+    """Edges that do not form polygons, or polygons that touch themselves or each other."""
 
 
 def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:
-    """Triangles (T, 3), counter-clockwise, of what lies to the left of directed ``edges`` (E, 2).
+    """Counter-clockwise triangles (T, 3) of the area to the left of directed ``edges`` (E, 2).
 
-    The edges make closed loops: counter-clockwise round areas, clockwise round their holes. Every edge is that of one
-    triangle; no vertex is added. n corners take about n² steps.
+    The edges form closed loops: counter-clockwise round areas, clockwise round their holes. Every edge belongs to one
+    triangle; no vertex is added. The cost is O(n²) for n corners.
 
     Parameters
     ----------
     points : ndarray
         (N, 2).
     strict : bool
-        Whether loops that touch or cross are refused; else there may be triangles without area, or turned over.
+        Whether loops that touch or cross are refused; otherwise triangles may be degenerate or inverted.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> 
 
 
 def _loops(edges: np.ndarray, strict: bool) -> list[np.ndarray]:
-    """The polygons that edges make; unless ``strict``, as many may begin at a vertex as end there."""
+    """The polygons formed by edges; if ``strict``, only one may pass through each vertex."""
     following: dict[int, list[int]] = {}
     for start, end in edges.tolist():
         following.setdefault(start, []).append(end)
@@ -72,7 +72,7 @@ def _inside(point: np.ndarray, corners: np.ndarray) -> bool:
 
 
 def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], strict: bool) -> np.ndarray:
-    """One loop that runs round an area and, to and fro along bridges, round its holes."""
+    """One loop round an area and its holes, joined by bridges that are run along twice."""
     loop = outer
     for hole in sorted(holes, key=lambda h: -points[h, 0].max()):
         start = int(points[hole, 0].argmax())
@@ -88,7 +88,7 @@ def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], str
 
 
 def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], one: int, other: int) -> bool:
-    """Whether the segment between two vertices meets no edge but at its ends."""
+    """Whether the segment between two vertices meets edges only at its ends."""
     starts = np.concatenate([loop, *holes])
     ends = np.concatenate([np.roll(loop, -1), *(np.roll(hole, -1) for hole in holes)])
     a, b = points[one], points[other]
@@ -111,7 +111,7 @@ def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def _unless(strict: bool, makeshift: int) -> int:
-    """What to take where nothing is right."""
+    """A fallback where no choice is valid; raises `NotSimple` if ``strict``."""
     if strict:
         raise NotSimple
     return makeshift

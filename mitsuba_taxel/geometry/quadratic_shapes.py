@@ -1,4 +1,4 @@
-"""Quadratic shape functions of triangles and tetrahedra: of corners, then of edges as in FACE_EDGES or TET_EDGES."""
+"""Quadratic shape functions of triangles and tetrahedra: corners first, then edges as in FACE_EDGES or TET_EDGES."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def tet_coordinates(xi: np.ndarray) -> np.ndarray:
 
 
 def control_points(nodes: np.ndarray) -> np.ndarray:
-    """Bezier control points of triangles (M, 6, 3) or tetrahedra (M, 10, 3): their convex hull holds the element."""
+    """Bezier control points of triangles (M, 6, 3) or tetrahedra (M, 10, 3): their convex hull contains the element."""
     edges = FACE_EDGES if nodes.shape[1] == 6 else TET_EDGES
     i, j = np.array(edges).T
     corners = nodes.shape[1] - len(edges)

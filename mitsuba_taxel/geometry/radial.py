@@ -1,4 +1,4 @@
-"""Points put onto spheres and cylinders, along their radii."""
+"""Radial projection of points onto spheres and cylinders."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from mitsuba_taxel.geometry.triangles import unit
 def put_radially(
     points: np.ndarray, centre: np.ndarray, radius: float, across: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points moved onto the sphere or cylinder of a radius.
+    """Project points radially onto a sphere or cylinder.
 
     Parameters
     ----------
     points, centre : (N, 3) ndarray
-        And (N, 3) or (3,), mm.
+        Points and centre, (N, 3) or (3,), mm.
     across : (3, 3) ndarray
-        Projection onto the directions in which the radius is measured: the identity for a sphere.
+        Projection onto the directions of the radius: the identity for a sphere.
 
     Returns
     -------
     places : (N, 3) ndarray
-        Mm.
+        Projected points, mm.
     gradient : (N, 3, 3) ndarray
-        Derivative of a point's place by the point.
+        Derivative of each projected point with respect to the point.
     """
     from_centre = (points - centre) @ across
     stretch = (radius / np.linalg.norm(from_centre, axis=1))[:, None]

@@ -1,8 +1,7 @@
-"""Second-order tetrahedra cut into pieces: any that are given, or by bisection down to a size.
+"""Refinement of second-order tetrahedra: by given pieces, or by bisection down to a size.
 
-Elements are cut at the middle of their longest edge, and their neighbours as far as it takes for all to fit (M.-C.
-Rivara, Int. J. Numer. Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved elements that they are
-cut from, so that the solid stays as it is.
+Elements are bisected at their longest edge, and neighbours as needed for conformity (M.-C. Rivara, Int. J. Numer.
+Methods Eng. 20, 1984): angles stay bounded. New nodes lie on the curved elements, so that the solid is unchanged.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 
 
 def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray]) -> VolumeMesh:
-    """The mesh with no edge longer than the ``size`` (n,) in mm at its middle (n, 3)."""
+    """The mesh refined until no edge is longer than the ``size`` (n,) in mm at its middle (n, 3)."""
     edges = np.array(TET_EDGES)
     while True:
         tets = mesh.tets[:, :4]
@@ -47,7 +46,7 @@ def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> 
 
 
 def _bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
-    """The mesh with some edges (E, 2) cut, of which no element has more than one."""
+    """The mesh with some edges (E, 2) cut, at most one per element."""
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
     number[corners] = np.arange(len(corners))
@@ -60,7 +59,8 @@ def _bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
 def _halves(
     simplices: np.ndarray, pairs: tuple[tuple[int, int], ...], keys: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners (P, n) of simplices, those with an edge of ``keys`` halved; where they are (P, n, n), whose they are."""
+    """Corners (P, n) of simplices, those with an edge in ``keys`` halved; their barycentric coordinates (P, n, n), and
+    their parents."""
     ends = np.sort(simplices[:, np.array(pairs)], axis=2)
     own = ends[..., 0] * count + ends[..., 1]
     found = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
@@ -87,18 +87,18 @@ def of_pieces(
     faces: np.ndarray,
     face_parent: np.ndarray,
 ) -> VolumeMesh:
-    """The mesh that pieces of the elements of another make.
+    """The mesh made of pieces of the elements of another.
 
     Parameters
     ----------
     tets : (M, 4) ndarray
-        Their corners, numbered from 0 on without a gap.
+        Corners of the pieces, numbered from 0 without gaps.
     place : (M, 4, 4) ndarray
-        Barycentric coordinates of each corner in the element that the piece is of.
+        Barycentric coordinates of each corner in the parent element.
     parent : (M,) ndarray
-        Number of that element.
+        Number of the parent element.
     faces, face_parent : ndarray
-        (B, 3) corners of the pieces of faces, and (B,) whose they are.
+        (B, 3) corners of the pieces of faces, and (B,) numbers of their parents.
     """
     count = int(tets.max()) + 1
     ends = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)

@@ -17,7 +17,7 @@ _SIDES = np.array(
 
 
 def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points (N, 3) that tetrahedra (M, 4) use, and these, all of positive volume."""
+    """The points (N, 3) used by tetrahedra (M, 4), and the tetrahedra, all positively oriented."""
     used, tets = np.unique(tets, return_inverse=True)
     points, tets = points[used], tets.reshape(-1, 4).astype(np.int64)
     corners = points[tets]
@@ -26,9 +26,9 @@ def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes (N, 3), tetrahedra (M, 10) and boundary triangles (B, 6) as in a `VolumeMesh`, the edges still straight.
+    """Nodes (N, 3), tetrahedra (M, 10) and boundary triangles (B, 6) as in a `VolumeMesh`, with straight edges.
 
-    ``points`` (C, 3) are the corners of ``tets`` (M, 4), which have positive volumes; they come first.
+    ``points`` (C, 3) are the corners of ``tets`` (M, 4), which are positively oriented; they come first.
     """
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
     edges, number = np.unique(edges, axis=0, return_inverse=True)
@@ -37,12 +37,12 @@ def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def boundary_triangles(tets: np.ndarray) -> np.ndarray:
-    """Corners (B, 3) of the sides that only one of ``tets`` (M, 4) has, counter-clockwise seen from outside."""
+    """Corners (B, 3) of the faces that belong to only one of ``tets`` (M, 4), counter-clockwise seen from outside."""
     return _once(tets[:, _SIDES[:, :3]].reshape(-1, 3))
 
 
 def _once(sides: np.ndarray) -> np.ndarray:
-    """Those of ``sides`` (S, ...) whose first three nodes no other one has."""
+    """Those of ``sides`` (S, ...) whose first three nodes are not shared with another."""
     _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     return sides[np.sort(first[count == 1])]
 

@@ -1,4 +1,4 @@
-"""Triangles cut along equidistant parallel planes."""
+"""Slicing of triangles by equidistant parallel planes."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 SNAP = 1e-4
-"""Vertices as near to a plane as this, relative to the distance of the planes, count as lying on it."""
+"""Vertices closer to a plane than this, relative to the spacing of the planes, count as lying on it."""
 
 
 @dataclass(frozen=True)
 class Slices:
-    """What planes leave of a mesh.
+    """A mesh sliced by planes.
 
     Attributes
     ----------
     low, high, fraction : (V,) ndarray
-        The vertices of the mesh that a vertex lies between, and how far from the first.
+        The two vertices of the mesh between which a vertex lies, and its relative distance from the first.
     height : (V,) ndarray
-        Of each vertex, in distances of the planes; whole on a plane.
+        Of each vertex, in units of the planes' spacing; a whole number on a plane.
     triangles : (T, 3) ndarray
         Vertex numbers; the vertices of the mesh keep theirs.
     parents : (T,) ndarray
-        The triangle of the mesh that each is a piece of.
+        The triangle of the mesh that contains each.
     band : (T,) ndarray
         Number of the plane below each piece of a chosen triangle.
     """
@@ -40,8 +40,8 @@ class Slices:
 def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Slices:
     """Cut the ``chosen`` (T,) triangles (T, 3) where ``height`` (V,), linear on each, is a whole number.
 
-    The other triangles are split only where they share an edge with a chosen one, so that a closed mesh stays closed.
-    A triangle all of whose height is one whole number belongs to the band above it.
+    The other triangles are split only where they share an edge with a chosen one, so that a closed mesh stays closed. A
+    triangle that lies in a plane belongs to the band above it.
     """
     whole = np.rint(height)
     height = np.where(np.abs(height - whole) < SNAP, whole, height)
@@ -67,7 +67,7 @@ def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Sli
 
 
 class _Crossings:
-    """Numbers the points where edges meet planes, one point for all triangles at an edge."""
+    """Numbering of the points where edges meet planes, shared by all triangles at an edge."""
 
     def __init__(self, height: np.ndarray) -> None:
         self.height = height
@@ -81,7 +81,7 @@ class _Crossings:
         return np.where(plane <= self.height[low], low, inside)
 
     def resolve(self, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """``pieces`` with numbers in place of keys; lower end, upper end and plane of each new vertex."""
+        """``pieces`` with numbers instead of keys; lower end, upper end and plane of each new vertex."""
         new = pieces < 0
         keys, number = np.unique(-1 - pieces[new], return_inverse=True)
         pieces = pieces.copy()
@@ -151,12 +151,12 @@ def _split_beside(
 
 
 def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
-    """(T, 3) a number for each side, the same in both directions."""
+    """(T, 3) a number for each edge, independent of its direction."""
     ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     return np.minimum(*ends) * vertices + np.maximum(*ends)
 
 
 def _repeated(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each row's number as often as ``count`` says, and how often it came before."""
+    """Each row's number repeated ``count`` times, and the index of each repetition."""
     rows = np.repeat(np.arange(len(count)), count)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)

@@ -1,22 +1,23 @@
-"""Triangles without area taken out of a closed mesh, which stays closed."""
+"""Removal of degenerate triangles from a closed mesh, which stays closed."""
 
 from __future__ import annotations
 
 import numpy as np
 
 SHORT = 1e-7
-"""Distance in mm under which vertices are at one place."""
+"""Distance in mm below which vertices coincide."""
 FLAT = 1e-12
-"""Height in mm under which a triangle has no area: far below SHORT, lest what is cut off one is flat again."""
+"""Height in mm below which a triangle is degenerate: far below SHORT, so that pieces of one are not degenerate
+again."""
 MOST_ROUNDS = 100
-"""Seven are usual; what should be left then is as harmless as it is small."""
+"""Seven are usual; slivers left after these are harmless."""
 
 
 def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles of a closed mesh that are left when those without area are gone, and which they were.
+    """The triangles of a closed mesh without degenerate ones, and their original numbers.
 
-    Vertices at one place become one. A triangle whose corner lies on its longest side makes room by exchanging that
-    side with the triangle beyond it, which is so split at that corner.
+    Coincident vertices are merged. A triangle whose corner lies on its longest side is removed by flipping that side,
+    which splits the triangle beyond it at that corner.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
 
 
 def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles with the ends of ``short`` (T, 3) sides made one, and which are left."""
+    """Triangles with the ends of ``short`` (T, 3) sides merged, and which remain."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -58,7 +59,7 @@ def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np
 
 
 def _without_pairs(triangles: np.ndarray) -> np.ndarray:
-    """Which triangles are left when two with the same corners, back to back, cancel each other."""
+    """Which triangles remain when pairs with the same corners, back to back, are removed."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     same = np.zeros(len(order) + 1, dtype=bool)
@@ -69,7 +70,7 @@ def _without_pairs(triangles: np.ndarray) -> np.ndarray:
 def _exchanged(
     triangles: np.ndarray, origin: np.ndarray, flat: np.ndarray, longest: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Exchange the longest side of ``flat`` triangles with the triangle beyond, as many as do not disturb each other.
+    """Flip the longest side of ``flat`` triangles, as many as do not disturb each other.
 
     Of several at one triangle, the longest goes first.
     """

@@ -10,7 +10,7 @@ from mitsuba_taxel.geometry.box_tree import overlapping
 
 
 def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals (T, 3) of triangles, as long as their areas."""
+    """Normals (T, 3) of triangles, with their areas as lengths."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
@@ -22,19 +22,19 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def volume(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume inside a closed surface, negative if its triangles are clockwise seen from outside."""
+    """Volume enclosed by a surface, negative if its triangles are clockwise seen from outside."""
     origin = vertices.mean(axis=0)
     a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
     return float(np.einsum("ij,ij->", np.cross(a, b), c) / 6)
 
 
 def half_edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (3 T, 2) in the direction in which their triangles run round, and the numbers (3 T,) of these triangles."""
+    """Directed edges (3 T, 2) of triangles, and the numbers (3 T,) of these triangles."""
     return triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), np.repeat(np.arange(len(triangles)), 3)
 
 
 def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges (E, 2) that two triangles share, and the numbers (E, 2) of these; edges of one or of many are left out."""
+    """Edges (E, 2) shared by exactly two triangles, and the numbers (E, 2) of these."""
     edges, owner = half_edges(triangles)
     edges = np.sort(edges, axis=1).astype(np.int64)
     key = edges[:, 0] * (int(triangles.max(initial=0)) + 1) + edges[:, 1]
@@ -45,7 +45,7 @@ def neighbours(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def components(count: int, pairs: np.ndarray) -> np.ndarray:
-    """Number (count,) of the connected part that each of ``count`` things is in, given ``pairs`` (P, 2) that touch."""
+    """Number (count,) of the connected component of each of ``count`` nodes, with ``pairs`` (P, 2) as edges."""
     graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
@@ -53,7 +53,7 @@ def components(count: int, pairs: np.ndarray) -> np.ndarray:
 def closest_on_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Point (N, 3) of each triangle (N, 3, 3) closest to a point (N, 3).
 
-    It is the foot on the plane where that lies in the triangle, else the nearest of those on the three edges.
+    It is the projection onto the plane if that lies in the triangle, else the nearest of those on the three edges.
     """
     a, b, c = (corners[:, k] for k in range(3))
     normal = unit(np.cross(b - a, c - a))
@@ -79,18 +79,19 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
 
 
 def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a point (N, 3) and a triangle, segment or point (M, K, 3) whose boxes are within ``reach``."""
+    """All pairs of a point (N, 3) and a triangle, segment or point (M, K, 3) whose bounding boxes are within
+    ``reach``."""
     return overlapping(points - reach, points + reach, corners.min(axis=1), corners.max(axis=1))
 
 
 def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """Positions of the entry of least ``cost`` (P,) for each value of ``keys`` (P,), by ascending value."""
+    """Index of the entry of least ``cost`` (P,) for each value of ``keys`` (P,), by ascending value."""
     order = np.lexsort((cost, keys))
     return order[np.diff(keys[order], prepend=-1) > 0]
 
 
 def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles cut at the vertices ``middle`` (T, 3) on their edges, -1 where there is none, and what they were."""
+    """Triangles cut at the vertices ``middle`` (T, 3) on their edges, -1 for none, and the numbers of their parents."""
     cuts = (middle >= 0).sum(axis=1)
     pieces, parents = [triangles[cuts == 0]], [np.flatnonzero(cuts == 0)]
 
@@ -106,7 +107,7 @@ def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) ->
     rows = np.flatnonzero(cuts == 1)
     (a, b, c), (m, _, _) = (x.T for x in turned(rows, np.argmax(middle[rows] >= 0, axis=1)))
     add(rows, [a, m, c], [m, b, c])
-    # Edges ab and bc are cut; of what is left, the shorter diagonal.
+    # Edges ab and bc are cut; the remaining quadrilateral is cut along its shorter diagonal.
     rows = np.flatnonzero(cuts == 2)
     (a, b, c), (m, n, _) = (x.T for x in turned(rows, (np.argmax(middle[rows] < 0, axis=1) + 1) % 3))
     from_a = np.linalg.norm(points[a] - points[n], axis=1) < np.linalg.norm(points[m] - points[c], axis=1)

@@ -47,5 +47,5 @@ class VolumeMesh:
 
     @property
     def corner_count(self) -> int:
-        """How many nodes are corners of elements."""
+        """Number of nodes that are corners of elements."""
         return int(self.tets[:, :4].max()) + 1

@@ -19,12 +19,12 @@ REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
 """Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
 
 DEFAULT_MESH_SIZE = 1.25
-"""Size of the finite elements, in mm, where nobody asks for another, of a pad with cells and walls like the paper's."""
+"""Default size of the finite elements, in mm, for a pad with cells and walls like the paper's."""
 TYPICAL_CELL, TYPICAL_THICKNESS = 2.55, 1.0
-"""Of such a pad, in mm: side of a cell, and the thinnest silicone beside or above one."""
+"""Side of a cell, and the thinnest silicone beside or above one, of such a pad, in mm."""
 
 MIN_THICKNESS = 0.01
-"""Thinnest wall or roof, relative to the cell size, that is still meant as one."""
+"""Least thickness of a wall or roof, relative to the cell size."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Pad(Checked, Displayed):
     )
 
     _height_follows: ClassVar[bool] = False
-    """Of each pad, whether its `cell_height` is the default."""
+    """Whether `cell_height` is the default."""
 
     def _check(self) -> None:
         if self.cell_height is None:
@@ -101,7 +101,7 @@ class Pad(Checked, Displayed):
             )
 
     def changed(self, **dimensions: Any) -> Pad:
-        """The pad with other dimensions; a `cell_height` that was not given is the default then, too."""
+        """The pad with other dimensions; an unset `cell_height` takes its new default."""
         follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
         return replace(self, **follows | dimensions)
 
@@ -113,7 +113,7 @@ class Pad(Checked, Displayed):
 
     @property
     def dome_radius(self) -> float:
-        """Radius of the sphere that a roof is part of, mm; 0 for flat roofs."""
+        """Radius of the sphere of a domed roof, mm; 0 for flat roofs."""
         return {"spherical": self.cell_size, "hemispheric": 0.5 * self.cell_size}.get(self.cell, 0.0)
 
     @property
@@ -124,10 +124,10 @@ class Pad(Checked, Displayed):
 
     @property
     def default_mesh_size(self) -> float:
-        """Size of the finite elements in mm where nobody asks for another, to three digits.
+        """Default size of the finite elements in mm, to three digits.
 
-        It goes with the scale of the pad, and with the square root of its thinnest part beside that: along thin walls
-        elements may be longer than these are thick.
+        It is proportional to the scale of the pad, and to the square root of its relative thickness: along thin walls
+        elements may be longer than the thickness.
         """
         scale = self.cell_size / TYPICAL_CELL
         thinnest = min(self.wall, self.height - self.top_of_cell, TYPICAL_THICKNESS * scale)
@@ -137,7 +137,7 @@ class Pad(Checked, Displayed):
 
     @property
     def identity(self) -> dict[str, object]:
-        """What tells the pad from others, as values that JSON can write."""
+        """Values that identify the pad, fit for JSON."""
         return asdict(self)
 
     def mesh(self, mesh_size: float) -> VolumeMesh:

@@ -1,4 +1,4 @@
-"""A pad that a user brings as a file."""
+"""A pad from a file."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ class PadFile(Displayed):
     Parameters
     ----------
     path : Path
-        The file; its ending says which format it is.
+        The file; its extension determines the format.
     regions : tuple[Rule, ...]
-        Rules that name the regions of faces, or a TOML file of them (see :func:`read_rules`); the first rule that a
-        face meets holds. What no rule names is guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
+        Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching
+                rule
+        applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
 
     Raises
     ------
@@ -75,14 +76,14 @@ class PadFile(Displayed):
 
     @property
     def identity(self) -> list[object]:
-        """What the mesh of this pad depends on besides the mesh size, fit for JSON."""
+        """Values that identify the pad, fit for JSON."""
         meshers = ["netgen-mesher", *([] if self.suffix in STEP_FORMATS else ["pytetwild"])]
         versions = [[mesher, version(mesher)] for mesher in meshers]
         return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], versions]
 
     @cached_property
     def default_mesh_size(self) -> float:
-        """Size of the finite elements in mm where nobody asks for another, by the rule of the built-in pads.
+        """Default size of the finite elements in mm, by the rule of the built-in pads.
 
         Raises `InputError` if the file holds no pad.
         """
@@ -97,7 +98,7 @@ class PadFile(Displayed):
         return mesh_pad_file(self, mesh_size)
 
     def content(self) -> bytes:
-        """The file, as it was when this object was made; raises `InputError` if it has changed since."""
+        """The content of the file; raises `InputError` if it has changed since this object was made."""
         content = self._read()
         if hashlib.sha256(content).hexdigest() != self.digest:
             raise InputError(f"filename = {self.path} is not allowed: it has changed since it was opened.")

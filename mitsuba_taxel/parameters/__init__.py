@@ -1,4 +1,4 @@
-"""What a parameter is: a field of a dataclass that says what is allowed, and is checked when an object is made."""
+"""Parameters: fields of dataclasses with allowed values, checked when an object is made."""
 
 from mitsuba_taxel.parameters.checked import Checked, check, parameters_of, values_of
 from mitsuba_taxel.parameters.parameter import (

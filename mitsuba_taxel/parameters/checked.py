@@ -1,4 +1,4 @@
-"""Parameters as the fields of a dataclass: it refuses values, is read from a scene, and is written to one."""
+"""Dataclasses whose fields are parameters: checked, read from a scene, and written to one."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from mitsuba_taxel.parameters.parameter import REQUIRED, Nested, Parameter, name
 
 
 class Checked:
-    """Base of frozen dataclasses whose fields state parameters, which are checked when an object is made.
+    """Base of frozen dataclasses whose fields are parameters, checked when an object is made.
 
-    What means nothing beside the others is None; where it does mean something, it takes its default. A class whose
-    parameters depend on one another in other ways says so in :meth:`_check`.
+    Parameters that do not apply are None; those that apply take their default. Further conditions between parameters
+    are checked by :meth:`_check`.
     """
 
     def __init_subclass__(cls) -> None:
@@ -34,11 +34,11 @@ class Checked:
         self._check()
 
     def _check(self) -> None:
-        """Refuse values that do not go together."""
+        """Refuse inconsistent values."""
 
     @classmethod
     def read(cls, props: Any) -> Any:
-        """What the ``mi.Properties`` of a scene say; raises `InputError`."""
+        """An object with the values of ``mi.Properties``; raises `InputError`."""
         given = {}
         for field, parameter in parameters_of(cls).items():
             if isinstance(parameter, Nested):
@@ -51,13 +51,13 @@ class Checked:
 
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
-    """The parameters that the fields of a dataclass state, by field."""
+    """The parameters of a dataclass, by field."""
     stated = {field.name: field.metadata.get("parameter") for field in fields(cls)}
     return {name: named(parameter, name) for name, parameter in stated.items() if parameter is not None}
 
 
 def check(part: Any) -> None:
-    """Refuse what a frozen dataclass may not hold, and put defaults where nothing was given; raises `InputError`."""
+    """Check a frozen dataclass, and set defaults of parameters that were not given; raises `InputError`."""
     missing = []
     for name, parameter in parameters_of(type(part)).items():
         value = getattr(part, name)
@@ -74,7 +74,7 @@ def check(part: Any) -> None:
 
 
 def values_of(part: Any) -> dict[str, Any]:
-    """What a part holds, as entries of a Mitsuba dictionary."""
+    """The parameters of a part, as entries of a Mitsuba dictionary."""
     values = {p.name: getattr(part, name) for name, p in parameters_of(type(part)).items()}
     written = {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
     return {
@@ -85,7 +85,7 @@ def values_of(part: Any) -> dict[str, Any]:
 
 
 def _specification_of(props: Any, parameter: Nested) -> Any:
-    """What a nested object was made of; None where there is none, or it is no plugin of this package."""
+    """Specification of a nested object; None if there is none, or it is not a plugin of this package."""
     made = [value for name, value in props.objects() if not parameter.by_name or name == parameter.name]
     found = [getattr(value, "specification", None) for value in made]
     return next((value for value in found if isinstance(value, parameter.made_of)), None)

@@ -1,7 +1,7 @@
-"""What a parameter may be: its kind, unit, range, default, the conditions under which it means anything, its meaning.
+"""Parameters: kind, unit, range, default, meaning, and the conditions under which they apply.
 
-A parameter is stated by a field of a dataclass, with :func:`number` and its kin. All else follows from that: what is
-refused, and in which words; tables of the documentation, the schema of scenes, units of studies.
+A parameter is declared as a field of a dataclass, by :func:`number` and the like. All else is derived from that: checks
+and their messages, tables of the documentation, the schema of scenes, units of studies.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
 LARGEST = 1e18
-"""Largest magnitude of a number: its square is still one in single precision."""
+"""Largest magnitude of a number: its square is still finite in single precision."""
 REQUIRED: Any = ...
-"""Default of what must be given wherever it means anything."""
+"""Default of parameters that must be given if they apply."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,19 +30,19 @@ class Parameter:
     Attributes
     ----------
     doc : str
-        What it means, in sentences.
+        Its meaning, in sentences.
     name : str
         As in a scene.
     unit : str
-        Empty for what has none.
+        Empty if dimensionless.
     default : Any
-        :data:`REQUIRED` for none; None where it is left out, or follows from others.
+        :data:`REQUIRED` if there is none; None if the parameter may be absent, or follows from others.
     default_words : str
-        The default in words, where its value does not say it.
+        The default in words, if its value does not tell.
     when : tuple[str, ...]
-        Another parameter, and its values for which this one means anything; empty for all.
+        Another parameter, and its values for which this one applies; empty for all.
     without, needs : str
-        Another parameter that this one excludes, or means nothing without; empty for none.
+        Another parameter that this one excludes, or requires; empty for none.
     """
 
     doc: str
@@ -55,10 +55,10 @@ class Parameter:
     needs: str = ""
 
     type: ClassVar[str]
-    """As Mitsuba calls it."""
+    """Mitsuba's name of the type."""
 
     def checked(self, value: Any) -> Any:
-        """A value as Python has it; raises `InputError` for one that is not allowed."""
+        """A value converted to its Python type; raises `InputError` if it is not allowed."""
         raise NotImplementedError
 
     def words(self, value: Any) -> str:
@@ -67,7 +67,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """What is allowed, in words that follow on "a number"; empty if anything is."""
+        """The allowed range, in words to follow "a number"; empty if unlimited."""
         return ""
 
     @property
@@ -84,17 +84,17 @@ class Parameter:
 
     @property
     def is_conditional(self) -> bool:
-        """Whether it means anything depends on others."""
+        """Whether its use depends on other parameters."""
         return bool(self.when or self.without or self.needs)
 
     @property
     def label(self) -> str:
-        """What it is called in a table."""
+        """Its name in a table."""
         return self.name
 
     @property
     def meaning(self) -> str:
-        """What it means, what is allowed, and when."""
+        """Meaning, allowed values and conditions."""
         *others, last = [f"`{word}`" for word in self.when[1:]] or [""]
         words = f"{', '.join(others)} or {last}" if others else last
         only = f"for {self.when[0]} {words}" if self.when else ""
@@ -117,7 +117,7 @@ class Parameter:
         return f" (Default: {self.default_text})" if self.default_text else ""
 
     def hindrance(self, given: Any) -> str:
-        """Why it is not allowed beside what else is ``given``, as attributes of an object; empty if it is."""
+        """Why it is not allowed with the other values ``given``, as attributes of an object; empty if it is."""
         if self.when and (chosen := getattr(given, self.when[0])) not in self.when[1:]:
             words = ", ".join(map(repr, self.when[1:]))
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
@@ -135,11 +135,11 @@ class Number(Parameter):
     Attributes
     ----------
     above, minimum, maximum : float
-        What it must be greater than; the least and the largest that it may be.
+        Exclusive lower bound; inclusive bounds.
     common : tuple[float, float] or None
-        Least and largest size that is not odd, None where nothing is.
+        Usual range, outside which `taxel check` warns; None for no such range.
     hint : str
-        What to do instead of what is out of range.
+        Advice for values out of range.
     """
 
     above: float = -math.inf
@@ -212,7 +212,7 @@ class Text(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Parameter):
-    """One of some words, each with what it stands for, or nothing where that is plain."""
+    """One of some words, each with its meaning, or nothing if that is obvious."""
 
     allowed: Mapping[str, str]
 
@@ -301,9 +301,9 @@ class Nested(Parameter):
     kind : str
         Of its plugin, as ``bsdf``.
     made_of : Any
-        Class of the Python object that stands for it, None where there is none.
+        Class of the corresponding Python object, None if there is none.
     by_name : bool
-        Whether it goes by its name, and not by its kind alone.
+        Whether it is identified by its name, not only by its kind.
     """
 
     kind: str
@@ -334,56 +334,56 @@ class Nested(Parameter):
 
 
 def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
-    """A field that is a finite number; see `Number` and `Parameter`."""
+    """A field for a finite number; see `Number` and `Parameter`."""
     return stated(Number(default=default, unit=unit, doc=doc, **about))
 
 
 def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
-    """A field that is a whole number; see `Whole` and `Parameter`."""
+    """A field for a whole number; see `Whole` and `Parameter`."""
     return stated(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
 
 
 def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:
-    """A field that is any text; see `Text` and `Parameter`."""
+    """A field for any text; see `Text` and `Parameter`."""
     return stated(Text(default=default, what=what, doc=doc, **conditions))
 
 
 def choice(default: str, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
-    """A field that is one of some words; see `Choice` and `Parameter`."""
+    """A field for one of some words; see `Choice` and `Parameter`."""
     table = allowed if isinstance(allowed, Mapping) else dict.fromkeys(allowed, "")
     return stated(Choice(default=default, allowed=table, doc=doc, **conditions))
 
 
 def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
-    """A field that is three numbers; see `Vector` and `Parameter`."""
+    """A field for three numbers; see `Vector` and `Parameter`."""
     return stated(Vector(default=default, unit=unit, doc=doc, **conditions))
 
 
 def transform(doc: str) -> Any:
-    """A field that is a transformation, None for none; see `Transform`."""
+    """A field for a transformation, or None; see `Transform`."""
     return stated(Transform(doc=doc))
 
 
 def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> Any:
-    """A field that is the Python object of another plugin; see `Nested`."""
+    """A field for the Python object of another plugin; see `Nested`."""
     return stated(Nested(kind=kind, made_of=made_of, default=default, doc=doc, **about))
 
 
 def stated(parameter: Parameter, **changes: Any) -> Any:
-    """A field that is a parameter, or what changes make of it."""
+    """A field for a parameter, with changes."""
     parameter = replace(parameter, **changes)
     default = None if parameter.is_conditional or parameter.default is REQUIRED else parameter.default
     return field(default=default, metadata={"parameter": parameter})
 
 
 def taken(cls: Any, field: str, **changes: Any) -> Any:
-    """A field that is a parameter of another class, where conditions or the default may be other ones."""
+    """A field for a parameter of another class, with other conditions or another default."""
     (own,) = (one.metadata["parameter"] for one in fields(cls) if one.name == field)
     return stated(named(own, field), **changes)
 
 
 def named(parameter: Parameter, name: str) -> Parameter:
-    """A parameter with the name of its field, where it has no other."""
+    """A parameter with the name of its field, unless it has another."""
     return parameter if parameter.name else replace(parameter, name=name)
 
 

@@ -1,8 +1,8 @@
-"""What comes back to a photo-reflector from a flat mirror above it, with refraction at its windows, without rays.
+"""Power that a photo-reflector receives from a flat mirror above it, with refraction at its windows, by quadrature.
 
-Dies lie at depths d_e and d_d under clear resin of index n with flat windows; between them all is opaque. Unfolded at
-the mirror, a ray from a point of the emitter to one of the detector, a distance R apart in the plane, crosses both
-windows at the same angle t of the air, for
+Dies lie at depths d_e and d_d under clear resin of index n with flat windows, with an opaque barrier in between.
+Unfolded at the mirror, a ray from a point of the emitter to one of the detector, a lateral distance R apart, crosses
+both windows at the same angle t in air, for
 
     R = 2 h tan t + (d_e + d_d) tan t',    sin t = n sin t',
 
@@ -12,8 +12,8 @@ angle, and with dA_d = R dR df that is
     dP = L T(t)^2 1 / (2 n^2) d(sin^2 t)/dR / R dA_e dA_d
 
 with Fresnel's transmittance T of unpolarised light, where both crossings lie in their windows. So explicit refraction
-is the same as a law of each point of a window: the radiance T L / n^2 in air where the ray, traced back, meets the die.
-What is reflected within the package is absorbed.
+is equivalent to an emission law at each point of a window: the radiance T L / n^2 in air where the ray, traced back,
+meets the die. Light reflected within the package is absorbed.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parts.part import Part, Side
 
 POINTS = 2**13
-"""Pairs of points of the dies: curves are right to about 0.2 %."""
+"""Pairs of points of the dies: curves are accurate to about 0.2 %."""
 ANGLES = 4000
 
 
 class MirrorRays(NamedTuple):
-    """Light by way of a mirror, from points of the emitter to points of the detector.
+    """Light reflected by a mirror, from points of the emitter to points of the detector.
 
     Attributes
     ----------
     places : (N, 2) ndarray
-        Where on the mirror, x and y in mm.
+        x and y on the mirror, mm.
     power : (N,) ndarray
-        That each brings, in W per W that the emitter's die sends into the resin.
+        Of each ray, in W per W that the emitter's die sends into the resin.
     """
 
     places: np.ndarray
@@ -46,7 +46,7 @@ class MirrorRays(NamedTuple):
 
 
 def mirror_rays(part: Part, height: float) -> MirrorRays:
-    """Rays by way of a mirror of reflectance 1 at a height in mm above the windows, parallel to them.
+    """Rays reflected by a mirror of reflectance 1 at a height in mm above the windows, parallel to them.
 
     Raises
     ------
@@ -77,8 +77,8 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
-    """Where the straight edge of a mirror is in mm, from the body's middle along x (0) or y (1), when it brings some
-    shares of the power of one without an edge; it lies on the lower side of the edge.
+    """Positions in mm of the straight edge of a mirror, from the body's centre along x (0) or y (1), at which it
+    returns given shares of the power of an infinite mirror; it lies on the lower side of the edge.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5
 
 
 def _bent(index: float, height: float, depths: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles in air of the rays between points so far apart, and T^2 / (2 n^2) d(sin^2)/dR / R."""
+    """Angles in air of the rays between points at a distance R, and T^2 / (2 n^2) d(sin^2)/dR / R."""
     angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]
     sine, cosine = np.sin(angle), np.cos(angle)
     beneath = np.sqrt(index**2 - sine**2)

@@ -1,4 +1,4 @@
-"""A photo-reflector as a file describes it."""
+"""A photo-reflector described by a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SUFFIX = ".toml"
 
 @dataclass(frozen=True)
 class Side(Checked):
-    """A die, emitter or detector, and the window above it; from above, the body's centre being the origin."""
+    """A die, emitter or detector, and the window above it; seen from above, with the body's centre as origin."""
 
     x: float = number(REQUIRED, "mm", "Of the middle of the die.")
     y: float = number(0.0, "mm", "Likewise.")
@@ -56,20 +56,20 @@ class Part:
     Attributes
     ----------
     name, title, source : str
-        Of the part, in words, and where its numbers are from.
+        Name of the part, its title, and the source of its numbers.
     body : tuple[float, float, float]
         Extent along x, y, z in mm.
     wavelength : float
         In nm.
     resin_index : float
-        Refractive index of what is above the dies.
+        Refractive index of the resin above the dies.
     emitter, detector : Side
     electrical : dict[str, float]
         Figures of the datasheet, by a name with its unit.
     distance_curve : tuple[tuple[float, float], ...]
         Of the datasheet: height of a mirror above the windows in mm, and current relative to the largest.
     unknown, found : tuple[str, ...]
-        What the datasheet does not tell, and what numbers here that it does not tell come from.
+        What the datasheet does not state, and the origin of numbers here that it does not state.
     """
 
     name: str
@@ -97,7 +97,7 @@ def read_part(part: str | Path) -> Part:
     Raises
     ------
     InputError
-        if there is no such part, or the file describes none.
+        if there is no such part, or the file does not describe one.
     """
     path = path_of("part", part)
     file = _catalogue() / f"{path.name.lower()}{SUFFIX}" if path.suffix.lower() != SUFFIX else path
@@ -108,7 +108,7 @@ def read_part(part: str | Path) -> Part:
     except OSError as error:
         raise InputError(f"part {str(part)!r} cannot be read: {error.strerror}.") from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"part {str(part)!r} is no TOML: {error}.") from error
+        raise InputError(f"part {str(part)!r} is not valid TOML: {error}.") from error
     return _part(file.stem, content)
 
 
@@ -178,4 +178,4 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str, bool]] = {
     "unknown": (lambda value: is_row(value, _is_text), "a row of words", False),
     "found": (lambda value: is_row(value, _is_text), "a row of words", False),
 }
-"""What a file may say: how it is checked, what is needed in words, and whether it must be there."""
+"""Entries of a file: check, what is needed in words, and whether the entry is required."""

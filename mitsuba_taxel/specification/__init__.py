@@ -1,4 +1,4 @@
-"""What each plugin may be told, stated once: a class per plugin, in a file of its name."""
+"""Parameters of each plugin, stated once: a class per plugin, in a file of its name."""
 
 from __future__ import annotations
 

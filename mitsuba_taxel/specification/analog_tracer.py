@@ -18,5 +18,5 @@ class AnalogTracer(Specification):
         20,
         1,
         1 << 20,
-        "Points of the LED from which rays are released. The rays of a run are dealt out among them.",
+        "Points of the LED from which rays are released. The rays of a run are distributed over them.",
     )

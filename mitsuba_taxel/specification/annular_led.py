@@ -17,7 +17,7 @@ LAWS = {
     "tabulated": "",
 }
 LARGEST_EXPONENT = 1e6
-"""Beyond it the lobe is narrower than 0.1 degrees, and directions in single precision no longer resolve it well."""
+"""Beyond it the lobe is narrower than 0.1 degrees, which single precision does not resolve well."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class AnnularLed(Specification):
     wavelength: float = number(
         925.0,
         "nm",
-        "Wavelength of the light; what a phototransistor makes of it is its `responsivity`.",
+        "Wavelength of the light, which determines the `responsivity` of a phototransistor.",
         above=0,
         common=(200, 20_000),
     )
@@ -53,7 +53,7 @@ class AnnularLed(Specification):
     exponent: float | None = number(
         1.0,
         "",
-        "The m of an intensity that goes with cos(theta)**m: 0 is uniform over the hemisphere, 1 Lambertian.",
+        "The m of an intensity cos(theta)**m: 0 is uniform over the hemisphere, 1 Lambertian.",
         minimum=0,
         maximum=LARGEST_EXPONENT,
         when=("law", "cosine_power"),
@@ -61,8 +61,8 @@ class AnnularLed(Specification):
     file: str | None = text(
         REQUIRED,
         "CSV file with two columns: polar angle in degrees, from 0 to at most 90 and increasing, and relative radiant "
-        "intensity. It is linear between rows, zero beyond the last, and the same all round the normal. Empty lines "
-        "and what follows a # do not count.",
+        "intensity. It is linear between rows, zero beyond the last, and rotationally symmetric. Empty lines and "
+        "text after a # are ignored.",
         "the name of a CSV file with columns angle in degrees, value",
         when=("law", "tabulated"),
     )

@@ -1,4 +1,4 @@
-"""Parameters of pads: a flat list in a scene, a pad, a material, a load and a finish in Python."""
+"""Parameters of pads: a flat list in a scene; a pad, a material, a load and a finish in Python."""
 
 from __future__ import annotations
 
@@ -77,15 +77,15 @@ class DeformablePad(Specification):
 
     filename: str | None = text(
         None,
-        "A pad of one's own: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
+        "Your own pad: a closed surface as STL, PLY or OBJ, or a solid as STEP, in mm, standing on z = 0.",
         "the name of a file",
     )
     regions: str | None = text(
         None,
-        "A TOML file of rules that say which face is which region.",
+        "A TOML file of rules that assign faces to regions.",
         "the name of a TOML file",
         needs="filename",
-        default_words="flat faces at the bottom and at the top, hollows, and the rest",
+        default_words="flat faces at bottom and top, hollows, and the rest",
     )
     cell: str | None = _of_pad("cell")
     rows: int | None = _of_pad("rows")
@@ -118,30 +118,30 @@ class DeformablePad(Specification):
 
     prony: str = text(
         "",
-        "Memory of the silicone: terms of a Prony series 'share time', parted by ';', of the share of the stress that "
-        "relaxes and its time in s, as 0.2 1; 0.1 10. All constants of the material are those at once, before "
-        "anything relaxes; the modulus in the long run is 1 - sum of the shares times as large.",
+        "Viscoelasticity as a Prony series: terms 'share time', separated by ';', of the share of the stress that "
+        "relaxes and its relaxation time in s, such as 0.2 1; 0.1 10. All constants of the material are instantaneous "
+        "ones; the long-term modulus is smaller by the factor 1 - sum of the shares.",
         default_words="none",
     )
     history: str = text(
         "",
-        "What the load was before: rows 'time x y z', or 'time pressure', parted by ';', between which it goes evenly; "
-        "it jumps where two times are equal. Studies of steps with a column time fill it in.",
+        "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';', linear in between; it "
+        "jumps where two times are equal. Studies of steps with a column time set it.",
         default_words="none",
     )
     time: float = number(
         0.0,
         "s",
-        "When the load is there, to which it goes evenly from the last row of the history, or from rest at 0 s; "
-        "without a memory it changes nothing.",
+        "Time at which the load is reached, linearly from the last row of the history, or from rest at 0 s; it has no "
+        "effect without `prony`.",
         minimum=0,
     )
     rate: float | None = number(
         None,
         "1/s",
-        "Instead of a time: how fast the load goes there, in its own unit per s.",
+        "Instead of a time: rate of the load, in its own unit per s.",
         above=0,
-        default_words="as the time says",
+        default_words="by the time",
     )
 
     load: str = choice(
@@ -149,13 +149,13 @@ class DeformablePad(Specification):
         {
             "spread_force": "on the whole top",
             "patch_force": "on a rectangle of it",
-            "plate_force": "on a rigid plate that is bonded to the top and does not turn",
+            "plate_force": "on a rigid plate that is bonded to the top and does not rotate",
             "plate_displacement": "of such a plate",
             "pressure": "of a fluid on top and outside",
             "indenter_displacement": "of a rigid body that touches the pad from above",
             "indenter_force": "on such a body, along -z",
         },
-        "How it is loaded.",
+        "Kind of load.",
     )
     force: tuple[float, ...] | None = vector(
         (0.0, 0.0, 0.0),
@@ -166,7 +166,7 @@ class DeformablePad(Specification):
     displacement: tuple[float, ...] | None = vector(
         (0.0, 0.0, 0.0),
         "mm",
-        "Displacement of the plate, or of the indenter from where its tip is as high as the pad.",
+        "Displacement of the plate, or of the indenter from the height where its tip is level with the top of the pad.",
         when=("load", "plate_displacement", "indenter_displacement"),
     )
     pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=("load", "pressure"))
@@ -176,14 +176,14 @@ class DeformablePad(Specification):
     patch_depth: float | None = number(
         REQUIRED, "mm", "Side of the rectangle along y.", above=0, common=(0.02, 500), when=_PATCH
     )
-    patch_x: float | None = number(0.0, "mm", "Where the rectangle is centred, along x.", when=_PATCH)
-    patch_y: float | None = number(0.0, "mm", "Where the rectangle is centred, along y.", when=_PATCH)
+    patch_x: float | None = number(0.0, "mm", "Centre of the rectangle along x.", when=_PATCH)
+    patch_y: float | None = number(0.0, "mm", "Centre of the rectangle along y.", when=_PATCH)
     indenter: str | None = taken(Indenter, "shape", when=_INDENTER)
     indenter_radius: float | None = taken(Indenter, "radius", when=("indenter", "sphere", "punch", "cylinder"))
     indenter_edge_radius: float | None = taken(Indenter, "edge_radius", when=("indenter", "punch"))
     indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "cylinder"))
-    indenter_x: float | None = number(0.0, "mm", "Where the indenter's tip is, along x.", when=_INDENTER)
-    indenter_y: float | None = number(0.0, "mm", "Where the indenter's tip is, along y.", when=_INDENTER)
+    indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
+    indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
 
     mesh_size: float | None = number(
         None,
@@ -192,28 +192,28 @@ class DeformablePad(Specification):
         above=0,
         common=(0.02, 100),
         without="mesh_tolerance",
-        default_words="1.25 for cells and walls like the default ones; it goes with the scale of the pad, and with the "
+        default_words="1.25 for cells and walls like the default ones; proportional to the scale of the pad, and the "
         "square root of its thinnest part",
     )
     mesh_tolerance: float | None = number(
         None,
         "",
-        "Instead of a size: relative error of the roofs' displacement under a small load that the size is chosen for.",
+        "Instead of a size: relative error of the roofs' displacement under a small load that determines the size.",
         above=0,
         maximum=1,
     )
     read_cells: str = text(
-        "all", "Numbers of the cells that are read, as 1, 5, or all; only their surface is cut finely."
+        "all", "Numbers of the cells that are read, such as 1, 5, or all; only their surface is finely triangulated."
     )
     subdivision: int = whole(
         6,
         1,
         64,
-        "Triangles along the longest edge of a finite element on the surface of a cell; along others as many as keep "
-        "theirs no longer; round walls that mirror take 3 or more.",
+        "Triangles along the longest edge of a finite element on the surface of a cell; shorter edges get as few as "
+        "keep triangles of the same size. Round walls that mirror need 3 or more.",
     )
 
-    finish: str = choice("smooth", ("smooth", *FINISHES), "What the mould leaves on roof and side of the cells.")
+    finish: str = choice("smooth", ("smooth", *FINISHES), "Texture left by the mould on roof and side of the cells.")
     layer_height: float | None = _of_finish("layer_steps", "layer_height")
     print_direction: tuple[float, ...] | None = _of_finish("layer_steps", "direction")
     groove_pitch: float | None = _of_finish("grooves", "pitch")
@@ -231,7 +231,7 @@ class DeformablePad(Specification):
     )
     to_world: Any = transform("Rigid motion, with at most a uniform scale, applied to the deformed pad.")
     bsdf: Region | None = nested(
-        "bsdf", Region, None, "What the pad is made of, usually a `region`.", default_words="absorbing"
+        "bsdf", Region, None, "BSDF of the pad, usually a `region`.", default_words="absorbing"
     )
 
     def _check(self) -> None:
@@ -254,7 +254,7 @@ class DeformablePad(Specification):
             self.build_pad()
 
     def build_pad(self, find: Any = Path) -> Pad | PadFile:
-        """The undeformed pad; ``find`` gives the path of a file that is named."""
+        """The undeformed pad; ``find`` resolves the names of files."""
         if self.filename is None:
             return Pad(**self._own(Pad))
         rules = () if self.regions is None else find(self.regions)
@@ -280,7 +280,7 @@ class DeformablePad(Specification):
         return load, value if isinstance(value, tuple) else (value,)
 
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Times in s and values of the load, its own the last; raises `InputError`."""
+        """Times in s and values of the load, the present one last; raises `InputError`."""
         load, value = self.build_load()
         rows: list[list[float]] = []
         for row in filter(None, (words.split() for words in self.history.split(";"))):
@@ -307,7 +307,7 @@ class DeformablePad(Specification):
         return Indenter(at=at, **self._own(Indenter))
 
     def build_finish(self) -> Finish | None:
-        """The finish of the cells, None where they are smooth."""
+        """The finish of the cells, None if smooth."""
         if self.finish == "smooth":
             return None
         kind = FINISHES[self.finish]
@@ -325,7 +325,7 @@ class DeformablePad(Specification):
         return tuple(sorted({int(word) for word in words}))
 
     def _own(self, part: type) -> dict[str, Any]:
-        """Arguments for the class of a part: what is given of its parameters."""
+        """Arguments for the class of a part: those of its parameters that are given."""
         given = {field: getattr(self, parameter.name) for field, parameter in parameters_of(part).items()}
         return {field: value for field, value in given.items() if value is not None}
 
@@ -333,7 +333,7 @@ class DeformablePad(Specification):
     def of(
         cls, pad: Pad, material: Material | Viscoelastic, load: Load, value: Any, finish: Finish | None, **rest: Any
     ) -> DeformablePad:
-        """The pad of a scene that these parts make; raises `InputError` for a law that no scene has."""
+        """The pad of a scene made of these parts; raises `InputError` for a material that scenes do not support."""
         if isinstance(material, Viscoelastic):
             rest["prony"] = "; ".join(f"{share!r} {time!r}" for share, time in material.prony)
             material = material.law

@@ -1,4 +1,4 @@
-"""How long paths are: what two integrators have in common."""
+"""Length of paths: parameters common to two integrators."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from mitsuba_taxel.parameters import whole
 from mitsuba_taxel.specification.specification import Specification
 
 MOST_REFLECTIONS = 1 << 17
-"""After which a path is left that nothing absorbs."""
+"""After which a path without absorption is terminated."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class PathDepth(Specification):
         -1,
         -1,
         MOST_REFLECTIONS,
-        f"Most reflections on a path; -1 for no limit but the {MOST_REFLECTIONS} after which a path that nothing "
-        "absorbs is left.",
+        f"Largest number of reflections; -1 for no limit but the {MOST_REFLECTIONS} after which a path without "
+        "absorption is terminated.",
     )
     rr_depth: int = whole(8, 0, 1 << 20, "Reflections after which paths of little weight may end by Russian roulette.")

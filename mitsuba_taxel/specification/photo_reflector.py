@@ -19,13 +19,13 @@ from mitsuba_taxel.specification.wall import ABSORBING, Wall
 
 MOST_TAXELS = 100_000
 SHORTEST, LONGEST = 1e-8, 1e8
-"""Sides of a package in mm: beyond, areas or products of them leave single precision."""
+"""Sides of a package in mm: beyond, areas or products of them exceed single precision."""
 _ROUNDING = 1e-6
-"""Relative error of lengths that Mitsuba keeps in single precision, as it does the components of vectors."""
+"""Relative error of lengths that Mitsuba stores in single precision, such as components of vectors."""
 
 
 class Package(NamedTuple):
-    """A body in mm, what is set into its top, and where along x."""
+    """A body in mm, LED and phototransistor in its top, and their positions along x."""
 
     body: tuple[float, float, float]
     led: AnnularLed
@@ -41,7 +41,7 @@ class Package(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _package_of(name: str) -> Package:
-    """A part as a package; raises `InputError` for what that cannot be."""
+    """A part as a package; raises `InputError` if a package cannot represent it."""
     part = read_part(name)
     emitter, detector = part.emitter, part.detector
     depth = max(emitter.die_depth, detector.die_depth)
@@ -69,7 +69,7 @@ class PhotoReflector(Specification):
     part: str | None = text(
         None,
         "A part by its name in the catalogue, or from a TOML file, whose dies lie in the plane of their windows. It "
-        "says what the body, the dies and their places are; LED and phototransistor are not nested then: the LED is "
+        "determines body, dies and their positions; LED and phototransistor are not nested then: the LED is "
         "Lambertian and emits 1 W.",
         "the name of a part, or of a TOML file",
         default_words="the paper's sensor, as stated here",
@@ -98,8 +98,8 @@ class PhotoReflector(Specification):
         "bsdf",
         Wall,
         ABSORBING,
-        "What the package is made of: a `region` that says so for `body`, `led` and `phototransistor`, or any other "
-        "BSDF, which then covers the body alone.",
+        "BSDF of the package: a `region` with entries `body`, `led` and `phototransistor`, or any other BSDF, which "
+        "then covers the body alone.",
         default_words="absorbing",
     )
 
@@ -120,7 +120,7 @@ class PhotoReflector(Specification):
 
     @property
     def package(self) -> Package:
-        """Body and dies, those of the part where there is one; raises `InputError`."""
+        """Body and dies, those of the part if one is named; raises `InputError`."""
         if self.part is not None:
             return _package_of(self.part)
         assert self.body is not None and self.spacing is not None and self.led and self.phototransistor

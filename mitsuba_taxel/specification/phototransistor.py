@@ -16,7 +16,7 @@ RESPONSES = {
 
 @dataclass(frozen=True)
 class Phototransistor(Specification):
-    """What each phototransistor responds to."""
+    """Area and response of each phototransistor."""
 
     plugin = "phototransistor"
     nested = (
@@ -27,7 +27,7 @@ class Phototransistor(Specification):
         ),
         Nested(
             kind="sampler",
-            doc="Where the random numbers come from; `taxel_tracer` and its kin need the default.",
+            doc="Source of random numbers; the integrators of this package need the default.",
             default_words="owen_sobol",
         ),
     )
@@ -35,7 +35,7 @@ class Phototransistor(Specification):
     width: float = number(0.52, "mm", "Extent of the light-sensitive area along x.", above=0, common=(0.002, 100))
     depth: float = number(0.3, "mm", "Extent of the light-sensitive area along y.", above=0, common=(0.002, 100))
     response: str = choice(
-        "ideal", RESPONSES, "How the reading of a parallel beam depends on its angle theta against the normal."
+        "ideal", RESPONSES, "Dependence of the reading of a parallel beam on its angle theta to the normal."
     )
     exponent: float | None = number(
         1.0, "", "Of the cosine; 1 is ideal.", minimum=1, maximum=1e4, when=("response", "cosine_power")
@@ -44,7 +44,7 @@ class Phototransistor(Specification):
         REQUIRED,
         "CSV file with two columns: angle in degrees, from 0 to at most 90 and increasing, and relative response to a "
         "parallel beam, as data sheets show it (it includes the cosine). It is linear between rows, zero beyond the "
-        "last, and normalised to 1 at 0 degrees. Empty lines and what follows a # do not count.",
+        "last, and normalised to 1 at 0 degrees. Empty lines and text after a # are ignored.",
         "the name of a CSV file with columns angle in degrees, value",
         when=("response", "tabulated"),
     )

@@ -1,4 +1,4 @@
-"""The plugins' reference pages: their parameters, and their docstrings; no plugin is imported for it."""
+"""Reference pages of plugins from their parameters and docstrings, without importing the plugins."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from mitsuba_taxel.specification import specification_of
 
 @dataclass(frozen=True)
 class PluginPage:
-    """What a plugin's docstring says.
+    """The reference page of a plugin.
 
     Attributes
     ----------
     name, kind, title : str
-        As ``wall``, ``bsdf``, ``Wall``.
+        Such as ``wall``, ``bsdf``, ``Wall``.
     parameters : tuple[Parameter, ...]
-        Rows of the parameter table; their texts have RST markup.
+        Rows of the parameter table, with RST markup.
     text : str
         Paragraphs.
     example, python_example : str
@@ -60,7 +60,7 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
     name : str
         Of the plugin.
     convert : Callable[[str], str]
-        Makes of a docstring's RST what the page's texts are to be; the title is always plain.
+        Converts a docstring's RST to the format of the page; the title is always plain.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
     """
     files = plugin_files()
     if name not in files:
-        raise InputError(f"{name!r} is no plugin: one of {', '.join(plugin_names())} is needed.")
+        raise InputError(f"{name!r} is not a plugin: one of {', '.join(plugin_names())} is needed.")
     file = files[name]
     tree = ast.parse(file.read_text(encoding="utf-8"))
     docstrings = (ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.ClassDef))

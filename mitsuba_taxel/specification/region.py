@@ -10,7 +10,7 @@ from mitsuba_taxel.specification.wall import Wall
 
 
 def _wall(what: str) -> Wall | None:
-    return nested("bsdf", Wall, None, f"What covers {what}.", by_name=True, default_words="absorbing")
+    return nested("bsdf", Wall, None, f"BSDF of {what}.", by_name=True, default_words="absorbing")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the specifications of all plugins have in common."""
+"""Base class of the specifications of plugins."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ class Specification(Checked):
     plugin: ClassVar[str]
     """Its name in a scene."""
     nested: ClassVar[tuple[Nested, ...]] = ()
-    """Objects that may be nested in it, but are no parts of the Python object."""
+    """Objects that may be nested in it, but are not part of the Python object."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The plugin as a Mitsuba dictionary, all that holds of it written out."""
+        """The plugin as a Mitsuba dictionary, with defaults written out."""
         return {"type": self.plugin, **values_of(self)}
 
     @classmethod
@@ -26,10 +26,10 @@ class Specification(Checked):
 
     @classmethod
     def objects(cls) -> list[Nested]:
-        """What may be nested in it."""
+        """Objects that may be nested in it."""
         return [p for p in cls.table() if isinstance(p, Nested)]
 
     @classmethod
     def table(cls) -> tuple[Parameter, ...]:
-        """All that may stand in its element."""
+        """All parameters and nested objects."""
         return (*parameters_of(cls).values(), *cls.nested)

@@ -10,9 +10,9 @@ from mitsuba_taxel.specification.path_depth import PathDepth
 STRATEGIES = {
     "all": "",
     "connections": "each reflection is connected to a point of the phototransistor",
-    "sensor_subpath_connections": "each vertex is connected to the surface point that a ray from the phototransistor "
-    "finds first",
-    "unidirectional_hits": "paths that arrive there by themselves",
+    "sensor_subpath_connections": "each vertex is connected to the first surface point on a ray from the "
+    "phototransistor",
+    "unidirectional_hits": "paths that reach it by themselves",
 }
 
 
@@ -25,6 +25,6 @@ class TaxelTracer(PathDepth):
     strategy: str = choice(
         "all",
         STRATEGIES,
-        "All techniques, or one of them alone, to check it. Alone it sees only what it can: light by way of a mirror "
-        "is seen by unidirectional hits alone.",
+        "All techniques, or a single one for tests. A single one may miss light: only unidirectional hits find light "
+        "reflected by a mirror.",
     )

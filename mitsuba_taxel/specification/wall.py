@@ -18,12 +18,12 @@ SCATTERING = {
 }
 _REFLECTING = ("scattering", *(word for word in SCATTERING if word != "absorbing"))
 SMALLEST_SLOPE = 0.01
-"""Least rms slope in degrees: Mitsuba widens what is below 0.004 (its alpha is at least 1e-4), and rounding blurs
+"""Least rms slope in degrees: Mitsuba increases slopes below 0.004 (its alpha is at least 1e-4), and rounding blurs
 slopes by some 1e-7 / cos(theta)."""
 
 
 def _share(what: str) -> float:
-    doc = f"How much of the reflected light {what} gets; the three together make 1."
+    doc = f"Share of the reflected light that follows {what}; the three shares sum to 1."
     return number(0.0, "", doc, minimum=0, maximum=1, when=("scattering", "mixed"))
 
 
@@ -33,11 +33,11 @@ class Wall(Specification):
 
     plugin = "wall"
 
-    scattering: str = choice("lambertian", SCATTERING, "What becomes of the light.")
+    scattering: str = choice("lambertian", SCATTERING, "Law of reflection.")
     reflectance: float | None = number(
         1.0,
         "",
-        "Share of the light that comes back.",
+        "Share of the light that is reflected.",
         minimum=0,
         maximum=1,
         when=_REFLECTING,

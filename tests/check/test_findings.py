@@ -114,8 +114,8 @@ def test_the_template_has_none(tmp_path):
 NAMES = {
     "misspelt parameter": (PAD, ("youngs_modulus", "young_modulus{}"), "", 6, "did you mean youngs_modulus"),
     "parameter of another plugin": (PAD, IN_LED, parameter("pitch", 4), 15, "pitch is no parameter of annular_led"),
-    "misspelt plugin": (PAD, ("annular_led", "anular_led{}"), "", 14, "'anular_led' is no plugin .*annular_led"),
-    "misspelt plugin of Mitsuba": (PLATE, ("hdrfilm", "hdfilm{}"), "", 11, "'hdfilm' is no plugin .*hdrfilm"),
+    "misspelt plugin": (PAD, ("annular_led", "anular_led{}"), "", 14, "'anular_led' is not a plugin .*annular_led"),
+    "misspelt plugin of Mitsuba": (PLATE, ("hdrfilm", "hdfilm{}"), "", 11, "'hdfilm' is not a plugin .*hdrfilm"),
     "plugin of another kind": (PAD, ("annular_led", "wall{}"), "", 14, "wall is a plugin for <bsdf>, not"),
     "Mitsuba's plugin of another kind": (PLATE, ("hdrfilm", "box{}"), "", 11, "box is a plugin for <rfilter>"),
     "misspelt element": (PAD, ('<vector name="force"', '<vectr{} name="force"'), "", 7, "<vectr> is no .*vector"),

@@ -65,7 +65,7 @@ def test_a_study_file_and_another_circuit(taxel, tmp_path):
     [
         (("render", "plate.xml", "--circuit", "none.toml"), "none.toml"),
         (("render", "plate.xml", "--circuit", "dead.toml"), "supply is missing"),
-        (("render", "plate.xml", "--circuit", "plate.xml"), "is no TOML"),
+        (("render", "plate.xml", "--circuit", "plate.xml"), "is not valid TOML"),
         (("sweep", "study.toml", "-o", "x", "--circuit", "circuit.toml"), "circuit is not allowed"),
         (("sweep", "broken.toml", "-o", "x"), "a table [circuit] of numbers is needed"),
     ],

@@ -50,7 +50,7 @@ def test_a_part_of_ones_own(tmp_path):
         ("x = -0.5\n", "x = -0.5\nwindow_shape = 'star'\n", "window_shape = 'star'"),
         ("x = -0.5\n", "x = -0.8\n", "emitter: its window lies over the edge of the body along x"),
         ("x = -0.5\n", "x = -0.5\nwindow_y = 0.2\n", "emitter: its window lies over the edge of the body along y"),
-        ("[emitter]", "emitter", "is no TOML"),
+        ("[emitter]", "emitter", "is not valid TOML"),
     ],
 )
 def test_what_is_no_part_is_refused(tmp_path, before, after, said):

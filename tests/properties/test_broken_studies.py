@@ -112,7 +112,7 @@ def test_a_damaged_study_is_read_or_refused(data, text, tmp_path):
     [
         ("a = " + 100_000 * "[" + 100_000 * "]", "is not allowed: it is nested too deeply"),
         (".".join(100_000 * ["a"]) + " = 1", "is not allowed: it is nested too deeply"),
-        (STUDY.replace("64", 10_000 * "9"), "is no TOML: .* digits"),
+        (STUDY.replace("64", 10_000 * "9"), "is not valid TOML: .* digits"),
         (SEVERAL.replace('"one"', '["one"]'), "names = .* are not allowed: letters"),
         (STUDY.replace("plate.xml", 5000 * "a"), "cannot be read: File name too long"),
         (STUDY.replace('"0.6:0.8:0.1"', '"@' + "\\u0000" + '"'), "cannot be read"),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mitsuba_taxel.geometry import box_tree as boxes
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.pads.imported.mending import mended
+from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
 
 SEED = 20240607
@@ -36,7 +36,7 @@ def test_damaged_surfaces_are_read_or_refused(data, kind):
         content[at : at + len(new)] = new
     cut = data.draw(st.one_of(st.just(len(content)), st.integers(0, len(content))))
     try:
-        vertices, triangles = mended(*read_surface(bytes(content[:cut]), "." + kind[:3]))
+        vertices, triangles = repaired(*read_surface(bytes(content[:cut]), "." + kind[:3]))
     except GeometryError as flaw:
         assert str(flaw) and "\n" not in str(flaw)
     else:
@@ -49,24 +49,24 @@ def test_many_vertices_in_one_place_are_refused():
     vertices = 2e-4 * np.array(ball.vertices)
     vertices[0] = (500, 0, 0)
     with pytest.raises(GeometryError, match=r"too many of its vertices lie within 0.0005 mm of each other"):
-        mended(vertices, np.array(ball.faces))
+        repaired(vertices, np.array(ball.faces))
 
 
 @pytest.mark.parametrize(
-    "compared, message", [(10**9, r"crosses itself at \("), (0, "too many .* lie across each other")]
+    "compared, message", [(10**9, r"intersects itself at \("), (0, "too many .* lie across each other")]
 )
 def test_triangles_that_all_cross_each_other_are_refused(monkeypatch, compared, message):
     monkeypatch.setattr(boxes, "MOST_PAIRS", 20_000)
-    monkeypatch.setattr("mitsuba_taxel.pads.imported.mending.MOST_COMPARED", compared)
+    monkeypatch.setattr("mitsuba_taxel.pads.imported.repair.MOST_COMPARED", compared)
     ball = trimesh.creation.icosphere(3)
     with pytest.raises(GeometryError, match=message):
-        mended(np.random.default_rng(SEED).uniform(-2, 2, ball.vertices.shape), np.array(ball.faces))
+        repaired(np.random.default_rng(SEED).uniform(-2, 2, ball.vertices.shape), np.array(ball.faces))
 
 
 def test_a_surface_is_whole_in_parts_too(monkeypatch):
     """Looked at part by part, as fine fans are, it is the same."""
     drum = trimesh.creation.cylinder(2.0, 3.0, sections=100)
-    whole = mended(np.array(drum.vertices), np.array(drum.faces))
+    whole = repaired(np.array(drum.vertices), np.array(drum.faces))
     monkeypatch.setattr(boxes, "MOST_PAIRS", 2000)
-    parts = mended(np.array(drum.vertices), np.array(drum.faces))
+    parts = repaired(np.array(drum.vertices), np.array(drum.faces))
     assert all(np.array_equal(*pair) for pair in zip(whole, parts, strict=True))

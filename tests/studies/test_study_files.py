@@ -91,7 +91,7 @@ def test_files_are_named_relative_to_the_study(tmp_path):
 @pytest.mark.parametrize(
     "text, complaint",
     [
-        ("scene = ", "is no TOML"),
+        ("scene = ", "is not valid TOML"),
         ("", "scene is missing"),
         ('scene = "plate.xml"', "nothing is varied"),
         ('scene = "plate.xml"\nsede = 1', "sede is not known"),

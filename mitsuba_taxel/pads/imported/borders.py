@@ -1,4 +1,4 @@
-"""Let the elements of a mesh end where two regions meet on a smooth surface, which the mesher knows nothing of."""
+"""Conform a mesh to the borders of regions on a smooth surface, which the mesher does not know."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from mitsuba_taxel.geometry.triangles import area_normals, neighbours, unit
 from mitsuba_taxel.pads.imported.snapping import LEAST_VOLUME, Patches, volumes
 
 NEAR_END = 0.3
-"""Where a border crosses an edge closer to one end than this part of it, that end is moved there, else it is cut."""
+"""If a border crosses an edge closer to one end than this share of it, that end is moved, else the edge is cut."""
 BISECTIONS = 30
 
 
 def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, 3) and straight, positively oriented tetrahedra (M, 4) of which no side lies on both sides of a border.
+    """Nodes (N, 3) and straight, positively oriented tetrahedra (M, 4), none with a face across a border.
 
-    ``reach`` is how far, in mm, the mesh may be off the surface.
+    ``reach`` is the largest distance, in mm, of the mesh from the surface.
     """
     faces = boundary_triangles(tets)
     normals = unit(area_normals(points, faces))
@@ -48,7 +48,7 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
 def _moved(
     points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, where: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes, those next to a crossing moved there if no element is squeezed, and which (N,) are."""
+    """The nodes, those next to a crossing moved there unless that squeezes an element, and which (N,) were moved."""
     moved, on_border = points.copy(), np.zeros(len(points), dtype=bool)
     before = volumes(points, tets)
     close = np.minimum(fraction, 1 - fraction)

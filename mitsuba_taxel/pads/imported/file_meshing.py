@@ -1,4 +1,4 @@
-"""Second-order tetrahedral mesh of a pad that a user brings as a file."""
+"""Second-order tetrahedral mesh of a pad from a file."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
     Raises
     ------
     InputError
-        if ``mesh_size`` is not a finite length above 0, or asks for more elements than fit in memory, or the file
-        holds no pad that can be meshed; a flaw of the surface is named with its place.
+        if ``mesh_size`` is not a finite length above 0, or asks for more elements than fit in memory, or the file holds
+        no pad that can be meshed; an error of the surface is reported with its place.
     ComputationError
-        if meshing fails, or leaves an element inverted that cannot be mended.
+        if meshing fails, or leaves an inverted element that cannot be repaired.
     """
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
@@ -45,7 +45,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
 
 
 def default_size_of(pad: PadFile) -> float:
-    """Size of elements in mm where nobody asks for one; raises as :func:`mesh_pad_file` does."""
+    """Default size of elements in mm; raises as :func:`mesh_pad_file` does."""
     with _named(pad):
         content = pad.content()
         if pad.suffix in STEP_FORMATS:
@@ -59,8 +59,8 @@ def default_size_of(pad: PadFile) -> float:
 
 @contextmanager
 def _named(pad: PadFile) -> Iterator[None]:
-    """Name the file of what is wrong with it."""
+    """Turn a `GeometryError` into an `InputError` that names the file."""
     try:
         yield
-    except GeometryError as flaw:
-        raise InputError(f"filename = {pad.path} is not allowed: {flaw}.") from flaw
+    except GeometryError as error:
+        raise InputError(f"filename = {pad.path} is not allowed: {error}.") from error

@@ -1,4 +1,4 @@
-"""Mesh a user's geometry in a process of its own: what lies beneath may crash, hang or take all memory."""
+"""Mesh a user's geometry in an isolated process: meshers may crash, hang or exhaust memory."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from mitsuba_taxel.base.limits import memory_limit
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")
-"""Run as a file, so that the process imports neither this package nor Mitsuba."""
+"""Run as a script, so that the process imports neither this package nor Mitsuba."""
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes of address space, where this process itself is under no lower limit."""
+"""Bytes of address space, unless this process has a lower limit itself."""
 
 
 def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
-    """What the worker's ``task`` makes of ``arrays``; they go to and fro through pipes, so that no file is left.
+    """Run the worker's ``task`` on ``arrays``; data pass through pipes, so that no file is left behind.
 
     Raises
     ------
     GeometryError
         if the geometry cannot be read.
     ComputationError
-        in one line, if the process crashes, fails, or goes beyond :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; what it
-        wrote is in the exception's cause.
+        in one line, if the process crashes, fails, or exceeds :data:`MOST_SECONDS` or :data:`MOST_MEMORY`; its output
+        is in the exception's cause.
     """
     memory = memory_limit(int(MOST_MEMORY))
     command = [sys.executable, str(WORKER), task, str(memory), str(int(MOST_SECONDS))]
@@ -44,8 +44,8 @@ def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarra
         ) from error
     if done.returncode == 0:
         answer = _unpacked(done.stdout)
-        if "flaw" in answer:
-            raise GeometryError(str(answer["flaw"]))
+        if "error" in answer:
+            raise GeometryError(str(answer["error"]))
         return answer
     raise ComputationError(_reason(done, memory)) from RuntimeError(done.stderr.decode(errors="replace"))
 
@@ -58,7 +58,7 @@ def _reason(done: subprocess.CompletedProcess[bytes], memory: int) -> str:
         how = f"crashed ({signal.Signals(-done.returncode).name})"
     else:
         how = f"failed ({last[:120]})"
-    return f"meshing the pad {how}: choose another mesh_size, or mend the surface."
+    return f"meshing the pad {how}: choose another mesh_size, or repair the surface."
 
 
 def _packed(arrays: Mapping[str, object]) -> bytes:

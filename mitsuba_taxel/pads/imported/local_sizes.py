@@ -1,4 +1,4 @@
-"""How large elements of a user's pad may be at each place, by the rules of the built-in pads (see `meshing`)."""
+"""Local element sizes of a pad from a file, by the rules of the built-in pads (see `meshing`)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, REGIONS, TY
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CURVATURE_SAFETY, FACE_REFINEMENT, RIM_REFINEMENT
 
 GRADING = 0.4
-"""By how much elements may grow per length, from the singular edges on."""
+"""Growth of the element size per length, away from singular edges."""
 MOST_POINTS = 1000
-"""Of a cell, at which the thickness of the silicone is looked for."""
+"""Most points of a cell at which the thickness of the silicone is measured."""
 FLAT_ANGLE = 1.0
-"""Degrees between neighbouring triangles below which they are parts of one plane."""
+"""Degrees between neighbouring triangles below which they belong to one plane."""
 
 
 def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray) -> float:
-    """Size of elements in mm where nobody asks for one, from a surface's triangles (T, 3), regions (T,) and cells (T,).
+    """Default size of elements in mm, from a surface's triangles (T, 3), regions (T,) and cells (T,).
 
-    By the rule of `Pad.default_mesh_size`: it goes with the size of the smallest cell, and with the square root of the
-    thinnest silicone beside or above one.
+    By the rule of `Pad.default_mesh_size`: it scales with the size of the smallest cell, and with the square root of
+    the thinnest silicone beside or above one.
     """
     cells = [vertices[np.unique(triangles[cell == number])] for number in np.unique(cell[cell > 0])]
     scale = min(float(np.ptp(points[:, :2], axis=0).min()) for points in cells) / TYPICAL_CELL
@@ -48,16 +48,16 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
 
 
 class SingularEdges:
-    """Where the stress is singular: along what is glued to the board, and sharp re-entrant edges of the silicone.
+    """Edges where the stress is singular: the glued rim, and sharp re-entrant edges of the silicone.
 
-    ``part`` (T,) numbers the parts of the surface, patches or faces, that the edges lie between.
+    ``part`` (T,) numbers the parts of the surface, patches or faces, between which the edges lie.
 
     Attributes
     ----------
     ends : (E, 2, 3) ndarray
-        Of the edges of the surface there.
+        Ends of these edges, mm.
     between : (P, 2) ndarray
-        Pairs of parts that such edges lie between.
+        Pairs of parts between which such edges lie.
     """
 
     def __init__(self, patches: Patches, region: np.ndarray, part: np.ndarray) -> None:
@@ -74,14 +74,15 @@ class SingularEdges:
         self.between = np.unique(np.sort(between, axis=1), axis=0)
 
     def nodes(self, points: np.ndarray, faces: np.ndarray, part: np.ndarray) -> np.ndarray:
-        """(N,) which nodes (N, 3) of a mesh lie there, if its boundary triangles (B, 6) follow ``part`` (B,)."""
+        """(N,) which nodes (N, 3) of a mesh lie on these edges, if its boundary triangles (B, 6) follow ``part``
+        (B,)."""
         on = np.zeros(len(points), dtype=bool)
         for one, other in self.between:
             on[np.intersect1d(faces[part == one], faces[part == other])] = True
         return on
 
     def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
-        """(N,) which points (N, 3) lie on such edges that run along planes of symmetry, where a part has one side."""
+        """(N,) which points (N, 3) lie on such edges along planes of symmetry, where only one part is present."""
         along = [np.all(np.abs(mirror.side(self.ends)) <= tolerance, axis=1) for mirror in planes]
         ends = self.ends[np.any(along, axis=0)] if along else self.ends[:0]
         on = np.zeros(len(points), dtype=bool)
@@ -103,14 +104,14 @@ class LocalSizes:
         self._tree = PointTree(_along(singular.ends, 0.5 * self._edge))
 
     def __call__(self, points: np.ndarray, belongs: np.ndarray) -> np.ndarray:
-        """Length (N,) at points (N, 3) on the patches that ``belongs`` (N, P) says."""
+        """Length (N,) at points (N, 3) on the patches given by ``belongs`` (N, P)."""
         distance, _ = self._tree.query(points)
         here = np.where(belongs, self._patch, np.inf).min(axis=1)
         return np.minimum(here, self._edge + GRADING * distance)
 
 
 def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.ndarray:
-    """(P,) length of edges on each patch: less on roofs and sides, on curved ones, and where the radius is small."""
+    """(P,) length of edges on each patch: shorter on roofs and sides, and on patches of small radius."""
     radius = radii(patches)
     first = np.unique(patches.patch, return_index=True)[1]
     size = np.full(patches.count, BULK_COARSENING * mesh_size)
@@ -123,7 +124,7 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
 
 
 def radii(patches: Patches) -> np.ndarray:
-    """(P,) radius of curvature of each patch where it is among the smallest, in mm; infinite for planes."""
+    """(P,) a low quantile of the radius of curvature on each patch, in mm; infinite for planes."""
     edges, pairs = neighbours(patches.triangles)
     inside = patches.patch[pairs[:, 0]] == patches.patch[pairs[:, 1]]
     edges, pairs = edges[inside], pairs[inside]

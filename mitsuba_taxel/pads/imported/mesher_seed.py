@@ -1,10 +1,10 @@
 """The random seed of fTetWild, fixed by a patch of the machine code of this process's C++ library.
 
-fTetWild inserts triangles in an order drawn from ``std::random_device`` and offers no seed, so that every run would
-give another mesh, and every run another reading. In the process that meshes, the function behind ``std::random_device``
-(``_M_getval`` of libstdc++, Itanium ABI) is overwritten by one that returns a constant. Nothing else is changed, and
-the process ends with its task. On other processors, other C++ libraries, or where the system allows no writing to code,
-nothing is patched and meshes differ from run to run.
+fTetWild inserts triangles in an order drawn from ``std::random_device`` and offers no seed, so every run would give a
+different mesh and reading. In the process that meshes, the function behind ``std::random_device`` (``_M_getval`` of
+libstdc++, Itanium ABI) is overwritten by one that returns a constant. Nothing else is changed, and the process ends
+with its task. On other processors, other C++ libraries, or where the system allows no writing to code, nothing is
+patched and meshes differ from run to run.
 """
 
 from __future__ import annotations

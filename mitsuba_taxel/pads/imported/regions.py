@@ -1,4 +1,4 @@
-"""Which region and which cell each part of the surface of a user's pad belongs to."""
+"""Regions and cells of the surface of a pad from a file."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.pad import REGIONS
 
 ROOF_ANGLE = 60.0
-"""Degrees from straight down within which the normal of a hollow's face makes it a roof, where no rule says so."""
+"""Degrees from straight down within which the normal of a hollow's face makes it a roof, in absence of rules."""
 LEVEL_TOLERANCE = 1e-4
-"""How far from the board or the highest point a face may lie to be the bottom or the top, relative to the height."""
+"""Largest distance of bottom or top from the board or the highest point, relative to the height."""
 LEVEL_ANGLE = 1.0
-"""Degrees by which the normal of a bottom or a top may be off the vertical."""
+"""Largest angle in degrees between the normal of bottom or top and the vertical."""
 LEAST_FLATNESS = 0.1
-"""Length of the mean normal of a face below which it has none, such as the mantle of a cylinder."""
+"""Length of the mean normal of a face below which it counts as having none, such as the mantle of a cylinder."""
 ROW_TOLERANCE = 0.25
-"""How far cells of one row may be apart along y, relative to the size of a cell."""
+"""Largest distance along y of cells in one row, relative to the size of a cell."""
 
 
 @dataclass(frozen=True, eq=False)
 class FacedSurface:
-    """A closed surface of triangles, counter-clockwise seen from outside the silicone, that are parts of faces.
+    """A closed surface of triangles grouped into faces, counter-clockwise seen from outside the silicone.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class FacedSurface:
     triangles : (T, 3) ndarray
         Vertex numbers.
     face : (T,) ndarray
-        Number of the face that each triangle is part of.
+        Number of the face of each triangle.
     names : sequence of str
-        The faces' names, or empty where a file has none.
+        The faces' names, or empty if the file has none.
     """
 
     vertices: np.ndarray
@@ -51,11 +51,11 @@ class FacedSurface:
 def tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, np.ndarray]:
     """Region code (T,) and number of the cell (T,) of each triangle.
 
-    The first rule that a face meets names its region. What no rule names is the bottom on the board, the top at the
-    highest z, roof or side in a hollow, and outer elsewhere; a region that a rule names is not guessed for the bottom
-    and the top. A hollow is a part of the surface between bottom and top that does not touch the top.
+    The first rule that matches a face gives its region. Other faces are bottom on the board, top at the highest z, roof
+    or side in a hollow, and outer elsewhere; bottom or top is not guessed if a rule names it. A hollow is a part of the
+    surface between bottom and top that does not touch the top.
 
-    Cells are the connected parts of roof and side, numbered row by row from (-x, +y).
+    Cells are the connected components of roof and side, numbered row by row from (-x, +y).
 
     Raises
     ------
@@ -108,7 +108,7 @@ class _Faces:
         self.at_top = (lowest >= height - tolerance) & (self.normal[:, 2] >= level)
 
     def meet(self, rule: Rule) -> np.ndarray:
-        """(F,) whether each face meets all conditions of a rule."""
+        """(F,) whether each face matches all conditions of a rule."""
         met = np.ones(len(self.normal), dtype=bool)
         if rule.face is not None:
             met &= self.names == rule.face
@@ -137,7 +137,7 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
 
 
 def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """(T,) whether a triangle is part of a hollow, given the region codes that are known so far, 0 for the others."""
+    """(T,) whether a triangle is part of a hollow, given the region codes known so far, 0 for others."""
     bottom, top = region == REGIONS["bottom"], region == REGIONS["top"]
     between = ~(bottom | top)
     part = components(count, pairs[np.all(between[pairs], axis=1)])
@@ -165,7 +165,7 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
 
 
 def numbered(mesh: VolumeMesh) -> VolumeMesh:
-    """The mesh with corners of elements before other nodes, and the cells that its roofs and sides make numbered."""
+    """The mesh with corners of elements before other nodes, and its cells numbered."""
     corner = np.zeros(len(mesh.points), dtype=bool)
     corner[mesh.tets[:, :4]] = True
     order = np.argsort(~corner, kind="stable")

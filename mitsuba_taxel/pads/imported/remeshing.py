@@ -1,7 +1,7 @@
-"""A surface of triangles of any kind made one of even triangles, as large as is asked for at each place.
+"""Isotropic remeshing of a surface of triangles to given local sizes.
 
 Edges are split, collapsed and flipped, and vertices moved along the surface, until lengths fit (M. Botsch and L.
-Kobbelt, A remeshing approach to multiresolution modeling, 2004). Borders of patches stay borders, corners stay.
+Kobbelt, A remeshing approach to multiresolution modeling, 2004). Borders and corners of patches are preserved.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from mitsuba_taxel.geometry.triangles import area_normals, half_edges, neighbour
 from mitsuba_taxel.pads.imported.snapping import CREASE_ANGLE, Patches
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
-"""Lengths, relative to the size asked for, beyond which an edge is split or collapsed."""
+"""Lengths, relative to the target size, beyond which an edge is split or collapsed."""
 MOST_TURN = math.cos(math.radians(40.0))
 """Least cosine between the normal of a new triangle and those of the surface at its corners."""
 GOOD = 0.3
-"""Quality of a triangle (1 if even) that a collapse may not go below, unless it was worse before."""
+"""Least quality of a triangle (1 if equilateral) after a collapse, unless it was worse before."""
 ROUNDS = 8
 MOST_COLLAPSES, FLIPS = 200, 6
-"""Times that collapses and flips that do not disturb each other are looked for, at most."""
+"""Most rounds of independent collapses and flips."""
 REACH = 0.75
-"""How far a vertex may be from the patch that it is put onto, relative to the size there."""
+"""Largest distance of a vertex from the patch that it is projected onto, relative to the local size."""
 
 
 def remeshed(
@@ -32,8 +32,8 @@ def remeshed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (V, 3), triangles (T, 3) and the patch (T,) of each.
 
-    ``size`` gives the length of edges, in mm, wanted at points (N, 3) of which ``belongs`` (N, patches) says on which
-    patches they lie.
+    ``size`` returns the target length of edges in mm at points (N, 3), on the patches given by ``belongs`` (N,
+    patches).
     """
     surface = _Surface(patches, size)
     surface.collapse(MOST_COLLAPSES)
@@ -48,7 +48,7 @@ def remeshed(
 
 
 class _Surface:
-    """The surface on the way; vertices that have gone stay in ``points``."""
+    """The surface during remeshing; removed vertices stay in ``points``."""
 
     def __init__(self, patches: Patches, size: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> None:
         self.patches, self._size = patches, size
@@ -56,7 +56,7 @@ class _Surface:
         self.fixed = self._kinks()
 
     def _kinks(self) -> np.ndarray:
-        """(V,) which vertices are corners, or on a border with a kink there."""
+        """(V,) which vertices are corners, or kinks of a border."""
         fixed = np.zeros(len(self.points), dtype=bool)
         fixed[self.patches.corners] = True
         ends = np.concatenate([self.patches.curves, self.patches.curves[:, ::-1]])
@@ -64,7 +64,7 @@ class _Surface:
         total = np.zeros_like(self.points)
         np.add.at(total, ends[:, 0], along)
         count = np.bincount(ends[:, 0], minlength=len(self.points))
-        # Two unit vectors at an angle of 180 - a degrees have a sum of the length 2 sin(a / 2).
+        # The sum of two unit vectors at an angle of 180 - a degrees has the length 2 sin(a / 2).
         bent = np.linalg.norm(total, axis=1) > 2 * math.sin(math.radians(0.5 * CREASE_ANGLE))
         return fixed | (count == 1) | (count > 2) | ((count == 2) & bent)
 
@@ -76,7 +76,7 @@ class _Surface:
 
     @property
     def size(self) -> np.ndarray:
-        """(V,) length of edges wanted at each vertex; infinite at those that have gone."""
+        """(V,) target length of edges at each vertex; infinite for removed ones."""
         result = np.full(len(self.points), np.inf)
         used = np.unique(self.triangles)
         result[used] = self._size(self.points[used], self.belongs[used])
@@ -108,7 +108,7 @@ class _Surface:
         self._project(new, size[edges].min(axis=1))
 
     def _project(self, nodes: np.ndarray, size: np.ndarray) -> None:
-        """Put vertices onto the patches or borders that they belong to, unless that turns a triangle over."""
+        """Project vertices onto the patches or borders that they belong to, unless that inverts a triangle."""
         belongs = self.belongs[nodes]
         reach = REACH * float(size.max())
         moved = self.patches.onto_surface(self.points[nodes], belongs, reach)
@@ -129,7 +129,7 @@ class _Surface:
 
     # -- Short edges --------------------------------------------------------------------------------------------------
     def collapse(self, rounds: int) -> None:
-        """Move vertices into a neighbour."""
+        """Merge vertices into a neighbour."""
         random = np.random.default_rng(0)
         idle = 0
         for _ in range(rounds):
@@ -172,7 +172,7 @@ class _Surface:
         self.triangles, self.patch = triangles[kept], self.patch[kept]
 
     def _may_collapse(self, directed: np.ndarray, edges: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """(D,) whether the first vertex of each pair may move into the second, which is its neighbour."""
+        """(D,) whether the first vertex of each pair may be merged into the second, its neighbour."""
         count = len(self.points)
         number = np.full(count, -1)
         number[directed[:, 0]] = np.arange(len(directed))
@@ -281,7 +281,7 @@ class _Surface:
 
 
 def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(V,) least of the values (V,) of a vertex and its neighbours."""
+    """(V,) least value of each vertex and its neighbours."""
     result = values.copy()
     np.minimum.at(result, edges[:, 0], values[edges[:, 1]])
     np.minimum.at(result, edges[:, 1], values[edges[:, 0]])
@@ -289,7 +289,7 @@ def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _quality(corners: np.ndarray) -> np.ndarray:
-    """(...,) area of triangles (..., 3, 3) for their sides, 1 if these are equal."""
+    """(...,) area of triangles (..., 3, 3) relative to their sides, 1 if equilateral."""
     a, b, c = (corners[..., k, :] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
     squares = ((b - a) ** 2 + (c - b) ** 2 + (a - c) ** 2).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""What lies near spheres and upright cylinders that faces of a body are, put onto them; nodes on them tell which."""
+"""Projection of nodes onto spherical and upright cylindrical faces of a body, which are recognised from its mesh."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
 ROUNDING = 1e-6
-"""Distance from a sphere or cylinder, relative to its radius, that is rounding."""
+"""Distance from a sphere or cylinder, relative to its radius, attributed to rounding."""
 
 
 def on_round_faces(
@@ -22,11 +22,11 @@ def on_round_faces(
     faces: np.ndarray,
     face: np.ndarray,
 ) -> np.ndarray:
-    """Nodes (N, 3), those on round faces of a body put exactly onto them.
+    """Nodes (N, 3), those on round faces of a body projected exactly onto them.
 
     ``known`` (K, 3) are nodes of a mesh that lie on the surface of the body, ``known_faces`` (A, 6) its boundary
-    triangles, and ``known_face`` (A,) the face of the body that each follows; ``faces`` (B, 6) and ``face`` (B,) those
-    of the mesh of the nodes that are moved.
+    triangles, and ``known_face`` (A,) the face of the body that each follows; ``faces`` (B, 6) and ``face`` (B,) are
+    those of the mesh whose nodes are moved.
     """
     points = points.copy()
     for number in np.unique(face[face >= 0]):
@@ -44,7 +44,8 @@ def on_round_faces(
 def onto_round_walls(
     mesh: VolumeMesh, points: np.ndarray, region: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of roofs and sides, moved radially onto the sphere or upright cylinder that all nodes of theirs are on.
+    """Project points of roofs and sides radially onto the sphere or upright cylinder on which all nodes of the wall
+    lie.
 
     Parameters
     ----------
@@ -58,9 +59,9 @@ def onto_round_walls(
     Returns
     -------
     places : (N, 3) ndarray
-        In mm; points of walls that are neither as they were.
+        In mm; points of other walls are unchanged.
     gradient : (N, 3, 3) ndarray
-        Derivative of a point's place by the point.
+        Derivative of each projected point with respect to the point.
     """
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     for code, number, wall in round_walls(mesh):
@@ -85,16 +86,16 @@ def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, floa
 
 
 def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
-    """Centre and radius of the sphere (3 axes) or upright cylinder (2) that nodes (N, 3) are on; None for neither."""
+    """Centre and radius of the sphere (3 axes) or upright cylinder (2) through nodes (N, 3); None if there is none."""
     centre, radius = _fitted(nodes[:, :axes])
     off = np.abs(np.linalg.norm(nodes[:, :axes] - centre, axis=1) / radius - 1).max()
     return (centre, radius) if off < ROUNDING else None
 
 
 def _fitted(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius of the sphere or circle that points (N, 3) or (N, 2) lie on, by least squares.
+    """Centre and radius of the sphere or circle through points (N, 3) or (N, 2), by least squares.
 
-    From x.x = 2 c.x + r^2 - c.c, which is linear in c and the rest.
+    From x.x = 2 c.x + (r^2 - c.c), which is linear in c and the bracket.
     """
     origin = points.mean(axis=0)
     moved = points - origin

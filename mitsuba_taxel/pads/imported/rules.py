@@ -1,4 +1,4 @@
-"""Rules that say which part of a user's pad is roof, side, bottom, top and outer."""
+"""Rules that assign the faces of a pad to roof, side, bottom, top and outer."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ else:
 
 @dataclass(frozen=True)
 class Rule:
-    """Names the region of the faces that meet all of its conditions.
+    """Assigns a region to the faces that match all of its conditions.
 
-    A face is a triangle of an STL, PLY or OBJ file, or a face of a STEP file; heights and boxes are compared with the
-    centroid of its area, and ``normal`` with the mean of its normals (a face that bends all round has none).
+    A face is a triangle of an STL, PLY or OBJ file, or a face of a STEP file; heights and boxes are compared with its
+    centroid, and ``normal`` with its mean normal (a face that curves all round has none).
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Rule:
     face : str, optional
         Name of the face in a STEP file.
     normal, within : tuple[float, float, float], optional and float
-        Direction out of the silicone, and by how many degrees the face may be off it.
+        Direction out of the silicone, and largest angle of the face's normal to it, in degrees.
     above, below : float, optional
         Lowest and highest z, in mm.
     box : tuple[tuple[float, float, float], tuple[float, float, float]], optional
@@ -43,7 +43,7 @@ class Rule:
     Raises
     ------
     InputError
-        If a value is not of its kind.
+        If a value is not of the right type.
     """
 
     region: str
@@ -99,7 +99,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     Raises
     ------
     InputError
-        if the file cannot be read, is no TOML, or holds anything else.
+        if the file cannot be read, is not valid TOML, or holds anything else.
     """
     try:
         tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))

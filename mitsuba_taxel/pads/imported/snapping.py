@@ -1,7 +1,7 @@
-"""Put the boundary of a mesh onto the surface that it was made from.
+"""Project the boundary of a mesh onto the surface that it was made from.
 
-The surface is cut into smooth patches; where two meet is a curve, where more meet is a corner. A node whose boundary
-triangles follow one patch belongs on it, one between two patches on their curve, one between more at their corner.
+The surface is divided into smooth patches; two meet in a curve, more in a corner. A node whose boundary triangles
+follow one patch belongs on it, one between two patches on their curve, one between more at their corner.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from mitsuba_taxel.geometry.triangles import (
     neighbours,
     unit,
 )
-from mitsuba_taxel.pads.imported.mending import is_sliver
+from mitsuba_taxel.pads.imported.repair import is_sliver
 
 CREASE_ANGLE = 35.0
 """Degrees between the normals of neighbouring triangles above which their edge is sharp."""
 REACH = 0.5
-"""How far a node may be moved, relative to the mesh size."""
+"""Largest displacement of a node, relative to the mesh size."""
 NEARER = np.array([1 / 64, 1 / 16, 1 / 4, 1])
-"""Parts of that within which the surface is looked for, one after the other: fine triangles far away are many."""
+"""Shares of that within which the surface is searched for in turn, as there may be many fine triangles far away."""
 LEAST_VOLUME = 0.25
-"""Least volume of an element after its corners are moved, relative to that before."""
+"""Least volume of an element after its corners are moved, relative to its volume before."""
 LEAST_QUALITY = 0.25
 """Least determinant of the map of a curved element, relative to that of the straight one."""
 
@@ -63,9 +63,9 @@ class Patches:
     def nearest_triangle(
         self, points: np.ndarray, normals: np.ndarray, reach: float, sheet: np.ndarray | None = None
     ) -> np.ndarray:
-        """Number (N,) of the triangle that lies at each point (N, 3) and faces as ``normals`` (N, 3).
+        """Number (N,) of the nearest triangle to each point (N, 3) that faces along ``normals`` (N, 3).
 
-        Given ``sheet`` (N,), it is one of that smooth sheet of patches.
+        Given ``sheet`` (N,), only triangles of that smooth sheet of patches are considered.
         """
         found = np.full(len(points), -1)
         while np.any(found < 0):
@@ -84,7 +84,8 @@ class Patches:
         return found
 
     def onto_surface(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
-        """Points (N, 3), moved onto the nearest of the patches that they belong to (N, patches), if within reach."""
+        """Points (N, 3), projected onto the nearest of the patches that they belong to (N, patches), if within
+        reach."""
         corners, result = self.vertices[self.triangles], points.copy()
         sought = np.flatnonzero(belongs.any(axis=1))
         for within in reach * NEARER:
@@ -98,7 +99,7 @@ class Patches:
         return result
 
     def onto_features(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
-        """Points, those between patches moved onto the curves of these, or onto the corner where all of them meet."""
+        """Points, those between patches projected onto their curves, or onto the corner where all of them meet."""
         result = points.copy()
         many = np.flatnonzero(belongs.sum(axis=1) > 1)
         ends = self.vertices[self.curves]
@@ -137,10 +138,10 @@ def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: 
 def snapped(
     points: np.ndarray, tets: np.ndarray, faces: np.ndarray, patch: np.ndarray, patches: Patches, mesh_size: float
 ) -> np.ndarray:
-    """Nodes (N, 3) of a mesh of straight elements, those of the boundary put where they belong.
+    """Nodes (N, 3) of a mesh of straight elements, with the boundary projected onto the surface.
 
-    ``patch`` (B,) says which patch each boundary triangle follows. Where an element would be squeezed, its corners go
-    back to the nearest point of the surface, then to where they were; its edges become straight again.
+    ``patch`` (B,) is the patch that each boundary triangle follows. Where an element would be squeezed, its corners are
+    moved back to the nearest point of the surface, then to their original positions; its edges become straight again.
     """
     belongs = np.zeros((len(points), patches.count), dtype=bool)
     belongs[faces.ravel(), np.repeat(patch, 6)] = True

@@ -34,26 +34,26 @@ from mitsuba_taxel.pads.parametric.meshing import (
 _NETGEN_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 """Corners whose edge carries nodes 4 to 9 of Netgen's tetrahedron."""
 FINER = 1.2
-"""How much smaller elements are than those of built-in pads, whose sizes go with their shapes: as right with that."""
+"""Divisor of the element size relative to built-in pads, whose sizes are adapted to their shapes."""
 SURVEY_SAFETY = 4.0
-"""Triangles per radius of curvature by which a body is looked over."""
+"""Triangles per radius of curvature for the survey of a body."""
 MOST_IMAGES = 300
-"""Points of the surface whose images are looked for."""
+"""Points of the surface whose mirror images are tested."""
 
 
 def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float) -> VolumeMesh:
-    """Mesh of the one solid in a STEP file, of which ``digest`` tells the content.
+    """Mesh of the one solid in a STEP file; ``digest`` identifies its content.
 
     Raises
     ------
     GeometryError
-        if the file cannot be read, or its solid is no pad.
+        if the file cannot be read, or its solid is not a pad.
     ComputationError
         if meshing fails.
     """
     survey = surveyed(path, digest, rules)
     check_mesh_size(mesh_size, survey.volume)
-    # Netgen may fail on a part that was cut from the body, or cut it wrong.
+    # Netgen may fail on a part cut from the body, or cut it incorrectly.
     for mirrors in (survey.mirrors, ()) if survey.mirrors else ((),):
         mesh = _good_mesh(path, survey, mirrors, mesh_size, last=not mirrors)
         if mesh is not None:
@@ -64,7 +64,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
 def _good_mesh(
     path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
 ) -> VolumeMesh | None:
-    """The first mesh without distorted elements, None if there is none; the ``last`` to be tried may be distorted."""
+    """The first mesh without distorted elements, or None; if ``last``, distorted ones are accepted."""
     for refinement in REFINEMENTS:
         try:
             mesh = whole(_meshed(path, survey, mirrors, mesh_size, FINER * refinement), mirrors)
@@ -80,22 +80,22 @@ def _good_mesh(
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What is known of a body before it is meshed.
+    """Properties of a body before meshing.
 
     Attributes
     ----------
     volume, diagonal, height : float
         In mm3 and mm.
     mirrors : tuple[Mirror, ...]
-        A whole group.
+        Mirror planes, closed as a group.
     region, cell : (F,) ndarray
         Of each of its faces.
     patches : Patches
-        Of triangles (T, 3) that stand for its surface.
+        Of triangles (T, 3) that approximate its surface.
     patch_region : (T,) ndarray
         Of these triangles.
     face : (T,) ndarray
-        That they are parts of.
+        Face of each of these triangles.
     singular : SingularEdges
         Where the stress is singular.
     """
@@ -112,7 +112,7 @@ class Survey:
     singular: SingularEdges
 
 
-@lru_cache(maxsize=4)  # for the second mesh, which tells the error
+@lru_cache(maxsize=4)  # for the second mesh, of the error estimate
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...]) -> Survey:
     raw = run_isolated("survey_step", {"path": str(path), "curvature_safety": SURVEY_SAFETY})
     points, triangles, face = raw["points"], raw["triangles"], raw["face"]
@@ -131,11 +131,11 @@ def surveyed(path: Path, digest: str, rules: tuple[Rule, ...]) -> Survey:
 def _mirrors(
     path: Path, points: np.ndarray, triangles: np.ndarray, face: np.ndarray, region: np.ndarray, tolerance: float
 ) -> tuple[Mirror, ...]:
-    """The mirrors that leave the body and its regions as they are, as far as points all over its surface show."""
+    """The mirrors under which the body and its regions are invariant, tested at points all over its surface."""
     node, first = np.unique(triangles, return_index=True)
     chosen = np.unique(np.linspace(0, len(node) - 1, MOST_IMAGES).astype(int))
     node, at = node[chosen], region[np.repeat(face, 3)[first[chosen]]]
-    # A point on several faces counts for one of them: all of them, were they asked, have their images there.
+    # A point on several faces is assigned to one of them: its image lies on the images of all.
     matrices = np.array([mirror.image(np.eye(3)) for mirror in MIRRORS])
     asked = {"path": str(path), "region": region, "points": points[node], "at": at, "matrices": matrices}
     kept = run_isolated("mirrors_of_step", {**asked, "tolerance": tolerance})["kept"]
@@ -143,7 +143,7 @@ def _mirrors(
 
 
 def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, refinement: float) -> VolumeMesh:
-    """Mesh of the part that the mirrors complete; its faces along their planes are of the region `PLANE`."""
+    """Mesh of the symmetric part; its faces along the mirror planes are of the region `PLANE`."""
     planes = planes_of(mirrors)
     sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
     face_size = np.full(len(survey.region), np.inf)
@@ -175,10 +175,10 @@ def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: 
 
 
 def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.ndarray]:
-    """The mesh as Netgen made it, and the face of the body (B,) that each of its boundary triangles is a part of."""
+    """Netgen's mesh, and the face of the body (B,) of each of its boundary triangles."""
     corners, middles = raw["tets"][:, :4].astype(np.int64) - 1, raw["tets"][:, 4:10].astype(np.int64) - 1
     points, tets, faces = second_order(*positive(raw["points"], corners))
-    # Both count the edges in the order of their corners.
+    # Both number the edges in the order of their corners.
     ends = np.sort(corners[:, np.array(_NETGEN_EDGES)].reshape(-1, 2), axis=1)
     _, first = np.unique(ends, axis=0, return_index=True)
     points[-len(first) :] = raw["points"][middles.ravel()[first]]
@@ -193,5 +193,5 @@ def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.nd
 
 
 def _by_corners(triangles: np.ndarray) -> np.ndarray:
-    """Order of triangles by their corners, whatever these begin with."""
+    """Order of triangles by their corners, in any rotation."""
     return np.lexsort(np.sort(triangles, axis=1).T)

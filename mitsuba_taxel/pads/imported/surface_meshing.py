@@ -1,7 +1,7 @@
 """Second-order tetrahedral mesh of a closed surface, graded and mirrored as those of the built-in pads are.
 
-The surface is made one of even triangles (see `remeshing`), which Netgen fills. Where that fails, fTetWild takes what
-stands in the file.
+The surface is remeshed (see `remeshing`), and Netgen meshes the volume. Where that fails, fTetWild meshes the surface
+of the file.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mitsuba_taxel.geometry.triangles import volume
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
 from mitsuba_taxel.pads.imported.local_sizes import LocalSizes, SingularEdges
-from mitsuba_taxel.pads.imported.mending import faces_of, mended
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.remeshing import remeshed
+from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.imported.snapping import Patches, snapped
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE, check_mesh_size, read_surface
@@ -40,7 +40,7 @@ from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.meshing import BULK_COARSENING, CUT, LEAST_QUALITY, REFINEMENTS
 
 ROUNDING = 1e-7
-"""Distance from a plane of symmetry, the board or the top, relative to the diagonal, that is rounding."""
+"""Distance from a plane of symmetry, the board or the top, relative to the diagonal, attributed to rounding."""
 
 
 def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size: float) -> VolumeMesh:
@@ -58,7 +58,7 @@ def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size
     for refinement in REFINEMENTS:
         try:
             mesh = _meshed(part, edges, mesh_size, refinement)
-        except ComputationError:  # fTetWild may fare better
+        except ComputationError:  # fTetWild may succeed
             break
         if mesh is not None and worst_element(mesh)[0] >= LEAST_QUALITY:
             return whole(mesh, part.mirrors)
@@ -67,7 +67,7 @@ def mesh_surface(content: bytes, suffix: str, rules: tuple[Rule, ...], mesh_size
 
 @dataclass(frozen=True, eq=False)
 class SurfacePart:
-    """What ``mirrors`` complete of a pad: vertices (V, 3), triangles (T, 3), their regions (T,) and cells (T,)."""
+    """The symmetric part of a pad: vertices (V, 3), triangles (T, 3), their regions (T,) and cells (T,)."""
 
     mirrors: tuple[Mirror, ...]
     vertices: np.ndarray
@@ -80,14 +80,14 @@ class SurfacePart:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def exact(self, points: np.ndarray) -> np.ndarray:
-        """Nodes within rounding of the planes of symmetry, the bottom or the top, exactly on them."""
+        """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
-@lru_cache(maxsize=4)  # for the second mesh, which tells the error
+@lru_cache(maxsize=4)  # for the second mesh, of the error estimate
 def parts_of(content: bytes, suffix: str, rules: tuple[Rule, ...]) -> tuple[SurfacePart, SurfacePart, SingularEdges]:
     """The pad in a file, the part of it that is meshed, and where the stress is singular in the whole."""
-    vertices, triangles = mended(*read_surface(content, suffix))
+    vertices, triangles = repaired(*read_surface(content, suffix))
     region, cell = tagged(FacedSurface(vertices, triangles, faces_of(vertices, triangles)), rules)
     surface = SurfacePart((), vertices, triangles, region, cell)
     patches = Patches(vertices, triangles, region, cell)
@@ -129,7 +129,7 @@ def _meshed(part: SurfacePart, edges: SingularEdges, mesh_size: float, refinemen
 
 
 def _sorted(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles by their corners, whatever these begin with, and the order of that."""
+    """Triangles sorted by their corners, in any rotation, and the order."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     return corners[order], order

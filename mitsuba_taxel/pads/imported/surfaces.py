@@ -15,11 +15,11 @@ MOST_TRIANGLES = 300_000
 SMALLEST_EXTENT, LARGEST_EXTENT = 0.1, 1000.0
 """Least and greatest longest side of a pad in mm; outside, the file is not in mm."""
 VOLUME_TOLERANCE = 0.02
-"""Relative difference between the volumes of mesh and pad above which the mesh is not that of the pad."""
+"""Relative difference between the volumes of mesh and pad above which the mesh is rejected."""
 
 
 def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, as they stand there.
+    """Vertices (V, 3) in mm and triangles (T, 3) of an STL, PLY or OBJ file, unchanged.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
     if len(triangles) > MOST_TRIANGLES:
         raise GeometryError(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise GeometryError("a triangle names a vertex that is not there")
+        raise GeometryError("a triangle refers to a missing vertex")
     used, triangles = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], triangles.reshape(-1, 3)
     if not np.all(np.isfinite(vertices)):
@@ -47,7 +47,7 @@ def read_surface(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_header(content: bytes) -> None:
-    """Refuse a binary STL whose number of triangles does not fit its length, before a reader believes it."""
+    """Refuse a binary STL whose number of triangles does not fit its length, before reading it."""
     if content[:512].lstrip().lower().startswith(b"solid") and b"facet" in content[:1024].lower():
         return
     if len(content) < 84:
@@ -65,12 +65,12 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            # Without a resolver no other file, such as a texture, is looked for.
+            # Without a resolver no other file, such as a texture, is opened.
             mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], process=False)
             return np.array(mesh.vertices, dtype=float).reshape(-1, 3), np.array(mesh.faces, dtype=np.int64).reshape(
                 -1, 3
             )
-    except Exception as error:  # whatever a reader may stumble over in a broken file
+    except Exception as error:  # readers may raise anything on a broken file
         raise GeometryError(
             f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})"
         ) from error

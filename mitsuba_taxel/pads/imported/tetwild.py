@@ -11,12 +11,12 @@ from mitsuba_taxel.geometry.triangles import area_normals, half_edges, unit, vol
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.borders import conforming
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
-from mitsuba_taxel.pads.imported.mending import is_sliver
+from mitsuba_taxel.pads.imported.repair import is_sliver
 from mitsuba_taxel.pads.imported.snapping import Patches, snapped
 from mitsuba_taxel.pads.imported.surfaces import VOLUME_TOLERANCE
 
 ENVELOPE = 0.02
-"""How far the straight mesh may be off the surface, relative to the mesh size, before its nodes are put onto it."""
+"""Largest distance of the straight mesh from the surface, relative to the mesh size, before projection onto it."""
 LARGEST_ENVELOPE, LARGEST_EDGE = 2e-3, 1 / 6
 """Upper limits of that distance and of the mesh size, relative to the diagonal of the pad.
 

@@ -1,6 +1,6 @@
-"""The process in which a user's geometry is meshed: arrays come in at standard input and leave at standard output.
+"""The process in which a user's geometry is meshed, with arrays on standard input and standard output.
 
-It is run as a file, with the name of a task and its limits (bytes, seconds), and imports nothing of this package.
+It is run as a script, with the name of a task and its limits (bytes, seconds), and does not import this package.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from collections.abc import Callable
 from typing import Any
 
 UNITS_OF_HEIGHT, SURVEY_UNITS = 4.0, 20.0
-"""Height of a body while it is meshed, diagonal while it is looked over: Netgen has tolerances of its own."""
+"""Height of a body during meshing, diagonal during its survey: Netgen has absolute tolerances."""
 
 
 def main(task: str, memory: int, seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # Of a parent that is killed outright nothing is heard.
+    # End with the parent, even if that is killed.
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     signal.alarm(seconds + 10)
-    # fTetWild writes its surface into the working directory; in one that is gone it cannot.
+    # fTetWild would write its surface into the working directory: give it a deleted one.
     folder = tempfile.mkdtemp()
     os.chdir(folder)
     os.rmdir(folder)
-    # Standard output is for the answer alone, whatever the libraries print.
+    # Keep output of the libraries out of standard output, which carries the result.
     answer = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
 
@@ -47,12 +47,12 @@ def main(task: str, memory: int, seconds: int) -> None:
         result = tasks[task](**arrays)
     np.savez(answer, **result)
     answer.close()
-    # Some of the libraries' threads do not survive an orderly end.
+    # An orderly exit crashes in threads of some libraries.
     os._exit(0)
 
 
 def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
-    """Straight tetrahedra within a closed surface of triangles, which stay as they are (Netgen)."""
+    """Straight tetrahedra within a closed surface of triangles, which are kept (Netgen)."""
     import numpy as np
     from netgen.meshing import FaceDescriptor, Mesh, MeshingParameters
 
@@ -70,10 +70,10 @@ def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
 def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any) -> dict[str, Any]:
     """Straight tetrahedra within ``epsilon`` mm of a surface (fTetWild: Hu et al. 2020)."""
     import numpy as np
-    from mesher_seed import fix_random_device  # beside this file, which is run as one
+    from mesher_seed import fix_random_device  # beside this script
 
     fix_random_device()
-    # The package looks for PyVista on import, without need.
+    # pytetwild imports PyVista needlessly.
     sys.modules["pyvista"] = types.ModuleType("pyvista")
     from pytetwild import tetrahedralize
 
@@ -96,9 +96,9 @@ def _survey_step(path: Any, curvature_safety: Any) -> dict[str, Any]:
     try:
         solids = list(OCCGeometry(str(path)).shape.solids)
     except Exception as error:
-        return {"flaw": f"it cannot be read as STEP ({' '.join(str(error).split())[:100]})"}
+        return {"error": f"it cannot be read as STEP ({' '.join(str(error).split())[:100]})"}
     if len(solids) != 1:
-        return {"flaw": f"it holds {len(solids)} solids; one is needed"}
+        return {"error": f"it holds {len(solids)} solids; one is needed"}
     solid, names = solids[0], np.array([face.name or "" for face in solids[0].faces], dtype=str)
     _number_faces(solid)
     low, high = solid.bounding_box
@@ -123,7 +123,7 @@ def _survey_step(path: Any, curvature_safety: Any) -> dict[str, Any]:
 
 
 def _mirrors_of_step(path: Any, region: Any, points: Any, at: Any, matrices: Any, tolerance: Any) -> dict[str, Any]:
-    """Which mirrors (M, 3, 3) put all points (N, 3) of the surface, each in a region, onto the faces of that region."""
+    """Which mirrors (M, 3, 3) map all points (N, 3) of the surface, each in a region, onto the faces of that region."""
     import numpy as np
     from netgen.occ import Compound, OCCGeometry, Pnt, Vertex
 
@@ -145,8 +145,8 @@ def _mesh_step(
 ) -> dict[str, Any]:
     """Curved tetrahedra of the part of the body in a STEP file on the kept side of ``planes`` (M, 2), normals (Netgen).
 
-    Faces have sizes (F,) of their own, and so have edges between two faces that are a ``singular`` pair (S, 2). The
-    faces along the planes have the number -1.
+    Faces have individual sizes (F,), and so have edges between the faces of a ``singular`` pair (S, 2). The faces along
+    the planes have the number -1.
     """
     import numpy as np
     from netgen.meshing import MeshingParameters
@@ -192,12 +192,12 @@ def _number_faces(solid: Any) -> None:
 
 
 def _numbers_of_faces(mesh: Any, index: Any) -> Any:
-    """Number of the face, which is its name, that surface elements with Netgen's ``index`` are parts of."""
+    """Number of the face, which is its name, of surface elements with Netgen's ``index``."""
     import numpy as np
 
     return np.array([int(mesh.GetBCName(int(i))) for i in range(index.max())])[index - 1]
 
 
 if __name__ == "__main__":
-    sys.path.append(sys.path.pop(0))  # the folder of this file, whose modules must not stand before others
+    sys.path.append(sys.path.pop(0))  # the folder of this script, whose modules must not shadow others
     main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))

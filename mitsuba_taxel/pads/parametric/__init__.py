@@ -1,1 +1,1 @@
-"""Pads of this package's own cell shapes: solids and their meshes."""
+"""Pads of the built-in cell shapes: solids and their meshes."""

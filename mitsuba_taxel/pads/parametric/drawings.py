@@ -1,4 +1,4 @@
-"""A pad and its mould as solids, for drawing programs and printers."""
+"""A pad and its mould as solids, for CAD programs and printers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOULD = 3.0
 CURVATURE = 4
 """Triangles of an STL file for each radius of a round wall."""
 SURFACES = 4
-"""Steps of the mesher, up to the one that fills the volume."""
+"""Netgen's meshing steps that precede the volume."""
 
 
 def solids(pad: Pad) -> dict[str, Any]:
     """The pad, and the mould that it is cast in: a base with the cells as pegs, and a frame around, open on top.
 
-    All in mm as ``netgen.occ`` shapes, as they lie together: the pad upside up, the frame on the base at z = 0.
+    All in mm as ``netgen.occ`` shapes, in their assembled positions: the pad upright, the frame on the base at z = 0.
     """
     from netgen.occ import Box, Pnt
 
@@ -37,7 +37,7 @@ def solids(pad: Pad) -> dict[str, Any]:
 
 
 def write_drawings(pad: Pad, folder: Path) -> None:
-    """Write the solids of a pad as STEP and STL files, named as they are."""
+    """Write the solids of a pad as STEP and STL files, under their names."""
     import trimesh
     from netgen.occ import OCCGeometry
 

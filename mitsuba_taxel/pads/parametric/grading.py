@@ -1,7 +1,7 @@
-"""Thin layers of elements along the edges where the stress is singular, cut from the elements that touch them.
+"""Anisotropic refinement: thin layers of elements along the edges where the stress is singular.
 
-Near a re-entrant or a glued edge the error goes with the size of the elements across the edge, hardly with that along
-it (T. Apel, Anisotropic Finite Elements, 1999). So the elements at the edge are cut across and left long.
+Near a re-entrant or a glued edge the error depends on the size of the elements across the edge, hardly on that along it
+(T. Apel, Anisotropic Finite Elements, 1999). So the elements at the edge are cut across and left long.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _TET_PIECES = {
     2: ((0, 4, 5, 1, 6, 7), (2, 4, 6, 3, 5, 7)),
     3: ((4, 5, 6, 3), (0, 1, 2, 4, 5, 6)),
 }
-"""The tetrahedra and prisms that it falls into; the two triangles of a prism run alike, towards the second."""
+"""The resulting tetrahedra and prisms; the two triangles of a prism have the same orientation, towards the second."""
 _FACE_CUTS = {1: ((0, 1), (0, 2)), 2: ((0, 2), (1, 2))}
 _FACE_PIECES = {1: ((0, 3, 4), (3, 1, 2, 4)), 2: ((3, 4, 2), (0, 1, 4, 3))}
-"""The triangles and quadrangles that a triangle falls into."""
+"""The resulting triangles and quadrangles of a triangle."""
 _PRISM_FROM = np.array(
     [
         [0, 1, 2, 3, 4, 5],
@@ -40,9 +40,9 @@ _PRISM_TETS = np.array([[[0, 1, 2, 5], [0, 1, 5, 4], [0, 4, 5, 3]], [[0, 1, 2, 4
 def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> VolumeMesh:
     """The mesh with every edge that has one end among the ``singular`` nodes (N,) cut at ``fraction`` from that end.
 
-    Elements fall into tetrahedra and prisms, these into three tetrahedra with the diagonals from the node of the
+    Elements are cut into tetrahedra and prisms, and these into three tetrahedra with the diagonals from the node of the
     lowest number, so that neighbours agree (J. Dompierre et al., How to subdivide pyramids, prisms and hexahedra into
-    tetrahedra, 1999). New nodes lie on the curved elements that they are cut from: the solid stays as it is.
+    tetrahedra, 1999). New nodes lie on the curved elements: the solid is unchanged.
     """
     corners = np.unique(mesh.tets[:, :4])
     number = np.full(len(mesh.points), -1)
@@ -63,7 +63,7 @@ class _Cut:
         self._key = edges[:, 0] * len(singular) + edges[:, 1]
 
     def pieces(self, simplices: np.ndarray, cuts: dict, shapes: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Corners (P, n) of the pieces of ``simplices`` (M, n), where these are in it (P, n, n), and whose they are."""
+        """Corners (P, n) of the pieces of ``simplices`` (M, n), barycentric coordinates (P, n, n), and parents (P,)."""
         size = simplices.shape[1]
         singular = self.singular[simplices]
         count = singular.sum(axis=1)
@@ -102,7 +102,8 @@ def _singular_first(singular: np.ndarray) -> np.ndarray:
 
 
 def _simplices(nodes: np.ndarray, shape: np.ndarray, size: int) -> np.ndarray:
-    """Corners (M, pieces, size), out of ``shape``, of the simplices that each piece with ``nodes`` falls into."""
+    """Corners (M, pieces, size) of the simplices that each piece with ``nodes`` is cut into, as ``shape`` lists
+    them."""
     if nodes.shape[1] == size:
         return np.broadcast_to(shape, (len(nodes), 1, size))
     lowest = nodes.argmin(axis=1)

@@ -24,43 +24,43 @@ from mitsuba_taxel.pads.parametric.solid import (
 )
 
 BULK_COARSENING = 1.25
-"""How much larger elements may be inside, where the strain is smooth: the roofs move as precisely with fewer."""
+"""Relative size of elements inside, where the strain is smooth: roofs are as accurate with fewer."""
 RIM_REFINEMENT = 2.0
-"""How much smaller elements are along the edges where the stress is singular."""
+"""Divisor of the size along the edges where the stress is singular."""
 FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25}
-"""How much smaller elements are on the roofs and side walls: on curved ones the error of shape counts as well."""
+"""Divisor of the size on roofs and side walls: on curved ones the error of shape matters as well."""
 CUT = 0.2
-"""Where the elements at a singular edge are cut: at this part of their size from it."""
+"""Relative distance from a singular edge at which elements there are cut."""
 CURVATURE_SAFETY = 2.0
-"""Elements per radius of curvature; round walls and caps may have fewer if the sizes asked for are larger, whereas a
-dome would be distorted along its rim."""
+"""Elements per radius of curvature; round walls and caps may have fewer if the requested size is larger, whereas a dome
+would be distorted along its rim."""
 SLENDER = 10.0
-"""Height of a side wall, relative to the size of the cell, beyond which a dome asks for small elements alone: its wall
+"""Height of a side wall, relative to the size of the cell, beyond which only the dome gets small elements: its wall
 would have them all the way down."""
 REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
-"""How much smaller all local sizes are made, tried in turn until no element is too distorted: by little, or larger
-elements would be more."""
+"""Divisors of all local sizes, tried in turn until no element is too distorted: close to 1, or larger elements would be
+more."""
 LEAST_QUALITY = 0.2
 """Least determinant of an element's map, relative to that of the straight element."""
 UNITS_OF_HEIGHT = 4.0
-"""Height of every pad while it is meshed: Netgen has tolerances of its own, whatever the pad's size."""
+"""Height of every pad during meshing: Netgen has absolute tolerances."""
 MOST_ELEMENTS = 1_000_000
 LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400}
-"""Of each cell, however large elements may be."""
+"""Least number of elements of each cell."""
 
 _NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
 _NETGEN_FACE = [0, 1, 2, 5, 3, 4]
 """Netgen's nodes in the order of `TET_EDGES` and `FACE_EDGES`."""
 
 MESHING_LOCK = threading.RLock()
-"""Held round every call of Netgen, which is not safe in several threads at once."""
+"""Held during every call of Netgen, which is not thread-safe."""
 
 
 def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
     """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
 
-    An octant of a square pad, a quadrant of another is meshed and mirrored, so that the mesh has the pad's symmetry
-    to the last bit.
+    An octant of a square pad, or a quadrant of another, is meshed and mirrored, so that the mesh has exactly the pad's
+    symmetry.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
         if ``mesh_size`` is not a finite length above 0, or it or the number of cells asks for more elements than fit in
         memory.
     ComputationError
-        if Netgen fails, or leaves an element inverted that cannot be mended.
+        if Netgen fails, or leaves an inverted element that cannot be repaired.
     """
     check_room(pad, mesh_size)
     for refinement in REFINEMENTS:
@@ -86,7 +86,7 @@ def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
 
 
 def check_room(pad: Pad, mesh_size: float) -> None:
-    """Refuse a mesh size that is none, or asks for more elements than fit in memory; raises `InputError`."""
+    """Refuse an invalid mesh size, or one that asks for more elements than fit in memory; raises `InputError`."""
     if not (math.isfinite(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
     most_cells = MOST_ELEMENTS // LEAST_ELEMENTS[pad.cell]
@@ -126,7 +126,7 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
                 maxh=BULK_COARSENING * mesh_size / unit,
                 grading=0.4,
                 curvaturesafety=curvature_safety,
-                parallel_meshing=False,  # one solid gains nothing, and threads that wait for a busy core cost tenfold
+                parallel_meshing=False,  # no gain for one solid, and ten times slower on busy cores
             )
             mesh = OCCGeometry(solid).GenerateMesh(parameters)
             mesh.SecondOrder()
@@ -138,7 +138,7 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
 def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     """Size of elements on roofs and side walls, and along singular edges.
 
-    Where silicone is thin beside a round wall, the elements' curved edges bulge by a quarter of it at most.
+    Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
     sizes = mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
     if pad.cell == "parallelepiped":
@@ -146,19 +146,19 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     thinnest = min(pad.wall, pad.height - pad.top_of_cell)
     if pad.rows * pad.columns > 1:
         thinnest = min(thinnest, pad.pitch - pad.cell_size)
-    largest = math.sqrt(pad.cell_size * thinnest)  # a chord s of a circle of diameter d bulges by s^2 / (4 d)
+    largest = math.sqrt(pad.cell_size * thinnest)  # the sagitta of a chord s of a circle of diameter d is s^2 / (4 d)
     return min(sizes[0], largest), min(sizes[1], largest)
 
 
 def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
-    """The mesh with the elements at singular edges cut, its new nodes on the pad's own surfaces."""
+    """The mesh with the elements at singular edges cut, and new nodes on the exact surfaces of the pad."""
     mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
     points = _snapped(rounded(mesh, pad), pad)
     return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
 
 
 def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
-    """The mesh of the symmetric part in mm, with its nodes exactly on the planes that they belong to."""
+    """The mesh of the symmetric part in mm, with nodes exactly on the planes that they belong to."""
     points = unit * np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
     tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
@@ -173,7 +173,7 @@ def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
 
 
 def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Tetrahedra with positive volume: those that have not get their second and third corner swapped."""
+    """Tetrahedra with positive volume: negative ones get their second and third corner swapped."""
     a, b, c, d = (points[tets[:, k]] for k in range(4))
     negative = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
     swap = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
@@ -181,7 +181,7 @@ def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Boundary triangles turned counter-clockwise seen from outside."""
+    """Boundary triangles oriented counter-clockwise seen from outside."""
     owners: dict[tuple[int, ...], int] = {}
     for corners in ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0)):
         keys = np.sort(tets[:, corners[:3]], axis=1)
@@ -194,7 +194,7 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
 
 
 def _snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
-    """Nodes within rounding of the planes of symmetry, the bottom or the top, exactly on them."""
+    """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)
     points[np.abs(points[:, 2] - pad.height) < tolerance, 2] = pad.height
@@ -205,7 +205,7 @@ def _snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
 
 
 def _numbered(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
-    """The mesh with each roof and side face given the number of its cell, and corners before other nodes."""
+    """The mesh with the cell number of each roof and side face, and corners before other nodes."""
     corners = np.zeros(len(mesh.points), dtype=bool)
     corners[mesh.tets[:, :4]] = True
     order = np.argsort(~corners, kind="stable")

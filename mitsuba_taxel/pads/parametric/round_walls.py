@@ -1,4 +1,4 @@
-"""The round walls of a pad's cells as they are meant: spheres and cylinders, of which elements have but parabolas."""
+"""Exact round walls of a pad's cells: spheres and cylinders, which elements only approximate by parabolas."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def is_round(pad: Pad, region: str) -> bool:
 def onto_round_walls(
     pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of roofs and sides, moved radially onto the sphere or cylinder that they belong to.
+    """Project points of roofs and sides radially onto the sphere or cylinder that they belong to.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ def onto_round_walls(
     Returns
     -------
     places : (N, 3) ndarray
-        In mm; points of flat walls, and of other regions, as they were.
+        In mm; points of flat walls and of other regions are unchanged.
     gradient : (N, 3, 3) ndarray
-        Derivative of a point's place by the point.
+        Derivative of each projected point with respect to the point.
     """
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     centre = np.zeros_like(points)

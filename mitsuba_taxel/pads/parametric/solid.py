@@ -1,4 +1,4 @@
-"""The part of a pad that its mirror images complete, as an OpenCascade solid with named faces; its singular edges."""
+"""The symmetric part of a pad as an OpenCascade solid with named faces, and its singular edges."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ SYMMETRY = "symmetry"
 
 
 def is_square(pad: Pad) -> bool:
-    """Whether the pad is the same along x and y."""
+    """Whether the pad has as many rows as columns."""
     return pad.rows == pad.columns
 
 
 def symmetric_part(pad: Pad) -> Any:
     """The part of a pad in 0 <= y <= x if it is square, else in x, y >= 0, as a ``netgen.occ`` shape.
 
-    Its faces bear the names of their regions.
+    Its faces have the names of their regions.
     """
     from netgen.occ import Box, Pnt
 
@@ -79,7 +79,7 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
 def singular_edges(solid: Any, pad: Pad) -> list[Any]:
     """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
 
-    Edges that only the cut along a plane of symmetry made are none, nor is the smooth one round a hemisphere.
+    Edges due to the cut along a plane of symmetry do not count, nor does the smooth one round a hemisphere.
     """
     cut, side, roof = (
         {edge for face in solid.faces if face.name == name for edge in face.edges}
@@ -106,7 +106,7 @@ def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
-    """(N, 3) the mesh's nodes, those on round walls and roofs exactly on their cylinder or sphere."""
+    """(N, 3) the mesh's nodes, those on round walls and roofs moved exactly onto their cylinder or sphere."""
     points, axis = mesh.points.copy(), _nearest_axis(mesh.points, pad)
     if pad.dome_radius:
         roof = _on_region(mesh, "roof")

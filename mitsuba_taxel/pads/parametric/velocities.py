@@ -1,4 +1,4 @@
-"""How the nodes of a pad's mesh move while one of its dimensions changes, the mesh keeping its elements."""
+"""Velocities of a pad's nodes under changes of its dimensions, at fixed connectivity."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from mitsuba_taxel.pads.pad import REGIONS, Pad
 from mitsuba_taxel.pads.parametric.round_walls import is_round
 
 DIMENSIONS = ("pitch", "wall", "height", "cell_size", "cell_height")
-"""What a pad has derivatives by."""
+"""Dimensions of a pad that have derivatives."""
 STEP = 1e-3
-"""Relative change that rates are taken with: all places of a pad are linear in each of its dimensions."""
+"""Relative change of the difference quotient: all positions are linear in each dimension."""
 
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """(N, 3) velocities of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
 
-    The other dimensions stay as they were given; a height of cells that was not given is the default at any size. A
-    node on a wall stays on it at the same relative place, one within goes along with walls and outside: its velocity is
-    linear between the walls of cuboid cells, and along the ray from the axis of a round cell, or the middle of the
-    circle that its dome begins with, to the border of its share of the pad. The middles of straight edges stay there.
+    The other dimensions are held fixed; an unset height of cells is the default at any size. A node on a wall stays on
+    it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid cells,
+    and along the ray from the axis of a round cell, or the centre of the circle at the base of its dome, to the border
+    of its share of the pad. Midpoints of straight edges remain midpoints.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     Raises
     ------
     InputError
-        if the pad has no derivative by such a parameter, or cannot change by any length of it.
+        if the pad has no derivative with respect to the parameter, or its dimension cannot be changed at all.
     """
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
@@ -54,7 +54,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
 
 
 def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
-    """The pad with a dimension a little larger, or smaller where larger ones are not allowed, and by how much."""
+    """The pad with a slightly larger dimension, or a smaller one if that is not allowed, and the change."""
     step = STEP * getattr(pad, parameter)
     try:
         return pad.changed(**{parameter: getattr(pad, parameter) + step}), step
@@ -70,7 +70,7 @@ def _on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
 
 
 class _Grid:
-    """The lines that divide a pad, and how fast they move towards those of ``other``, which differs by ``step``."""
+    """Grid lines of a pad, and their velocities towards those of ``other``, which differs by ``step``."""
 
     def __init__(self, pad: Pad, other: Pad, step: float) -> None:
         self._pad = pad
@@ -113,7 +113,7 @@ class _Grid:
             reach = np.where(ray > 0, high - origin, origin - low) / np.abs(ray)
         border = np.minimum(np.where(ray != 0, reach, np.inf).min(axis=1), 10 * sum(pad.extent))
         drop = (pad.side_height - self._centre) * above * (pad.dome_radius > 0) * ray[:, 2]
-        wall = np.sqrt(drop**2 + radius**2) - drop  # of the sphere through the circle of that radius round the origin
+        wall = np.sqrt(drop**2 + radius**2) - drop  # of the sphere through the circle of that radius about the origin
 
         on_wall = origin + np.minimum(length, wall)[:, None] * ray
         outside = self._between_lines(origin + border[:, None] * ray)
@@ -126,7 +126,7 @@ class _Grid:
 
 
 def _lines(pad: Pad) -> list[np.ndarray]:
-    """Along x, y and z: the outside, the middles between cells or, of cuboid ones, their walls, and their roofs."""
+    """Along x, y and z: the outside, the midplanes between cells or, for cuboid ones, their walls, and the roofs."""
     lines = []
     for axes, width in zip(_axes(pad), pad.extent, strict=False):
         walls = axes[:, None] + 0.5 * pad.cell_size * np.array([-1, 1])

@@ -92,8 +92,8 @@ def _pad_file_html(pad: PadFile) -> str:
             drawing += _line("Section through the middle, and section just above the board; lengths in mm.")
         except InputError as error:
             drawing = _line(str(error))
-        except GeometryError as flaw:
-            drawing = _line(f"It cannot be drawn: {flaw}.")
+        except GeometryError as error:
+            drawing = _line(f"It cannot be drawn: {error}.")
     return _framed(f"Pad: {pad.path.name}", drawing, _line(rules))
 
 

@@ -199,7 +199,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
     except OSError as error:
         raise InputError(f"study {str(file)!r} cannot be read: {error.strerror}.") from error
     except ValueError as error:
-        raise InputError(f"study {str(file)!r} is no TOML: {error}.") from error
+        raise InputError(f"study {str(file)!r} is not valid TOML: {error}.") from error
     except RecursionError as error:
         raise InputError(f"study {str(file)!r} is not allowed: it is nested too deeply.") from error
     several = "scenes" in content

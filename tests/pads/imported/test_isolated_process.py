@@ -73,8 +73,8 @@ def test_the_process_keeps_a_lower_limit_of_its_caller(box):
     assert int(done.stdout) > 10
 
 
-def test_flaws_that_the_process_finds_are_told_apart(worker):
-    worker("np.savez(sys.stdout.buffer, flaw='it is round')")
+def test_errors_that_the_process_finds_are_told_apart(worker):
+    worker("np.savez(sys.stdout.buffer, error='it is round')")
     with pytest.raises(GeometryError, match="it is round"):
         sandbox.run_isolated("any", {})
 

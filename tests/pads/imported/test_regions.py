@@ -9,15 +9,15 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
-from mitsuba_taxel.pads.imported.mending import mended
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
+from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.rules import Rule, read_rules
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.scenes import hexagonal
 
 
 def surface_of(corners: np.ndarray) -> FacedSurface:
-    vertices, triangles = mended(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    vertices, triangles = repaired(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
     return FacedSurface(vertices, triangles, np.arange(len(triangles)))
 
 

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, half_edges, near, volume
-from mitsuba_taxel.pads.imported.mending import mended
 from mitsuba_taxel.pads.imported.remeshing import remeshed
+from mitsuba_taxel.pads.imported.repair import repaired
 from mitsuba_taxel.pads.imported.snapping import Patches
 
 
@@ -29,7 +29,7 @@ def quality(corners):
     ids=["box", "cylinder", "sphere", "annulus"],
 )
 def test_triangles_are_even_of_the_size_asked_for_and_on_the_surface(shape, size, planar):
-    vertices, triangles = mended(np.array(shape.vertices), np.array(shape.faces))
+    vertices, triangles = repaired(np.array(shape.vertices), np.array(shape.faces))
     nothing = np.zeros(len(triangles), dtype=int)
     patches = Patches(vertices, triangles, nothing, nothing)
     points, faces, patch = remeshed(patches, lambda points, _: np.full(len(points), size))

@@ -1,4 +1,4 @@
-"""Surfaces as they come: mended where that is plain, else refused with the place of the flaw."""
+"""Surfaces as they come: repaired where that is plain, else refused with the place of the flaw."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mitsuba_taxel.geometry.box_tree import overlapping
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 from mitsuba_taxel.geometry.triangles import closest_on_triangles, volume
 from mitsuba_taxel.pads.imported import file_meshing, surface_meshing, tetwild
-from mitsuba_taxel.pads.imported.mending import faces_of, mended
+from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.surfaces import read_surface
 from mitsuba_taxel.pads.pad_file import PadFile
 
@@ -75,7 +75,7 @@ def sliver_between(box):
 )
 def test_small_flaws_are_mended(box, damage):
     whole = box()
-    vertices, triangles = mended(*soup(damage(whole.copy())))
+    vertices, triangles = repaired(*soup(damage(whole.copy())))
     assert volume(vertices, triangles) == pytest.approx(44.0, abs=1e-4)
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert np.all(np.unique(edges, axis=0, return_counts=True)[1] == 2)
@@ -128,13 +128,13 @@ def mobius(box):
         (with_fin, "3 triangles meet", None),
         (second_body, "2 separate surfaces", (7, 0, 0.15)),
         (enclosed_hollow, "2 separate surfaces", (0, 0, 2.15)),
-        (crossing, "crosses itself", None),
+        (crossing, "intersects itself", None),
         (mobius, "no inside", None),
     ],
 )
 def test_other_flaws_are_refused_with_their_place(box, damage, what, where):
     with pytest.raises(GeometryError, match=rf"{what}.*\(.*, .*, .*\) mm") as caught:
-        mended(*soup(damage(box())))
+        repaired(*soup(damage(box())))
     if where:
         place = [float(x) for x in str(caught.value).split("(")[1].split(")")[0].split(",")]
         np.testing.assert_allclose(place, where, atol=1e-3)
@@ -142,7 +142,7 @@ def test_other_flaws_are_refused_with_their_place(box, damage, what, where):
 
 def test_a_crossing_is_found_where_it_is(box):
     with pytest.raises(GeometryError) as caught:
-        mended(*soup(crossing(box())))
+        repaired(*soup(crossing(box())))
     x, y, z = (float(x) for x in str(caught.value).split("(")[1].split(")")[0].split(","))
     assert z == pytest.approx(3, abs=1e-3) and max(abs(x), abs(y)) < 2
 
@@ -172,11 +172,11 @@ def test_the_closest_point_of_a_triangle_is_no_further_than_any_of_it():
 def test_all_formats_hold_the_same_surface(box, kind):
     import trimesh
 
-    expected = mended(*soup(box()))
+    expected = repaired(*soup(box()))
     buffer = io.BytesIO()
     content = trimesh.Trimesh(*soup(box()), process=False).export(buffer, file_type=kind)
     content = content.encode() if isinstance(content, str) else buffer.getvalue() or content
-    vertices, triangles = mended(*read_surface(content, "." + kind[:3]))
+    vertices, triangles = repaired(*read_surface(content, "." + kind[:3]))
     np.testing.assert_array_equal(vertices, expected[0])
     assert {frozenset(row) for row in triangles.tolist()} == {frozenset(row) for row in expected[1].tolist()}
 

@@ -13,13 +13,13 @@ from mitsuba_taxel.geometry.triangles import half_edges, volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import PadFile, Rule
 from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
-from mitsuba_taxel.pads.imported.mending import faces_of, mended
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
+from mitsuba_taxel.pads.imported.repair import faces_of, repaired
 from mitsuba_taxel.pads.imported.symmetric_part import kept_part, mirrors_of, planes_of
 
 
 def surface(corners):
-    return mended(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    return repaired(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 
 def turned(corners, degrees):

@@ -1,4 +1,4 @@
-"""Make a closed, outward surface of one body from the triangles of a file, or say where that fails."""
+"""Repair the triangles of a file to a closed, outward surface of one body, or report where that fails."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import area_normals, components, half_edges, neighbours, unit, volume
 
 ROUNDING = 6
-"""Decimals of a mm that coordinates are kept to: what single precision adds to a length such as 4.55 goes."""
+"""Decimals of a mm that coordinates are rounded to, which removes the single-precision error of lengths such as
+4.55."""
 WELD = 1e-6
-"""Distance below which vertices are one, relative to the diagonal of the surface."""
+"""Distance below which vertices are merged, relative to the diagonal of the surface."""
 TINY_HOLE = 0.01
-"""Size of a hole that is filled whatever its shape, relative to the diagonal; one missing triangle always is."""
+"""Size below which a hole of any shape is filled, relative to the diagonal; a missing triangle always is."""
 CHUNK = 1_000_000
 MOST_COMPARED = 4 * MOST_PAIRS
-"""Pairs of triangles that are looked at for crossings: a minute's work."""
+"""Largest number of pairs of triangles tested for intersection: a minute's work."""
 
 
-def mended(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) in mm and triangles (T, 3) of the closed surface, counter-clockwise seen from outside.
 
-    Vertices at the same place are joined; triangles without area or there twice are taken out; triangles are turned
-    to run the same way round, outwards; missing triangles and tiny holes are filled.
+    Coincident vertices are merged; degenerate and duplicate triangles removed; triangles oriented consistently
+    outwards; missing triangles and tiny holes filled.
 
     Raises
     ------
     GeometryError
-        with its place, for a surface that is open, crosses itself, has edges of three or more triangles, cannot be
-        turned the same way round, or is that of several bodies or of one with an enclosed hollow; without it where
-        too much of the surface lies in one place.
+        with its place, if the surface is open, intersects itself, has edges of three or more triangles, cannot be
+        oriented consistently, or is that of several bodies or of one with an enclosed hollow; without it if too much of
+        the surface lies in one place.
     """
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
@@ -59,7 +60,7 @@ def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tu
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
-    """The triangles that have three corners, each once."""
+    """The triangles with three distinct corners, without duplicates."""
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
@@ -78,10 +79,10 @@ def _check_manifold(vertices: np.ndarray, triangles: np.ndarray) -> None:
 
 
 def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles, turned so that neighbours run along their edge in opposite directions.
+    """The triangles, oriented so that neighbours run along their common edge in opposite directions.
 
-    Each triangle is a node as it stands and another one turned; what must go together is joined, and the surface has
-    two sides unless a triangle is joined with itself turned.
+    Each triangle is two nodes of a graph, as given and reversed; compatible nodes are connected. The surface is
+    orientable unless the two nodes of a triangle are.
     """
     edges, pairs = neighbours(triangles)
     count = len(triangles)
@@ -92,8 +93,8 @@ def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     standing, turned = part[:count], part[count:]
     if np.any(standing == turned):
         where = place(vertices[triangles[np.argmax(standing == turned)]].mean(axis=0))
-        raise GeometryError(f"its surface has no inside: its triangles cannot be turned the same way round at {where}")
-    # Of the two ways to turn a connected part, the one that leaves more triangles as they stand.
+        raise GeometryError(f"its surface has no inside: its triangles cannot be oriented consistently at {where}")
+    # Of the two orientations of a connected component, the one that reverses fewer triangles.
     votes = np.bincount(standing, minlength=part.max() + 1)
     turn = (votes[standing] < votes[turned]) | ((votes[standing] == votes[turned]) & (standing > turned))
     return np.where(turn[:, None], triangles[:, ::-1], triangles)
@@ -144,7 +145,7 @@ def _check_one_body(vertices: np.ndarray, triangles: np.ndarray) -> None:
 
 
 def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> None:
-    """Refuse triangles through which an edge of another one passes by more than ``tolerance`` on all sides."""
+    """Refuse triangles pierced by an edge of another one, by more than ``tolerance`` on all sides."""
     corners = vertices[triangles]
     parts, compared = [np.arange(len(triangles))], 0
     while parts:
@@ -161,7 +162,7 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
 
 
 def _near_each_other(corners: np.ndarray, part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,), (P,) of a triangle of a ``part`` and another one whose boxes overlap."""
+    """Numbers (P,), (P,) of a triangle of a ``part`` and another one whose bounding boxes overlap."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     first, second = overlapping(low[part], high[part], low, high)
     different = part[first] != second
@@ -179,7 +180,7 @@ def _check_pairs(
             apart = ~np.any(ends[:, :, None] == triangles[other][:, None], axis=(1, 2))
             through, where = _pierced(vertices[ends[apart]], corners[other[apart]], tolerance)
             if through.any():
-                raise GeometryError(f"its surface crosses itself at {place(where[np.argmax(through)])}")
+                raise GeometryError(f"its surface intersects itself at {place(where[np.argmax(through)])}")
 
 
 def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -198,9 +199,9 @@ def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tup
 
 
 def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Number (T,) of the face that each triangle is: its own, but slivers count to the neighbour across a long edge.
+    """Number (T,) of the face of each triangle: its own, but slivers belong to the neighbour across a long edge.
 
-    A sliver has no normal to be judged by, but without it the surface would not be closed.
+    A sliver has no usable normal, but without it the surface would not be closed.
     """
     corners = vertices[triangles]
     length = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2)
@@ -213,7 +214,7 @@ def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def is_sliver(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(T,) whether the vertices of a triangle are within rounding of one line."""
+    """(T,) whether the vertices of a triangle are collinear up to rounding."""
     corners = vertices[triangles]
     longest = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2).max(axis=1)
     diagonal = np.linalg.norm(np.ptp(vertices, axis=0))
