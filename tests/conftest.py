@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +30,18 @@ def mechanics_error_unknown():
         paths = import_module("mitsuba_taxel.mechanics.path.pad_path").PadPath
         patch.setattr(paths, "comparisons", lambda path: iter(()))
         yield
+
+
+@pytest.fixture
+def blank_figures(monkeypatch):
+    """Figures are written empty, where a test is about other things: painting one takes half a second."""
+    from matplotlib.figure import Figure
+
+    def save(figure, file, **options):
+        if not hasattr(file, "write"):
+            Path(file).write_bytes(b"")
+
+    monkeypatch.setattr(Figure, "savefig", save)
 
 
 @pytest.fixture

@@ -58,10 +58,10 @@ def refuse_shared_places(scene: mi.Scene) -> None:
     between the two goes nowhere.
     """
     ends = [(end, end.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
-    surfaces = [(shape, _triangles_of(shape)) for shape in scene.shapes() if not has_pad(shape)]
+    surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not has_pad(shape)]
     for end, faces in ends:
-        for shape, triangles in surfaces:
-            if shape.ptr != end.get_shape().ptr and _lie_on(faces, triangles):
+        for shape, vertices, triangles in surfaces:
+            if shape.ptr != end.get_shape().ptr and _lie_on(faces, vertices, triangles):
                 raise InputError(
                     f"{kind_of(end)}: the {kind_of(shape)} {shape.id()!r} lies in its plane and overlaps it, so that "
                     "light would hit either: move or shrink one of them.",
@@ -69,32 +69,34 @@ def refuse_shared_places(scene: mi.Scene) -> None:
                 )
 
 
-def _triangles_of(shape: mi.Shape) -> np.ndarray:
-    """(K, 3, 3) corners in the world of the triangles of a shape; none of one that is neither flat nor a mesh."""
+def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (N, 3) in the world and triangles (K, 3) of a shape; none of one that is neither flat nor a mesh."""
     kind = shape.class_name()
     if kind in ("Rectangle", "Disk"):
         to_world = matrix_of(shape)
         rim = _SQUARE if kind == "Rectangle" else _CIRCLE
-        corners = np.stack([np.roll(rim, 1, axis=0), rim, np.zeros_like(rim)], axis=1)
-        return corners @ to_world[:3, :2].T + to_world[:3, 3]
+        corners = np.concatenate([rim, np.zeros((1, 2))])
+        here, centre = np.arange(len(rim)), np.full(len(rim), len(rim))
+        triangles = np.stack([np.roll(here, 1), here, centre], axis=1)
+        return corners @ to_world[:3, :2].T + to_world[:3, 3], triangles
     if not shape.is_mesh():
-        return np.empty((0, 3, 3))
+        return np.empty((0, 3)), np.empty((0, 3), dtype=int)
     parameters = mi.traverse(shape)
     vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
-    return vertices[np.array(parameters["faces"]).reshape(-1, 3)]
+    return vertices, np.array(parameters["faces"]).reshape(-1, 3)
 
 
-def _lie_on(faces: Any, triangles: np.ndarray) -> bool:
-    """Whether one of some triangles (K, 3, 3) overlaps any of ``faces``, in their plane and facing alike."""
+def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether one of the triangles (K, 3) of some vertices overlaps any of ``faces``, in their plane, facing alike."""
     frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     half = 0.5 * np.array(faces.size, dtype=float).ravel()
     centres = np.array(faces.centres, dtype=float).T @ frame
-    corners = triangles @ frame
-    furthest = np.abs(triangles).max(initial=0)
+    furthest = max(vertices.max(initial=0), -vertices.min(initial=0))
     step = 1e-5 * 2 * np.sqrt(half.prod()) + 3e-6 * furthest  # as far as rays are kept clear
-    low, high = centres.min(axis=0) - (*half, step), centres.max(axis=0) + (*half, step)
+    in_plane = np.abs(vertices @ frame[:, 2] - centres[0, 2]) <= step
+    corners = vertices[triangles[in_plane[triangles].all(axis=1)]] @ frame[:, :2]
+    low, high = centres.min(axis=0)[:2] - half, centres.max(axis=0)[:2] + half
     corners = corners[np.all((corners.min(axis=1) < high) & (corners.max(axis=1) > low), axis=1)]
-    corners = corners[np.abs(corners[:, :, 2] - centres[0, 2]).max(axis=1, initial=0) <= step][:, :, :2]
     sides = np.roll(corners, -1, axis=1) - corners
     alike = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
     corners, sides = corners[alike], sides[alike]

@@ -51,7 +51,7 @@ def test_cosine_power(llvm_mono, exponent):
     assert stats.kstest(np.exp((exponent + 1) * log_cos), "uniform").pvalue > SIGNIFICANCE
     assert stats.kstest(phi / (2 * np.pi) + 0.5, "uniform").pvalue > SIGNIFICANCE
     expected = (exponent + 1) / (2 * np.pi) * np.exp(exponent * log_cos)
-    assert law.density(d).numpy() == pytest.approx(expected, rel=1e-4)
+    np.testing.assert_allclose(law.density(d).numpy(), expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("exponent", [0.0, 1e4, 1e6])
@@ -85,7 +85,8 @@ def test_tabulated(llvm_mono, tmp_path, name):
     assert stats.kstest(phi / (2 * np.pi) + 0.5, "uniform").pvalue > SIGNIFICANCE
     d = llvm_mono.Vector3f(np.sin(centre), 0 * centre, np.cos(centre))
     expected = intensity / cumulative[-1]
-    assert law.density(d).numpy() == pytest.approx(expected, rel=5e-4, abs=(1e-5 + blur) * expected.max())
+    allowed = np.maximum(5e-4 * expected, (1e-5 + blur) * expected.max())
+    assert np.all(np.abs(law.density(d).numpy() - expected) <= allowed)
 
 
 def test_table_of_a_cosine_is_lambertian(llvm_mono, tmp_path):
@@ -94,7 +95,7 @@ def test_table_of_a_cosine_is_lambertian(llvm_mono, tmp_path):
     table = law_of(llvm_mono, law="tabulated", file=write_table(tmp_path / "led.csv", rows))
     lambertian = law_of(llvm_mono, law="lambertian")
     d = llvm_mono.warp.square_to_uniform_hemisphere(random_points(llvm_mono, 10_000))
-    assert table.density(d).numpy() == pytest.approx(lambertian.density(d).numpy(), abs=1e-5)
+    np.testing.assert_allclose(table.density(d).numpy(), lambertian.density(d).numpy(), rtol=1e-6, atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +116,7 @@ def test_laws_integrate_to_one(llvm_mono, tmp_path, parameters):
         parameters["file"] = write_table(tmp_path / "led.csv", rows)
         ends = np.array([angle for angle, _ in rows], dtype=float)
     law = law_of(llvm_mono, **parameters)
-    nodes, weights = np.polynomial.legendre.leggauss(1000)
+    nodes, weights = np.polynomial.legendre.leggauss(200)
     ends = 2 * np.sin(np.radians(ends) / 2) ** 2
     total = 0.0
     for left, right in zip(ends[:-1], ends[1:], strict=True):

@@ -138,6 +138,7 @@ def test_the_whole_page(found, tmp_path):
     assert "parallelepiped, along x: fx=9: gone" in page
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_only_parts_that_are_there_are_shown(found, tmp_path):
     page = write_page({"nominal": found["nominal"]}, tmp_path, "").read_text(encoding="utf-8")
     assert "Table 1" in page and "Fig. 4" not in page and "unstated" not in page

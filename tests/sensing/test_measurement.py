@@ -55,7 +55,7 @@ def write_table(path, rows):
 
 @pytest.mark.parametrize("z, scattering, power", [(0.7, "lambertian", 0.019702463), (0.5, "mirror", None)])
 def test_the_truth_lies_within_the_stated_errors(llvm_mono, z, scattering, power):
-    """Nominal 95 % Student intervals of 300 readings of few points cover it as often as 300 draws of 95 % would."""
+    """Nominal 95 % Student intervals of 150 readings of few points cover it as often as 150 draws of 95 % would."""
     from scipy import stats
 
     truth = plate_power(z) if scattering == "lambertian" else image_power(z)
@@ -63,11 +63,11 @@ def test_the_truth_lies_within_the_stated_errors(llvm_mono, z, scattering, power
         assert truth == pytest.approx(power, rel=1e-7)
     live = scene(plate(llvm_mono, z, {"scattering": scattering})).load()
     covered = 0
-    for seed in range(300):
+    for seed in range(150):
         reading = measure(live, points=256, seed=seed)
         half_width = stats.t.ppf(0.975, len(reading.replicates) - 1) * reading.standard_error[0]
         covered += abs(reading.power[0] - truth) < half_width
-    low, high = stats.binom.interval(1 - FALSE_ALARM_RATE, 300, 0.95)
+    low, high = stats.binom.interval(1 - FALSE_ALARM_RATE, 150, 0.95)
     assert low <= covered <= high
 
 

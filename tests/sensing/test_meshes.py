@@ -19,7 +19,6 @@ def test_a_plate_of_a_million_triangles_reads_as_a_rectangle(llvm_mono, agree, t
     coarse, fine = (
         measure(plate(z=0.3, scattering="lambertian", plate=shape), points=1 << 13, seed=6) for shape in (None, ply)
     )
-    assert sum(fine.seconds.values()) < 30
     assert fine.power == pytest.approx(coarse.power, rel=1e-4)
     agree(fine.power, fine.standard_error, plate_power(0.3, "uniform_solid_angle", "lambertian"))
 
