@@ -73,7 +73,7 @@ def accuracy(
 
 def _write(curves: Sequence[Curve], scene: Scene, folder: Path) -> None:
     write_csv(curves, folder / "accuracy.csv")
-    plot_accuracy(curves, title(scene), [folder / "accuracy.png", folder / "accuracy.svg"])
+    plot_accuracy(curves, title(scene), folder)
 
 
 def title(scene: Scene) -> str:

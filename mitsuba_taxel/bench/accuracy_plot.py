@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.plots.figures import COLOURS, MARKERS
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_figure
 
 if TYPE_CHECKING:
     from mitsuba_taxel.bench.work_precision import Curve, Point
@@ -18,29 +17,19 @@ LABELLED = ("mechanics", "chain")
 """Parts whose points are few, so that each says what was varied."""
 
 
-def plot_accuracy(curves: Sequence[Curve], title: str, files: Sequence[Path]) -> None:
-    """Write the diagram, in the format of each file's suffix.
+def plot_accuracy(curves: Sequence[Curve], title: str, folder: Path) -> None:
+    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
 
     A filled marker is an error that can be claimed, a hollow one lies below the error of its reference, which is a
     dashed line. A dotted line is the error that the method itself states, where it is one of few.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     parts = [part for part in TITLES if any(curve.part == part and curve.points for curve in curves)]
-    figure, axes = pyplot.subplots(1, len(parts), figsize=(6.4 * len(parts), 7.2), squeeze=False, layout="constrained")
-    try:
-        for ax, part in zip(axes[0], parts, strict=True):
-            _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part)
-        axes[0, 0].set_ylabel("relative error (root mean square over taxels)")
-        figure.suptitle(title)
-        for file in files:
-            with replacing(file) as temporary:
-                figure.savefig(temporary, dpi=130, format=file.suffix[1:])
-    finally:
-        pyplot.close(figure)
+    axes = axes_of((6.4 * len(parts), 7.2), 1, len(parts))
+    for ax, part in zip(axes[0], parts, strict=True):
+        _panel(ax, [curve for curve in curves if curve.part == part and curve.points], part)
+    axes[0, 0].set_ylabel("relative error (root mean square over taxels)")
+    axes[0, 0].figure.suptitle(title)
+    save_figure(axes[0, 0].figure, folder, "accuracy")
 
 
 def _panel(ax: Any, curves: Sequence[Curve], part: str) -> None:

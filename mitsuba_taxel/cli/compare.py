@@ -59,7 +59,7 @@ def command(
         with replacing(output / "comparison.csv") as file:
             found.table.to_csv(file, index=False)
         with replacing(output / "comparison.png") as file:
-            plot_ranking(found, file)
+            plot_ranking(found).savefig(file)
     if as_json:
         import json
 

@@ -67,7 +67,7 @@ def _draw(part, file: Path) -> None:
 
     check_new_file(file, ".png", ".svg")
     with replacing(file) as new:
-        plot_part(part, new, file.suffix.lower().removeprefix("."))
+        plot_part(part).savefig(new, format=file.suffix.lower().removeprefix("."))
 
 
 def _curve(part) -> list[tuple[float, float, float]]:

@@ -14,6 +14,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.fitting.model import Model
 from mitsuba_taxel.fitting.plan import Plan, read_plan
 from mitsuba_taxel.fitting.solve import Solution, solve
+from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import open_pool
@@ -151,6 +152,4 @@ def _write(result: FitResult, folder: Path) -> None:
             table.to_csv(file, index=False)
     with replacing(folder / "correlation.csv") as file:
         result.correlation.to_csv(file)
-    for form in ("png", "svg"):
-        with replacing(folder / f"fit.{form}") as file:
-            plot_residuals(result.residuals, result.correlation, file, form)
+    save_figure(plot_residuals(result.residuals, result.correlation), folder, "fit")

@@ -11,6 +11,7 @@ from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.result import Optimum
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
+from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.optimum import plot_front, plot_optimum
 from mitsuba_taxel.sensing import write_xml
 
@@ -26,12 +27,9 @@ def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
         if len(table := getattr(result, name)):
             with replacing(folder / f"{name}.csv") as file:
                 table.to_csv(file, index=False)
-    for form in ("png", "svg"):
-        with replacing(folder / f"optimum.{form}") as file:
-            plot_optimum(result.figures, result.variables, result.history, file, form)
-        if len(result.front):
-            with replacing(folder / f"front.{form}") as file:
-                plot_front(result.front, plan.front_units, file, form)
+    save_figure(plot_optimum(result.figures, result.variables, result.history), folder, "optimum")
+    if len(result.front):
+        save_figure(plot_front(result.front, plan.front_units), folder, "front")
     scene = plan.scene(best)
     write_xml(scene, folder / "best.xml")
     for pad in pads_of(scene):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,19 +21,22 @@ from mitsuba_taxel.characterise.summary import Channel, common_channel
 from mitsuba_taxel.characterise.tangential import TangentialMap
 from mitsuba_taxel.characterise.wording import by_reading, latex_table, pair_rows, table_rows, with_error
 from mitsuba_taxel.plots.figures import (
+    FORMS,
     MOST_LINES,
     MOST_PANELS,
     as_label,
     compared,
-    figure_of,
     force_to_the_right,
     label_with_prefix,
     legend_beside,
+    panel_axes,
+    save_figure,
     style,
 )
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 
 LINES: dict[str, Any] = {"force grows": "-", "force falls": "--", "force grows again": ":"}
@@ -68,7 +71,7 @@ def write_characteristics(
     }
     if volts is not None:
         writers["volts.csv"] = lambda file: volts.to_csv(file, index=False)
-    plots: dict[str, Callable[..., None]] = {"sensitivity": partial(plot_sensitivity, experiments)}
+    plots: dict[str, Callable[[], Figure]] = {"sensitivity": partial(plot_sensitivity, experiments)}
     if parameters_of(experiments):
         plots["sensitivity_against"] = partial(plot_against, experiments)
     if len(table[table.figure.isin(DEVIATIONS)]):
@@ -76,18 +79,16 @@ def write_characteristics(
     if maps:
         plots["tangential_map"] = partial(plot_tangential_maps, maps)
         writers["symmetric_pairs.csv"] = lambda file: pairs.to_csv(file, index=False)
-    for name, draw in plots.items():
-        writers.update({f"{name}.{form}": partial(draw, form=form) for form in ("png", "svg")})
     for name, write in writers.items():
         with replacing(folder / name) as temporary:
             write(temporary)
-    return [folder / name for name in writers]
+    for name, draw in plots.items():
+        save_figure(draw(), folder, name)
+    return [folder / name for name in (*writers, *(f"{name}.{form}" for name in plots for form in FORMS))]
 
 
-def plot_sensitivity(
-    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
-) -> None:
-    """Write a picture (png, svg, pdf) of each experiment's first run of growing force: change and slope against force.
+def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
+    """Each experiment's first run of growing force: change and slope against force.
 
     Above, how readings have changed since the start; below, their slopes: between neighbouring points, or where
     derivatives are known, these. On the right the same in percent of the reading at rest, where that is known. Bars
@@ -96,24 +97,23 @@ def plot_sensitivity(
     """
     groups = _groups([one for one in experiments if one.loading_runs])
     relative = all(one.rest is not None for group in groups for one in group.lines.values())
-    with figure_of(2 * len(groups), 1 + relative, file, form, size=(4.6, 3.0), sharex=False, narrow=narrow) as axes:
-        for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
-            for number, (label, one) in enumerate(group.lines.items()):
-                _draw_run(above, below, one, label, number)
-            unit = group.unit
-            for places, words, units in ((above, "change", (unit, "%")), (below, "slope", (f"{unit}/N", "%/N"))):
-                for ax, each in zip(places, units, strict=False):
-                    label_with_prefix([ax], f"{words}{_of(group)}", each)
-            _finish(group, [*above, *below])
-            for one, other in zip(above, below, strict=True):
-                other.set_xlim(one.get_xlim())
-        legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
+    axes = panel_axes(2 * len(groups), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
+    for group, (above, below) in zip(groups, axes.reshape(len(groups), 2, -1), strict=True):
+        for number, (label, one) in enumerate(group.lines.items()):
+            _draw_run(above, below, one, label, number)
+        unit = group.unit
+        for places, words, units in ((above, "change", (unit, "%")), (below, "slope", (f"{unit}/N", "%/N"))):
+            for ax, each in zip(places, units, strict=False):
+                label_with_prefix([ax], f"{words}{_of(group)}", each)
+        _finish(group, [*above, *below])
+        for one, other in zip(above, below, strict=True):
+            other.set_xlim(one.get_xlim())
+    legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
+    return axes[0, 0].figure
 
 
-def plot_deviations(
-    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
-) -> None:
-    """Write a picture (png, svg, pdf) of how branches deviate from the end-point line of the first of growing force.
+def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
+    """How branches deviate from the end-point line of the first of growing force.
 
     In percent of the largest change, as equations 5 to 7 have it: the distance from zero is the nonlinearity, that of
     the first falling branch (dashed) from the first growing one (solid) the hysteresis, that of the second growing
@@ -121,29 +121,26 @@ def plot_deviations(
     :func:`plot_sensitivity`.
     """
     groups = _groups([one for one in experiments if any(branch.loading for branch in one.branches)])
-    with figure_of(len(groups), 1, file, form, size=(6.4, 3.6), sharex=False, narrow=narrow) as axes:
-        words: dict[str, None] = {}
-        for group, (ax,) in zip(groups, axes, strict=True):
-            for number, (label, one) in enumerate(group.lines.items()):
-                cycle = _first_cycle(one.branches)
-                words |= dict.fromkeys(cycle)
-                largest = one.largest_change.mean(axis=0)
-                for word, branch in cycle.items():
-                    percent = 100 * from_line(branch, cycle["force grows"]) / np.where(largest > 0, largest, np.nan)
-                    _draw(
-                        ax, branch.force, percent[..., 0], label if word == "force grows" else None, number, LINES[word]
-                    )
-            label_with_prefix([ax], "off the end-point line", "% of $v_{max}$")
-            _finish(group, [ax])
-        if len(words) > 1:
-            _explain_lines(axes[0, 0], words)
-        legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
+    axes = panel_axes(len(groups), 1, size=(6.4, 3.6), sharex=False, narrow=narrow)
+    words: dict[str, None] = {}
+    for group, (ax,) in zip(groups, axes, strict=True):
+        for number, (label, one) in enumerate(group.lines.items()):
+            cycle = _first_cycle(one.branches)
+            words |= dict.fromkeys(cycle)
+            largest = one.largest_change.mean(axis=0)
+            for word, branch in cycle.items():
+                percent = 100 * from_line(branch, cycle["force grows"]) / np.where(largest > 0, largest, np.nan)
+                _draw(ax, branch.force, percent[..., 0], label if word == "force grows" else None, number, LINES[word])
+        label_with_prefix([ax], "off the end-point line", "% of $v_{max}$")
+        _finish(group, [ax])
+    if len(words) > 1:
+        _explain_lines(axes[0, 0], words)
+    legend_beside(axes[0, 0].figure, axes[:, 0], groups[0].legend)
+    return axes[0, 0].figure
 
 
-def plot_against(
-    experiments: Sequence[Experiment], file: Path | BinaryIO, form: str = "png", narrow: bool = False
-) -> None:
-    """Write a picture (png, svg, pdf) of the mean slope against each varied parameter other than the force.
+def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
+    """The mean slope against each varied parameter other than the force.
 
     Absolute, and in percent of the reading at rest, where that is known; each with a line for every combination of the
     others, and bars of 1 sigma of the light. Lines are as those of :func:`plot_sensitivity` where it compares.
@@ -152,25 +149,24 @@ def plot_against(
     names = parameters_of(shown)
     relative = all(one.rest is not None for one in shown)
     channel = common_channel(shown)
-    with figure_of(len(names), 1 + relative, file, form, size=(4.6, 3.0), sharex=False, narrow=narrow) as axes:
-        for name, places in zip(names, axes, strict=True):
-            lines: dict[str, list[Experiment]] = {}
-            for one in shown:
-                others = (f"{other} = {as_label(value)}" for other, value in one.where.items() if other != name)
-                lines.setdefault(", ".join(others) if len(names) > 1 else "", []).append(one)
-            chosen = np.unique(np.linspace(0, len(lines) - 1, MOST_LINES).round().astype(int))
-            for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
-                _draw_against(places, name, lines[label], channel, label, number)
-            for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
-                label_with_prefix([ax], f"mean slope by {shown[0].force}", unit)
-                ax.set_title(channel.words, fontsize="medium")
-                ax.set_xlabel(name)
-                if len(lines) > 1:
-                    ax.legend(frameon=False, fontsize="x-small")
-            if len(lines) > MOST_LINES:
-                places[0].set_title(
-                    f"{channel.words} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small"
-                )
+    axes = panel_axes(len(names), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
+    for name, places in zip(names, axes, strict=True):
+        lines: dict[str, list[Experiment]] = {}
+        for one in shown:
+            others = (f"{other} = {as_label(value)}" for other, value in one.where.items() if other != name)
+            lines.setdefault(", ".join(others) if len(names) > 1 else "", []).append(one)
+        chosen = np.unique(np.linspace(0, len(lines) - 1, MOST_LINES).round().astype(int))
+        for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
+            _draw_against(places, name, lines[label], channel, label, number)
+        for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
+            label_with_prefix([ax], f"mean slope by {shown[0].force}", unit)
+            ax.set_title(channel.words, fontsize="medium")
+            ax.set_xlabel(name)
+            if len(lines) > 1:
+                ax.legend(frameon=False, fontsize="x-small")
+        if len(lines) > MOST_LINES:
+            places[0].set_title(f"{channel.words} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small")
+    return axes[0, 0].figure
 
 
 def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
@@ -281,10 +277,8 @@ def _draw_run(above: Sequence[Any], below: Sequence[Any], one: Experiment, label
         _draw(below[1], middle, 100 * parts / level, label, number, error=relative)
 
 
-def plot_tangential_maps(
-    maps: Sequence[TangentialMap], file: Path | BinaryIO, form: str = "png", narrow: bool = False
-) -> None:
-    """Write a picture (png, svg, pdf) of the taxels' changes under each tangential load, x to the right, y upwards.
+def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) -> Figure:
+    """The taxels' changes under each tangential load, x to the right, y upwards.
 
     Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes. All maps have
     the same colours.
@@ -294,32 +288,33 @@ def plot_tangential_maps(
     largest = max(float(np.abs(one.change).max()) for one in maps[:count])
     factor, unit = prefixed(largest, maps[0].experiment.unit)
     most = largest / factor or 1.0
-    with figure_of(math.ceil(count / across), across, file, form, size=(5.2, 4.0), sharex=False, narrow=narrow) as axes:
-        for ax in axes.flat[count:]:
-            ax.set_visible(False)
-        for ax, one in zip(axes.flat, maps[:count], strict=False):
-            ax.grid(visible=False)
-            changes, errors = one.change / factor, one.error / factor
-            picture = ax.imshow(changes, cmap="PuOr", vmin=-most, vmax=most)
-            for place, (change, error) in enumerate(zip(changes.flat, errors.flat, strict=True)):
-                row, column = divmod(place, one.shape[1])
-                words = NOT_RESOLVED if abs(change) <= error else with_error(change, error).replace(" ± ", "\n± ")
-                ax.text(
-                    column,
-                    row,
-                    f"{one.experiment.taxel[place]}\n{words}",
-                    ha="center",
-                    va="center",
-                    color="white" if abs(change) > 0.6 * most else "black",
-                    fontsize=7,
-                )
-            _arrow(ax, one)
-            ax.set_xticks([])
-            ax.set_yticks([])
-            ax.set_xlabel(f"{one.experiment.force} = {one.force:.4g} N")
-            where = one.experiment.where.items()
-            ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in where), fontsize="medium")
-        axes[0, 0].figure.colorbar(picture, ax=axes, label=f"change [{unit}]")
+    axes = panel_axes(math.ceil(count / across), across, size=(5.2, 4.0), sharex=False, narrow=narrow)
+    for ax in axes.flat[count:]:
+        ax.set_visible(False)
+    for ax, one in zip(axes.flat, maps[:count], strict=False):
+        ax.grid(visible=False)
+        changes, errors = one.change / factor, one.error / factor
+        picture = ax.imshow(changes, cmap="PuOr", vmin=-most, vmax=most)
+        for place, (change, error) in enumerate(zip(changes.flat, errors.flat, strict=True)):
+            row, column = divmod(place, one.shape[1])
+            words = NOT_RESOLVED if abs(change) <= error else with_error(change, error).replace(" ± ", "\n± ")
+            ax.text(
+                column,
+                row,
+                f"{one.experiment.taxel[place]}\n{words}",
+                ha="center",
+                va="center",
+                color="white" if abs(change) > 0.6 * most else "black",
+                fontsize=7,
+            )
+        _arrow(ax, one)
+        ax.set_xticks([])
+        ax.set_yticks([])
+        ax.set_xlabel(f"{one.experiment.force} = {one.force:.4g} N")
+        where = one.experiment.where.items()
+        ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in where), fontsize="medium")
+    axes[0, 0].figure.colorbar(picture, ax=axes, label=f"change [{unit}]")
+    return axes[0, 0].figure
 
 
 def _explain_lines(ax: Any, words: Iterable[str]) -> None:

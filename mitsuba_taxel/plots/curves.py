@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,13 +13,16 @@ from mitsuba_taxel.plots.figures import (
     MOST_PANELS,
     as_label,
     compared,
-    figure_of,
     force_to_the_right,
     label_below,
     label_with_prefix,
     legend_beside,
+    panel_axes,
     style,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PLACES = 200
 """At which curves are drawn."""
@@ -94,8 +95,8 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
     ]
 
 
-def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png", narrow: bool = False) -> None:
-    """Write a picture (png, svg, pdf) of power against the study's curve parameter.
+def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
+    """Power against the study's curve parameter.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or where derivatives by
     the parameter are known, the cubic curves that these make of readings without random numbers.
@@ -107,55 +108,53 @@ def plot_curves(study: xr.Dataset, file: Path | BinaryIO, form: str = "png", nar
     A ``narrow`` picture, for a phone, has its panels below each other and the legend below them.
     """
     curves = curves_of(study)
-    if len(curves) == 1:
-        _plot_taxels(study, curves[0], file, form, narrow)
-    else:
-        _plot_compared(study, curves, file, form, narrow)
+    return _plot_taxels(study, curves[0], narrow) if len(curves) == 1 else _plot_compared(study, curves, narrow)
 
 
-def _plot_taxels(study: xr.Dataset, curve: Curve, file: Path | BinaryIO, form: str, narrow: bool) -> None:
+def _plot_taxels(study: xr.Dataset, curve: Curve, narrow: bool) -> Figure:
     names, count = study.taxel.values.tolist(), study.sizes["taxel"]
-    with figure_of(2 if count > 1 else 1, 1, file, form, narrow=narrow) as axes:
-        panels = axes[:, 0]
-        _draw_lines(panels[0], curve, names)
-        label_with_prefix(panels[:1], "optical power", "W")
-        if count > 1:
-            _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
-            label_with_prefix(panels[1:], "difference from the taxels' mean", "W")
-        _finish(axes, study)
-        legend_beside(panels[0].figure, panels[:1], TAXELS)
+    axes = panel_axes(2 if count > 1 else 1, 1, narrow=narrow)
+    panels = axes[:, 0]
+    _draw_lines(panels[0], curve, names)
+    label_with_prefix(panels[:1], "optical power", "W")
+    if count > 1:
+        _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
+        label_with_prefix(panels[1:], "difference from the taxels' mean", "W")
+    _finish(axes, study)
+    legend_beside(panels[0].figure, panels[:1], TAXELS)
+    return panels[0].figure
 
 
-def _plot_compared(study: xr.Dataset, curves: list[Curve], file: Path | BinaryIO, form: str, narrow: bool) -> None:
+def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figure:
     panels, left_out = compared(curves, lambda curve: curve.where)
     count, lines = study.sizes["taxel"], 2 if _changes(curves[0]) else 1
-    with _blocks(len(panels), lines, file, form, narrow) as blocks:
-        for block, panel in zip(blocks, panels, strict=True):
-            for number, (label, curve) in enumerate(panel.cases.items()):
-                mean = curve.weighted(np.full((count, 1), 1 / count))
-                _draw_lines(block[0], mean, [label], number)
-                if lines > 1:
-                    _draw_lines(block[1], mean.relative(), [label], number)
-            block[0].set_title(panel.title, fontsize="medium")
-        label_with_prefix(blocks[:, 0], f"power, mean of {count} taxels" if count > 1 else "optical power", "W")
-        if lines > 1:
-            label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
-        _finish(blocks, study, left_out)
-        legend_beside(blocks[0, 0].figure, blocks[:, 0])
+    blocks = _blocks(len(panels), lines, narrow)
+    for block, panel in zip(blocks, panels, strict=True):
+        for number, (label, curve) in enumerate(panel.cases.items()):
+            mean = curve.weighted(np.full((count, 1), 1 / count))
+            _draw_lines(block[0], mean, [label], number)
+            if lines > 1:
+                _draw_lines(block[1], mean.relative(), [label], number)
+        block[0].set_title(panel.title, fontsize="medium")
+    label_with_prefix(blocks[:, 0], f"power, mean of {count} taxels" if count > 1 else "optical power", "W")
+    if lines > 1:
+        label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
+    _finish(blocks, study, left_out)
+    legend_beside(blocks[0, 0].figure, blocks[:, 0])
+    return blocks[0, 0].figure
 
 
-def plot_taxels(study: xr.Dataset, file: Path | BinaryIO, form: str = "png", narrow: bool = False) -> None:
-    """Write a picture of how each taxel's reading changes, a panel for each curve of a study, with the same axes."""
+def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
+    """How each taxel's reading changes, a panel for each curve of a study, with the same axes."""
     curves = curves_of(study)
-    with _blocks(min(len(curves), MOST_PANELS), 1, file, form, narrow) as blocks:
-        for (ax,), curve in zip(blocks, curves, strict=False):
-            _draw_lines(ax, curve.relative(), study.taxel.values.tolist())
-            ax.set_title(
-                ", ".join(f"{name} = {as_label(value)}" for name, value in curve.where.items()), fontsize="medium"
-            )
-        label_with_prefix(blocks[:, 0], _since(study, curves[0]), "%")
-        _finish(blocks, study, len(curves) - len(blocks))
-        legend_beside(blocks[0, 0].figure, blocks[:, 0], TAXELS)
+    blocks = _blocks(min(len(curves), MOST_PANELS), 1, narrow)
+    for (ax,), curve in zip(blocks, curves, strict=False):
+        _draw_lines(ax, curve.relative(), study.taxel.values.tolist())
+        ax.set_title(", ".join(f"{name} = {as_label(value)}" for name, value in curve.where.items()), fontsize="medium")
+    label_with_prefix(blocks[:, 0], _since(study, curves[0]), "%")
+    _finish(blocks, study, len(curves) - len(blocks))
+    legend_beside(blocks[0, 0].figure, blocks[:, 0], TAXELS)
+    return blocks[0, 0].figure
 
 
 def has_taxels_to_compare(study: xr.Dataset) -> bool:
@@ -172,19 +171,18 @@ def _since(study: xr.Dataset, curve: Curve) -> str:
     return f"change since {study.attrs['curve']} = {curve.x[curve.rest]:.6g}"
 
 
-@contextmanager
-def _blocks(count: int, lines: int, file: Path | BinaryIO, form: str, narrow: bool) -> Iterator[Any]:
+def _blocks(count: int, lines: int, narrow: bool) -> Any:
     """Axes (blocks, lines): blocks beside each other, the panels of each below each other, of one range in a line."""
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
     down = math.ceil(count / across)
-    with figure_of(lines * down, across, file, form, narrow=narrow) as axes:
-        blocks = axes.reshape(down, lines, across).transpose(0, 2, 1).reshape(-1, lines)
-        for ax in blocks[count:].flat:
-            ax.set_visible(False)
-        for line in blocks[:count].T:
-            for ax in line[1:]:
-                ax.sharey(line[0])
-        yield blocks[:count]
+    axes = panel_axes(lines * down, across, narrow=narrow)
+    blocks = axes.reshape(down, lines, across).transpose(0, 2, 1).reshape(-1, lines)
+    for ax in blocks[count:].flat:
+        ax.set_visible(False)
+    for line in blocks[:count].T:
+        for ax in line[1:]:
+            ax.sharey(line[0])
+    return blocks[:count]
 
 
 def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.units import FORCES, prefixed
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMS = ("png", "svg")
 COLOURS = ("#332288", "#CC6677", "#117733", "#DDAA33", "#88CCEE", "#882255", "#44AA99", "#999933", "#AA4499")
 """After Paul Tol's "muted" scheme, told apart with any colour vision; markers differ too."""
 MARKERS = "osD^v<>Px"
@@ -64,38 +68,41 @@ def as_label(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-@contextmanager
-def figure_of(
+def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any) -> Any:
+    """Axes (rows, columns) of a new figure, which belongs to no window and no notebook."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=inches, dpi=150, layout="constrained").subplots(rows, columns, squeeze=False, **options)
+
+
+def panel_axes(
     rows: int,
     columns: int,
-    file: Path | BinaryIO,
-    form: str,
     *,
     size: tuple[float, float] = (5.2, 3.2),
     sharex: Any = True,
     narrow: bool = False,
-) -> Iterator[Any]:
-    """Axes (rows, columns) of ``size`` in inches; the figure is written at the end.
+) -> Any:
+    """Axes (rows, columns) of ``size`` in inches, with a grid, of a new figure.
 
     A narrow one, for a phone, has them all in one column, and its legend below.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     inches = (size[0] * columns + 1.2, size[1] * rows + 0.6)
     shape = (rows, columns)
     if narrow:
         shape, inches = (rows * columns, 1), (NARROW, 2.6 * rows * columns + 1.2)
-    figure, axes = pyplot.subplots(*shape, figsize=inches, sharex=sharex, squeeze=False, layout="constrained")
-    try:
-        for ax in axes.flat:
-            ax.grid(alpha=0.3)
-        yield axes.reshape(rows, columns)
-        figure.savefig(file, dpi=150, format=form)
-    finally:
-        pyplot.close(figure)
+    axes = axes_of(inches, *shape, sharex=sharex)
+    for ax in axes.flat:
+        ax.grid(alpha=0.3)
+    return axes.reshape(rows, columns)
+
+
+def save_figure(figure: Figure, folder: Path, name: str) -> None:
+    """Write a figure as PNG and as SVG, laid out once."""
+    for form in FORMS:
+        with replacing(folder / f"{name}.{form}") as file:
+            figure.savefig(file, format=form)
+        figure.set_layout_engine("none")
 
 
 def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
@@ -108,7 +115,7 @@ def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
     shown[0].set_ylabel(f"{words} [{prefix_and_unit}]")
 
 
-def label_below(figure: Any, last: Any, words: str) -> None:
+def label_below(figure: Figure, last: Any, words: str) -> None:
     """Label the x axis that all panels share: below them all, or in one column below the last."""
     if figure.get_figwidth() > NARROW:
         figure.supxlabel(words)
@@ -132,7 +139,7 @@ def style(number: int) -> dict[str, str]:
     }
 
 
-def legend_beside(figure: Any, axes: Sequence[Any], title: str | None = None) -> None:
+def legend_beside(figure: Figure, axes: Sequence[Any], title: str | None = None) -> None:
     """The legend of the lines, which are the same in all panels: to the right of these; of a narrow figure below them,
     or where they fill more than a screen, in each."""
     handles, labels = axes[0].get_legend_handles_labels()

@@ -3,48 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.plots.figures import COLOURS, figure_of, label_with_prefix
+from mitsuba_taxel.plots.figures import COLOURS, label_with_prefix, panel_axes
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 
 def plot_optimum(
     figures: pandas.DataFrame,
     variables: pandas.DataFrame,
     history: pandas.DataFrame,
-    file: Path | BinaryIO,
-    form: str = "png",
-) -> None:
-    """Write a picture (png, svg, pdf): the objective over the designs, and before and after the figures and variables.
+) -> Figure:
+    """The objective over the designs, and before and after the figures and variables.
 
     Parameters
     ----------
     figures, variables, history : pandas.DataFrame
         As an ``Optimum`` has them.
     """
-    with figure_of(1, 3, file, form, size=(4.6, 3.4), sharex=False) as axes:
-        _draw_course(axes[0, 0], history, figures.iloc[0])
-        names = [f"{row.figure} [{row.unit}]" if row.unit != "1" else row.figure for row in figures.itertuples()]
-        scale = np.abs(figures.before.to_numpy())
-        scale[scale == 0] = 1.0
-        _draw_pairs(axes[0, 1], names, figures.before / scale, figures.best / scale)
-        axes[0, 1].set_xlabel("figure, relative to before")
-        width = variables.high - variables.low
-        ends = [
-            f"{name}\n{low:g} to {high:g}"
-            for name, low, high in zip(variables.variable, variables.low, variables.high, strict=True)
-        ]
-        _draw_pairs(axes[0, 2], ends, *((variables[when] - variables.low) / width for when in ("before", "best")))
-        axes[0, 2].set_xlim(-0.05, 1.05)
-        axes[0, 2].set_xlabel("variable, within its bounds")
-        axes[0, 2].legend(loc="best", frameon=True)
+    axes = panel_axes(1, 3, size=(4.6, 3.4), sharex=False)
+    _draw_course(axes[0, 0], history, figures.iloc[0])
+    names = [f"{row.figure} [{row.unit}]" if row.unit != "1" else row.figure for row in figures.itertuples()]
+    scale = np.abs(figures.before.to_numpy())
+    scale[scale == 0] = 1.0
+    _draw_pairs(axes[0, 1], names, figures.before / scale, figures.best / scale)
+    axes[0, 1].set_xlabel("figure, relative to before")
+    width = variables.high - variables.low
+    ends = [
+        f"{name}\n{low:g} to {high:g}"
+        for name, low, high in zip(variables.variable, variables.low, variables.high, strict=True)
+    ]
+    _draw_pairs(axes[0, 2], ends, *((variables[when] - variables.low) / width for when in ("before", "best")))
+    axes[0, 2].set_xlim(-0.05, 1.05)
+    axes[0, 2].set_xlabel("variable, within its bounds")
+    axes[0, 2].legend(loc="best", frameon=True)
+    return axes[0, 0].figure
 
 
 def _draw_course(ax: Any, history: pandas.DataFrame, goal: Any) -> None:
@@ -67,8 +66,8 @@ def _draw_pairs(ax: Any, names: list[str], before: Any, best: Any) -> None:
     ax.margins(y=0.3)
 
 
-def plot_front(front: pandas.DataFrame, units: Sequence[str], file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture of trade-offs: the second objective, in the second column, over the first.
+def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
+    """Trade-offs: the second objective, in the second column, over the first.
 
     Parameters
     ----------
@@ -77,10 +76,11 @@ def plot_front(front: pandas.DataFrame, units: Sequence[str], file: Path | Binar
     units : Sequence[str]
         Of the two objectives.
     """
-    with figure_of(1, 1, file, form) as axes:
-        ax = axes[0, 0]
-        one, other = front.columns[:2]
-        factor, unit = prefixed(float(front[one].abs().max()), "" if units[0] == "1" else units[0])
-        ax.plot(front[one] / factor, front[other], "o-", color=COLOURS[0])
-        ax.set_xlabel(f"{one} [{unit}]" if unit else one)
-        label_with_prefix([ax], other, "" if units[1] == "1" else units[1])
+    axes = panel_axes(1, 1)
+    ax = axes[0, 0]
+    one, other = front.columns[:2]
+    factor, unit = prefixed(float(front[one].abs().max()), "" if units[0] == "1" else units[0])
+    ax.plot(front[one] / factor, front[other], "o-", color=COLOURS[0])
+    ax.set_xlabel(f"{one} [{unit}]" if unit else one)
+    label_with_prefix([ax], other, "" if units[1] == "1" else units[1])
+    return axes[0, 0].figure

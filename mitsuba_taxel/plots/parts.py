@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mitsuba_taxel.parts import Part, Side, mirror_curve
-from mitsuba_taxel.plots.figures import COLOURS, figure_of
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def plot_part(part: Part, file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture (png, svg, pdf) of a part: body, windows and dies from above; beside, the current under a mirror
+def plot_part(part: Part) -> Figure:
+    """A part: body, windows and dies from above; beside, the current under a mirror
     over its height, relative to the largest, and points of the datasheet."""
-    with figure_of(1, 2, file, form, sharex=False, size=(5.2, 4.2)) as ((above, curve),):
-        _draw_from_above(above, part)
-        _draw_curve(curve, part)
+    ((above, curve),) = panel_axes(1, 2, sharex=False, size=(5.2, 4.2))
+    _draw_from_above(above, part)
+    _draw_curve(curve, part)
+    return above.figure
 
 
 def _draw_from_above(ax: Any, part: Part) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,32 +10,36 @@ from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
 from mitsuba_taxel.characterise.comparison import Comparison, varied_names
 from mitsuba_taxel.characterise.wording import as_word
-from mitsuba_taxel.plots.figures import COLOURS, figure_of
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_VARIANTS = 20
 
 
-def plot_ranking(found: Comparison, file: Path | BinaryIO, form: str = "png") -> None:
-    """Write a picture (png, svg, pdf) of a comparison: the figure with 1 sigma, those with a limit, and how probable it
+def plot_ranking(found: Comparison) -> Figure:
+    """A comparison: the figure with 1 sigma, those with a limit, and how probable it
     is that a variant is the first; grey are those that are more likely beyond a limit than not."""
     rows = found.table.head(MOST_VARIANTS)
     figures = list(dict.fromkeys([found.by, *found.limits]))
     where = varied_names(found)
     labels = [", ".join(f"{name} = {as_word(row[name])}" for name in where) for row in rows.to_dict("records")]
     size = (3.4, 0.32 * len(rows) + 1.0)
-    with figure_of(1, len(figures) + 1, file, form, size=size, sharex=False) as (axes,):
-        colours = [COLOURS[0] if allowed >= 0.5 else "0.6" for allowed in rows.allowed]
-        for ax, name in zip(axes, figures, strict=False):
-            _draw_figure(ax, rows, name, found, colours)
-        axes[-1].barh(range(len(rows)), 100 * rows["first"], color=colours)
-        axes[-1].set_xlim(0, 100)
-        axes[-1].set_xlabel("first [%]")
-        for ax in axes:
-            ax.set_yticks(range(len(rows)), labels if ax is axes[0] else [""] * len(rows))
-            ax.set_ylim(len(rows) - 0.5, -0.5)
-        left_out = len(found.table) - len(rows)
-        words = [found.channel, f"{left_out} more variants left out" if left_out else ""]
-        axes[0].set_title(", ".join(filter(None, words)), fontsize="medium", loc="left")
+    (axes,) = panel_axes(1, len(figures) + 1, size=size, sharex=False)
+    colours = [COLOURS[0] if allowed >= 0.5 else "0.6" for allowed in rows.allowed]
+    for ax, name in zip(axes, figures, strict=False):
+        _draw_figure(ax, rows, name, found, colours)
+    axes[-1].barh(range(len(rows)), 100 * rows["first"], color=colours)
+    axes[-1].set_xlim(0, 100)
+    axes[-1].set_xlabel("first [%]")
+    for ax in axes:
+        ax.set_yticks(range(len(rows)), labels if ax is axes[0] else [""] * len(rows))
+        ax.set_ylim(len(rows) - 0.5, -0.5)
+    left_out = len(found.table) - len(rows)
+    words = [found.channel, f"{left_out} more variants left out" if left_out else ""]
+    axes[0].set_title(", ".join(filter(None, words)), fontsize="medium", loc="left")
+    return axes[0].figure
 
 
 def _draw_figure(ax: Any, rows: Any, name: str, found: Comparison, colours: list[str]) -> None:

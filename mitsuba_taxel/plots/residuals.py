@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,14 +10,13 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, force_to_the_right
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 NOT_SETTINGS = ("taxel", "unit", "measured", "model", "residual", "in_errors")
 
 
-def plot_residuals(
-    residuals: pandas.DataFrame, correlation: pandas.DataFrame, file: Path | BinaryIO, form: str = "png"
-) -> None:
-    """Write a picture (png, svg, pdf) of a fit: readings against the setting that changes most, points measured and
+def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -> Figure:
+    """A fit: readings against the setting that changes most, points measured and
     lines modelled; below, residuals over their errors; beside, the correlations of the unknowns.
 
     Parameters
@@ -26,41 +24,32 @@ def plot_residuals(
     residuals, correlation : pandas.DataFrame
         As a ``FitResult`` has them.
     """
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplot_mosaic(
-        [["readings", "correlation"], ["residuals", "correlation"]],
-        figsize=(10.5, 5.5),
-        width_ratios=(2, 1),
-        height_ratios=(2, 1),
-        layout="constrained",
+    figure = Figure(figsize=(10.5, 5.5), dpi=150, layout="constrained")
+    axes = figure.subplot_mosaic(
+        [["readings", "correlation"], ["residuals", "correlation"]], width_ratios=(2, 1), height_ratios=(2, 1)
     )
-    try:
-        name, places = _abscissa(residuals)
-        for number, (taxel, rows) in enumerate(residuals.groupby("taxel")):
-            colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
-            x = places[rows.index]
-            order = np.argsort(x, kind="stable")
-            measured: dict[str, Any] = {"linestyle": "", "marker": marker, "markersize": 4, "color": colour}
-            axes["readings"].plot(x, rows.measured, label=str(taxel), **measured)
-            axes["readings"].plot(x[order], rows.model.to_numpy()[order], color=colour, linewidth=0.8)
-            axes["residuals"].plot(x, rows.in_errors, **measured)
-        axes["readings"].set_ylabel(f"reading [{residuals.unit.iloc[0]}]")
-        axes["readings"].legend(title="taxel", frameon=False, fontsize="small")
-        axes["residuals"].set_ylabel("residual\n[errors]")
-        axes["residuals"].set_xlabel(name)
-        for ax in (axes["readings"], axes["residuals"]):
-            force_to_the_right(ax, name, places)
-        axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)
-        for ax in (axes["readings"], axes["residuals"]):
-            ax.grid(alpha=0.3)
-        _draw_correlation(axes["correlation"], correlation)
-        figure.savefig(file, dpi=150, format=form)
-    finally:
-        pyplot.close(figure)
+    name, places = _abscissa(residuals)
+    for number, (taxel, rows) in enumerate(residuals.groupby("taxel")):
+        colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+        x = places[rows.index]
+        order = np.argsort(x, kind="stable")
+        measured: dict[str, Any] = {"linestyle": "", "marker": marker, "markersize": 4, "color": colour}
+        axes["readings"].plot(x, rows.measured, label=str(taxel), **measured)
+        axes["readings"].plot(x[order], rows.model.to_numpy()[order], color=colour, linewidth=0.8)
+        axes["residuals"].plot(x, rows.in_errors, **measured)
+    axes["readings"].set_ylabel(f"reading [{residuals.unit.iloc[0]}]")
+    axes["readings"].legend(title="taxel", frameon=False, fontsize="small")
+    axes["residuals"].set_ylabel("residual\n[errors]")
+    axes["residuals"].set_xlabel(name)
+    for ax in (axes["readings"], axes["residuals"]):
+        force_to_the_right(ax, name, places)
+    axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)
+    for ax in (axes["readings"], axes["residuals"]):
+        ax.grid(alpha=0.3)
+    _draw_correlation(axes["correlation"], correlation)
+    return figure
 
 
 def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:

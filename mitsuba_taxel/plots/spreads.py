@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mitsuba_taxel.plots.figures import COLOURS
+from mitsuba_taxel.plots.figures import COLOURS, axes_of
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 TITLES = {"rest": "reading at rest", "sensitivity": "sensitivity", "crosstalk": "cross-talk"}
 
 
-def plot_spreads(
-    spread: pandas.DataFrame, parameters: pandas.DataFrame, file: Path | BinaryIO, form: str = "png"
-) -> None:
-    """Write a picture (png, svg, pdf) of a tolerance study, a row for each figure.
+def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figure:
+    """A tolerance study, a row for each figure.
 
     Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
     standard deviation of the samples beside that from derivatives. Right: total Sobol' indices of the parameters.
@@ -28,25 +26,17 @@ def plot_spreads(
     spread, parameters : pandas.DataFrame
         As a ``Tolerance`` has them.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     names = list(dict.fromkeys(spread.figure))
-    size = (10.5, 2.6 * len(names) + 0.5)
-    figure, grid = pyplot.subplots(len(names), 2, figsize=size, squeeze=False, layout="constrained")
-    try:
-        for (left, right), name in zip(grid, names, strict=True):
-            _draw_spread(left, spread[spread.figure == name], name)
-            _draw_parameters(right, parameters, name)
-        grid[-1, 0].set_xlabel("taxel")
-        grid[-1, 1].set_xlabel("total Sobol' index, mean of the taxels")
-        handles, labels = grid[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
-        figure.savefig(file, dpi=150, format=form)
-    finally:
-        pyplot.close(figure)
+    grid = axes_of((10.5, 2.6 * len(names) + 0.5), len(names), 2)
+    for (left, right), name in zip(grid, names, strict=True):
+        _draw_spread(left, spread[spread.figure == name], name)
+        _draw_parameters(right, parameters, name)
+    grid[-1, 0].set_xlabel("taxel")
+    grid[-1, 1].set_xlabel("total Sobol' index, mean of the taxels")
+    figure = grid[0, 0].figure
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
+    return figure
 
 
 def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:

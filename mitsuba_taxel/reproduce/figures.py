@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.plots.curves import PLACES
-from mitsuba_taxel.plots.figures import COLOURS, MARKERS
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated
 from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised
@@ -26,18 +26,10 @@ ABSCISSAE["resultant"] = "force along the diagonal [N]"
 
 @contextmanager
 def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **options: Any) -> Iterator[np.ndarray]:
-    """Axes (rows, columns) of a figure that is written to ``file`` and closed."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained", **options)
-    try:
-        yield axes
-        figure.savefig(file, dpi=130, format="png")
-    finally:
-        pyplot.close(figure)
+    """Axes (rows, columns) of a figure that is written to ``file``."""
+    axes = axes_of(size, rows, columns, **options)
+    yield axes
+    axes[0, 0].figure.savefig(file, format="png")
 
 
 def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import xarray as xr
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.search import BALANCED
-from mitsuba_taxel.plots.figures import COLOURS, figure_of
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.optima import HEIGHTS, LEAST_HEIGHT, LEAST_WALL, LOWEST, MESH_SIZE, NOISE, VARIABLES
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -146,10 +146,11 @@ def _cost(found: Optima) -> str:
 
 
 def _draw(found: Optima, file: Path) -> None:
-    with figure_of(1, len(found), file, "png", size=(3.6, 3.0), sharex=False) as axes:
-        for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
-            _draw_bars(ax, purpose, of)
-        axes[0, 0].legend(fontsize="small")
+    axes = panel_axes(1, len(found), size=(3.6, 3.0), sharex=False)
+    for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
+        _draw_bars(ax, purpose, of)
+    axes[0, 0].legend(fontsize="small")
+    axes[0, 0].figure.savefig(file, format="png")
 
 
 def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:

@@ -16,6 +16,7 @@ from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import in_volts
+from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.spreads import plot_spreads
 from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch
@@ -275,9 +276,7 @@ def _write(result: Tolerance, folder: Path) -> None:
     for name, table in _tables(result):
         with replacing(folder / f"{name}.csv") as file:
             table.to_csv(file, index=False)
-    for form in ("png", "svg"):
-        with replacing(folder / f"tolerance.{form}") as file:
-            plot_spreads(result.spread, result.parameters, file, form)
+    save_figure(plot_spreads(result.spread, result.parameters), folder, "tolerance")
 
 
 def _tables(result: Tolerance) -> Iterator[tuple[str, pandas.DataFrame]]:

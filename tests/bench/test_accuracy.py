@@ -367,8 +367,8 @@ def test_plots_show_points_that_cannot_be_claimed(tmp_path):
     hidden = replace(shown, method="other", points=[replace(p, floor=1.0, stated=math.nan) for p in shown.points])
     zero = replace(shown, part="mechanics", points=[replace(p, error=0.0) for p in shown.points])
     empty = Curve("chain", "", [], remark="no pad")
-    plot_accuracy([shown, hidden, zero, empty], "scene", [tmp_path / "a.png", tmp_path / "a.svg"])
-    with Image.open(tmp_path / "a.png") as image:
+    plot_accuracy([shown, hidden, zero, empty], "scene", tmp_path)
+    with Image.open(tmp_path / "accuracy.png") as image:
         assert image.width > 1000
     write_csv([hidden, empty], tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(newline="") as stream:

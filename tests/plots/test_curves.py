@@ -30,7 +30,7 @@ def test_plot(tmp_path, varied, curve, taxels):
         coords={**varied, "taxel": np.arange(1, taxels + 1)},
         attrs={"curve": curve, "scene": "scene.xml"},
     )
-    plot_curves(study, tmp_path / "plot.png")
+    plot_curves(study).savefig(tmp_path / "plot.png")
     with Image.open(tmp_path / "plot.png") as image:
         assert image.width > 600 and image.height > 300 and len(image.getcolors(1 << 20)) > 10
 
@@ -52,7 +52,7 @@ def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
     )
     drawn = []
     monkeypatch.setattr("matplotlib.axes.Axes.plot", lambda ax, x, y, **style: drawn.append((x, y)))
-    plot_curves(study, tmp_path / "plot.png")
+    plot_curves(study).savefig(tmp_path / "plot.png")
     assert len(drawn) == 4  # and how both differ from their mean
     for (x, y), factor in zip(drawn, (1, 2, -0.5, 0.5), strict=True):
         np.testing.assert_allclose(y, factor * np.polyval([0.1, 1, 0, 5], x))

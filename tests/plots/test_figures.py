@@ -68,23 +68,23 @@ def study(taxels=9, **varied):
     )
 
 
-def test_shapes_are_compared_in_one_panel_from_force_0(drawn):
+def test_shapes_are_compared_in_one_panel_from_force_0():
     one = study(cell=["a", "b"])
-    plot_curves(one, "nowhere.png")
-    above, below = drawn[0].axes
+    figure = plot_curves(one)
+    above, below = figure.axes
     assert above.get_ylabel() == "power, mean of 9 taxels [mW]" and below.get_ylabel() == "change since fz = 0 [%]"
     assert above.xaxis_inverted() and len(above.containers) == len(below.containers) == 2
     np.testing.assert_allclose(below.containers[1].lines[0].get_ydata(), [0, 10, 20])
-    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == ["cell = a", "cell = b"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["cell = a", "cell = b"]
     assert has_taxels_to_compare(one) and not has_taxels_to_compare(study())
-    plot_taxels(one, "nowhere.png")
-    first, second = drawn[1].axes
+    figure = plot_taxels(one)
+    first, second = figure.axes
     assert first.get_ylim() == second.get_ylim() and len(first.containers) == 9
 
 
-def test_taxels_of_one_curve_lie_in_one_panel(drawn):
-    plot_curves(study(), "nowhere.png")
-    above, below = drawn[0].axes
+def test_taxels_of_one_curve_lie_in_one_panel():
+    figure = plot_curves(study())
+    above, below = figure.axes
     assert above.get_ylabel() == "optical power [mW]" and len(above.containers) == len(below.containers) == 9
 
 
@@ -94,9 +94,9 @@ def experiment(gain, direction=(0, 0, 1.0), **where):
     return Experiment("fz", np.array(direction), where, "W", np.arange(1, 4), (run,), rest=np.full((4, 3), 2e-3))
 
 
-def test_slopes_are_compared_absolute_and_relative(drawn):
-    plot_sensitivity([experiment(-1e-5, cell="a"), experiment(-3e-5, cell="b")], "nowhere.png")
-    change, percent, slope, relative = drawn[0].axes
+def test_slopes_are_compared_absolute_and_relative():
+    figure = plot_sensitivity([experiment(-1e-5, cell="a"), experiment(-3e-5, cell="b")])
+    change, percent, slope, relative = figure.axes
     labels = [ax.get_ylabel() for ax in (change, percent, slope, relative)]
     assert labels == [f"{word}, mean of 3 taxels [{unit}]" for word, unit in zip(
         ("change", "change", "slope", "slope"), ("µW", "%", "µW/N", "%/N"), strict=True)]  # fmt: skip
@@ -105,16 +105,16 @@ def test_slopes_are_compared_absolute_and_relative(drawn):
     assert slope.get_xlim() == change.get_xlim() and slope.get_xlim()[0] > slope.get_xlim()[1]
 
 
-def test_under_a_tangential_load_the_taxel_that_changes_most_is_compared(drawn):
-    plot_sensitivity([experiment(1e-5, (1.0, 0, 0), nu=number) for number in (0.48, 0.49)], "nowhere.png")
-    assert drawn[0].axes[0].get_ylabel() == "change, taxel 1 [µW]"
+def test_under_a_tangential_load_the_taxel_that_changes_most_is_compared():
+    figure = plot_sensitivity([experiment(1e-5, (1.0, 0, 0), nu=number) for number in (0.48, 0.49)])
+    assert figure.axes[0].get_ylabel() == "change, taxel 1 [µW]"
 
 
-def test_slopes_against_each_dimension(drawn):
+def test_slopes_against_each_dimension():
     grid = [experiment(-1e-5 * size * other, size=size, cell=f"c{other}") for size in (2.0, 1.0) for other in (1, 2, 3)]
     assert parameters_of(grid) == ["size", "cell"] and parameters_of(grid[:1]) == []
-    plot_against(grid, "nowhere.png")
-    by_size, _, by_cell, relative = drawn[0].axes
+    figure = plot_against(grid)
+    by_size, _, by_cell, relative = figure.axes
     assert by_size.get_xlabel() == "size" and len(by_size.containers) == 3 and len(by_cell.containers) == 2
     np.testing.assert_allclose(by_size.containers[0].lines[0].get_xydata(), [[1, -1e-5], [2, -2e-5]])
     np.testing.assert_allclose(np.array(relative.containers[0].lines[0].get_ydata(), float), [-1, -2, -3])

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
@@ -209,24 +208,11 @@ def _plot(study: xr.Dataset) -> str:
     from mitsuba_taxel.plots.curves import plot_curves
 
     picture, form = BytesIO(), "svg" if study.power.size <= MOST_DRAWN else "png"
-    with _same_backend():
-        plot_curves(study, picture, form)
+    plot_curves(study).savefig(picture, format=form)
     kind = "image/svg+xml" if form == "svg" else "image/png"
     content = base64.b64encode(picture.getvalue()).decode("ascii")
     words = f"Optical power of {study.sizes['taxel']} taxels against {study.attrs['curve']}, with error bars"
     return f'<img src="data:{kind};base64,{content}" alt="{escape(words)}" style="max-width: 100%; background: white">'
-
-
-@contextmanager
-def _same_backend() -> Iterator[None]:
-    """Plots are written without a screen; the notebook's own go on as before."""
-    import matplotlib
-
-    before = matplotlib.get_backend()
-    try:
-        yield
-    finally:
-        matplotlib.use(before)
 
 
 def _given(part: Any) -> str:

@@ -6,7 +6,10 @@ import base64
 from collections.abc import Sequence
 from html import escape
 from io import BytesIO
-from typing import BinaryIO, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def section(name: str, title: str, *parts: str) -> str:
@@ -41,16 +44,16 @@ def folded(title: str, *parts: str) -> str:
     return f"<details><summary>{escape(title)}</summary>{''.join(parts)}</details>"
 
 
-class Writer(Protocol):
-    """Writes a plot into a file, a narrow one for a phone."""
+class Plot(Protocol):
+    """Draws a figure, a narrow one for a phone."""
 
-    def __call__(self, file: BinaryIO, *, narrow: bool = False) -> None: ...
+    def __call__(self, *, narrow: bool = False) -> Figure: ...
 
 
-def plot(write: Writer, words: str, caption: str) -> str:
+def plot(draw: Plot, words: str, caption: str) -> str:
     """A plot as an SVG picture, and a narrow one for narrow screens; ``words`` say what it shows to those who do not
     see it."""
-    wide, narrow = (_svg(write, narrow) for narrow in (False, True))
+    wide, narrow = (_svg(draw(narrow=narrow)) for narrow in (False, True))
     return (
         f'<figure><picture><source media="(max-width: 40rem)" srcset="{narrow}">'
         f'<img class="plot" src="{wide}" alt="{escape(words)}"></picture>'
@@ -58,10 +61,10 @@ def plot(write: Writer, words: str, caption: str) -> str:
     )
 
 
-def _svg(write: Writer, narrow: bool) -> str:
+def _svg(figure: Figure) -> str:
     import matplotlib
 
     picture = BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "page", "savefig.transparent": True}):
-        write(picture, narrow=narrow)
+        figure.savefig(picture, format="svg")
     return f"data:image/svg+xml;base64,{base64.b64encode(picture.getvalue()).decode('ascii')}"

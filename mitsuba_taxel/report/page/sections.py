@@ -76,10 +76,10 @@ def power(study: xr.Dataset, key: str) -> str:
         f"{values.max():.4g} W. The table below holds the numbers."
     )
     caption = "Bands: total error, of light and mechanics. Bars: one standard error of the light."
-    plots = [plot(partial(plot_curves, study, form="svg"), words, caption)]
+    plots = [plot(partial(plot_curves, study), words, caption)]
     if has_taxels_to_compare(study):
         words = "How each taxel's reading changes, one panel for each combination of parameters, all of the same axes."
-        plots.append(plot(partial(plot_taxels, study, form="svg"), words, "Each taxel's change. Bars: light."))
+        plots.append(plot(partial(plot_taxels, study), words, "Each taxel's change. Bars: light."))
     return section(
         f"power{key}",
         "Power",
@@ -127,14 +127,14 @@ def merit(study: xr.Dataset, key: str) -> str:
     parts += [paragraph(line, "quiet") for line in remarks_explained(figures, pairs)]
     words = "Change of readings against force, and its slope below, also relative to rest; the tables hold the numbers."
     caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
-    parts.append(plot(partial(plot_sensitivity, found.experiments, form="svg"), words, caption))
+    parts.append(plot(partial(plot_sensitivity, found.experiments), words, caption))
     if parameters_of(found.experiments):
         words = "Mean slope against each parameter that is varied; the tables hold the numbers."
         caption = "Mean slope against what is varied; on the right in percent of the reading at rest. Bars: light."
-        parts.append(plot(partial(plot_against, found.experiments, form="svg"), words, caption))
+        parts.append(plot(partial(plot_against, found.experiments), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):
         words = "Deviation of each taxel's reading from the straight line between its end points, in percent."
-        parts.append(plot(partial(plot_deviations, found.experiments, form="svg"), words, "Deviation from the line."))
+        parts.append(plot(partial(plot_deviations, found.experiments), words, "Deviation from the line."))
     if found.maps:
         parts.append(_tangential(found.maps, pairs))
     return section(f"merit{key}", "Sensitivity and linearity", *parts, paragraph(found.notes[0], "quiet"))
@@ -145,9 +145,7 @@ def _tangential(maps, pairs) -> str:
     caption = "Change of each taxel under a tangential load, with one standard error; x to the right, y upwards."
     headings, rows = pair_rows(pairs)
     numbers = [table("Symmetric pairs under a tangential load", headings, rows)] if rows else []
-    return "".join(
-        ["<h3>Tangential loads</h3>", plot(partial(plot_tangential_maps, maps, form="svg"), words, caption), *numbers]
-    )
+    return "".join(["<h3>Tangential loads</h3>", plot(partial(plot_tangential_maps, maps), words, caption), *numbers])
 
 
 def cost(study: xr.Dataset, key: str) -> str:

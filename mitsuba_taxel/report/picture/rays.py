@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.plots.figures import axes_of
 from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
 
 PICTURES = (".png", ".svg", ".pdf")
@@ -28,11 +29,6 @@ def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
     name : str
         What to call the scene in the title.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)
     faces = {"LED": (face_corners(pair.led.faces, index), LED)}
@@ -42,20 +38,18 @@ def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
     width, depth, height = box[1] - box[0]
     inches = min(5.0 * height / max(width, depth), 10.0) + 1.6
     ratios = {"width_ratios": (width, depth)}
-    figure, axes = pyplot.subplots(1, 2, figsize=(11, inches), layout="constrained", gridspec_kw=ratios)
-    try:
-        for ax, across in zip(axes, (1, 0), strict=True):
-            _draw_panel(ax, across, paths, meshes, faces, centre)
-            along = 1 - across
-            ax.set(xlim=box[:, along], ylim=box[:, 2], aspect="equal", xlabel=f"{'xy'[along]} [mm]", ylabel="z [mm]")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-        arrive = f"{paths.arrived} of {paths.drawn} paths drawn reach the phototransistor"
-        figure.suptitle(f"{name}, taxel {paths.taxel}: {arrive}")
-        with replacing(file) as temporary:
-            figure.savefig(temporary, dpi=150, format=file.suffix[1:].lower())
-    finally:
-        pyplot.close(figure)
+    axes = axes_of((11, inches), 1, 2, gridspec_kw=ratios)[0]
+    for ax, across in zip(axes, (1, 0), strict=True):
+        _draw_panel(ax, across, paths, meshes, faces, centre)
+        along = 1 - across
+        ax.set(xlim=box[:, along], ylim=box[:, 2], aspect="equal", xlabel=f"{'xy'[along]} [mm]", ylabel="z [mm]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure = axes[0].figure
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    arrive = f"{paths.arrived} of {paths.drawn} paths drawn reach the phototransistor"
+    figure.suptitle(f"{name}, taxel {paths.taxel}: {arrive}")
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format=file.suffix[1:].lower())
 
 
 def write_vtk(paths: RayPaths, file: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise import sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
+from mitsuba_taxel.plots.figures import save_figure
 
 if TYPE_CHECKING:
     import pandas
@@ -44,9 +44,8 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
     Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``.
     """
     plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
-    for name, form in product(plots, ("png", "svg")):
-        with replacing(folder / f"{name}.{form}") as file:
-            plots[name](study, file, form)
+    for name, plot in plots.items():
+        save_figure(plot(study), folder, name)
 
 
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
