@@ -22,6 +22,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
+from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.scene_rates import Rates
 from mitsuba_taxel.transport.cell import Cell, Mesh
 
@@ -85,12 +86,15 @@ class _Linearised:
         nodal = [self._nodal(change) for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
         # Many small products of matrices: each would wake and wait for threads of its own.
+        first = self._equal(nodal, others)
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
-            solved = list(
-                pool.map(lambda number: _OfCell(self, number, nodal, others).found(), range(len(self.patches)))
-            )
+            alone = sorted(set(first))
+            found = pool.map(lambda number: _OfCell(self, number, nodal, others).found(), alone)
+            by_number = dict(zip(alone, found, strict=True))
+        solved = [by_number[number] for number in first]
         power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
-        hidden = np.array([self.cells.hidden_share(*each.flows) for each in solved])[:, None]
+        shares = {number: self.cells.hidden_share(*each.flows) for number, each in by_number.items()}
+        hidden = np.array([shares[number] for number in first])[:, None]
         reading = np.array([each.reading for each in solved])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise ComputationError(
@@ -107,24 +111,31 @@ class _Linearised:
             (power * reading)[:, 0],
         )
 
+    def _equal(self, nodal: list[_Nodal], others: list) -> list[int]:
+        """The cell that stands for each."""
+        if any(others):
+            return list(range(len(self.patches)))
+        fields = [self.state.displacement, *(each.displacement for each in nodal)]
+        errors = [part for each in nodal if each.deviations is not None for part in each.deviations]
+        if self.with_errors and self.state.deviations is not None:
+            errors += [*self.state.deviations]
+        return equal_cells(self.cells, fields, errors)
+
     def _nodal(self, change: Rates) -> _Nodal:
         from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
         pad, displacement = self.cells.pad, np.zeros_like(self.state.displacement)
-        moved = [
-            (name, rate, mesh_velocity(replace(pad.pad), self.state.mesh, name)) for name, rate in change.pad.items()
-        ]
         if change.load.any():
             displacement += self._by_load(change.load)
         if not pad.is_loaded:  # nothing else displaces a pad at rest
-            return _Nodal(displacement, moved, self._deviations_at_rest(change.load, displacement))
+            return _Nodal(displacement, change.pad, self._deviations_at_rest(change.load, displacement))
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
             softer += rate * self._linear.by_material(name)
         displacement += softer
-        for _, rate, velocity in moved:
-            displacement += rate * self._linear.by_shape(velocity)
-        return _Nodal(displacement, moved, self._deviations_along(displacement, change.load, softer))
+        for name, rate in change.pad.items():
+            displacement += rate * self._linear.by_shape(mesh_velocity(replace(pad.pad), self.state.mesh, name))
+        return _Nodal(displacement, change.pad, self._deviations_along(displacement, change.load, softer))
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
         """(N, 3) displacement for a change of the load, to first order; along the path it is known already."""
@@ -168,14 +179,14 @@ class _Nodal:
     ----------
     displacement : (N, 3) ndarray
         Rate of their displacement, in mm.
-    moved : list[tuple[str, float, ndarray]]
-        Dimensions, their rates, and how undeformed nodes move with each.
+    dimensions : dict[str, float]
+        Rates of the dimensions of the pad.
     deviations : (K, N, 3) ndarray or None
         What coarser finite elements would change of the first.
     """
 
     displacement: np.ndarray
-    moved: list[tuple[str, float, np.ndarray]]
+    dimensions: dict[str, float]
     deviations: np.ndarray | None
 
 
@@ -219,7 +230,8 @@ class _OfCell:
 
     def _velocity(self, nodal: _Nodal) -> np.ndarray:
         """(F, 15, 3) of the walls, deformed."""
-        dimensions = (rate * self._patches.moved(name, velocity) for name, rate, velocity in nodal.moved)
+        displacement = self._whole.state.displacement
+        dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())
         return sum(dimensions, start=self._patches.carried(nodal.displacement))
 
     def _derivatives(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ numbers."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
@@ -23,12 +24,13 @@ from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 
 if TYPE_CHECKING:
+    from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
 MOST_FACES = 400
-"""Of elements, on the walls of a cell: time and memory grow with their square, and are some 20 s and 4 GB there."""
+"""Of patches, on the walls of a cell: time and memory grow with their square, and are some 20 s and 4 GB there."""
 PROBES = 4096
 """Rays from each LED that show whether it lights its own cell only."""
 
@@ -65,7 +67,7 @@ class CellWalls:
     Attributes
     ----------
     faces : (F,) ndarray
-        Numbers of the faces of the pad's mesh of finite elements.
+        Numbers of the faces of the mesh that tells the patches.
     isotropic, lambertian : (F,) ndarray
         Share of the light coming in that each scatters so.
     """
@@ -78,17 +80,20 @@ class CellWalls:
 class DiffuseCells:
     """A loaded scene of one pad whose cells hold one taxel each.
 
+    Patches of the light are the faces of a mesh of the default size, whatever the size of the finite elements is.
+
     Raises
     ------
     NotDiffuse
         with the reason, where that is not so, or other surfaces send light back.
     ComputationError
-        if elements are too small for it.
+        if a cell has too many patches.
     """
 
     def __init__(self, scene: mi.Scene) -> None:
         self.scene = scene
         self.pad = _pad_of(scene)
+        self._mesh = _mesh_of(self.pad)
         self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, self._into_pad, self._scale)]
         self._refuse_other_walls()
         shares = {
@@ -116,7 +121,7 @@ class DiffuseCells:
                     raise NotDiffuse(f"{part} sends light back, and only the pad's own walls are followed")
 
     def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
-        mesh = self.pad.state.mesh
+        mesh = self._mesh
         middle = (taxel.led.points.mean(axis=0) + taxel.phototransistor.points.mean(axis=0))[:2] / 2
         numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
         centres = [mesh.points[mesh.faces[mesh.face_cell == number]].mean(axis=(0, 1))[:2] for number in numbers]
@@ -127,8 +132,8 @@ class DiffuseCells:
             raise NotDiffuse("no wall of a cell sends light back")
         if len(faces) > MOST_FACES:
             raise ComputationError(
-                f"light without random numbers takes too long between {len(faces)} faces of elements in a cell: "
-                f"a larger mesh_size, with {MOST_FACES} of them at most, is needed."
+                f"light without random numbers takes too long between the {len(faces)} patches of a cell: "
+                f"{MOST_FACES} at most are allowed."
             )
         each = np.array([shares[region] for region in mesh.face_region[faces].tolist()])
         return CellWalls(faces, *each.T)
@@ -139,8 +144,8 @@ class DiffuseCells:
         if len(np.unique(of_cells)) < len(of_cells):
             raise NotDiffuse("two photo-reflectors lie in one cell")
         surface = self.pad.surface
-        owners = [np.unique(self.pad.state.mesh.face_cell[cell.faces]) for cell in self.cells]
-        regions = np.unique(self.pad.state.mesh.face_region[of_cells])
+        owners = [np.unique(self._mesh.face_cell[cell.faces]) for cell in self.cells]
+        regions = np.unique(self._mesh.face_region[of_cells])
         directions = _hemisphere(PROBES)
         for taxel, owner in zip(self.taxels, owners, strict=True):
             hit = self._hits(taxel.led.points.mean(axis=0), directions @ _frame(taxel.led.normal))
@@ -174,9 +179,13 @@ class DiffuseCells:
 
     def patches(self, number: int) -> WallPatches:
         """The walls of a cell, undeformed, and how they move."""
-        from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+        return _patches(self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist()))
 
-        return WallPatches(self.pad.state.mesh, self.pad.pad, self.cells[number].faces, LATTICE)
+    def walls_alike(self, one: int, other: int) -> bool:
+        """Whether two cells have walls that scatter alike, as far as all that they hold tells."""
+        shares = (np.column_stack([cell.isotropic, cell.lambertian]) for cell in (self.cells[one], self.cells[other]))
+        each = [np.unique(rows, axis=0, return_counts=True) for rows in shares]
+        return all(np.array_equal(*pair) for pair in zip(*each, strict=True))
 
     def readings(self) -> np.ndarray:
         """(T,) W, of the state that the pad is in."""
@@ -200,6 +209,21 @@ def _pad_of(scene: mi.Scene) -> PadShape:
     if pads[0].finish is not None:
         raise NotDiffuse("the pad's cells have a finish")
     return pads[0]
+
+
+def _mesh_of(pad: PadShape) -> VolumeMesh:
+    """Whose faces are patches of the light."""
+    from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+
+    return pad_mesh(pad.pad, pad.pad.default_mesh_size)
+
+
+@lru_cache(maxsize=32)
+def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Any, faces: tuple[int, ...]) -> WallPatches:
+    """Kept for the states of a path: places are to be found among the elements."""
+    from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+
+    return WallPatches(elements, walls, pad, np.array(faces), LATTICE)
 
 
 def _shares(wall: Any) -> tuple[float, float]:

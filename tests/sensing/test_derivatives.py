@@ -104,13 +104,16 @@ def test_derivatives_are_differences_of_the_whole_chain(name, found):
 def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found):
     cells = DiffuseCells(pad_scene().load())
     state, pad = cells.pad.state, cells.pad.pad
-    velocity, step, readings = mesh_velocity(pad, state.mesh, name), 2e-3, []
+    walls, step, readings = cells.patches(0).walls, 2e-3, []
     for sign in (1, -1):
-        mesh = replace(state.mesh, points=state.mesh.points + sign * step * velocity)
+        mesh, moved = (
+            replace(each, points=each.points + sign * step * mesh_velocity(pad, each, name))
+            for each in (state.mesh, walls)
+        )
         loaded = LoadedPad(mesh, state.material, state.load)
         solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), state.value)
         changed = pad.changed(**{name: getattr(pad, name) + sign * step})
-        patches = WallPatches(mesh, changed, cells.cells[0].faces, LATTICE)
+        patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, LATTICE)
         places = patches.rest + patches.carried(loaded.split(solution.unknowns)[0])
         readings.append(cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading)
     assert by(found, name)[0] == pytest.approx((readings[0] - readings[1]) / (2 * step), rel=3e-3)

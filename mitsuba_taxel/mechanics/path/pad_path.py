@@ -27,6 +27,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedP
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
@@ -67,13 +68,14 @@ class PadPath:
     def mesh(self) -> VolumeMesh:
         if isinstance(self.load, IndenterForce):
             return self._driven.mesh
+        if not isinstance(self.load, IndenterDisplacement):
+            return pad_mesh(self.pad, self.mesh_size)
         name = cache.key("mesh", self._identity)
         with cache.alone(name):
             arrays = cache.load(name)
             if arrays is None:
-                mesh = self.pad.mesh(self.mesh_size)
-                if isinstance(self.load, IndenterDisplacement):
-                    mesh = mesh_under(mesh, self.load.indenter, self.mesh_size / self.pad.default_mesh_size)
+                relative_size = self.mesh_size / self.pad.default_mesh_size
+                mesh = mesh_under(pad_mesh(self.pad, self.mesh_size), self.load.indenter, relative_size)
                 cache.store(name, vars(mesh))
                 return mesh
         return VolumeMesh(**arrays)

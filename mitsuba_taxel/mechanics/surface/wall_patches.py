@@ -3,63 +3,80 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
 from mitsuba_taxel.mechanics.surface.tessellation import placed
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
 STEP = 1e-4
 """Of a dimension in mm, for the central difference of places on round walls."""
+BESIDE = 0.1
+"""By how much walls may lie beside the elements, which are less round, relative to the height of the pad."""
+_locator = lru_cache(maxsize=2)(PointLocator)
 
 
 @dataclass(frozen=True, eq=False)
 class WallPatches:
-    """Faces of a mesh of finite elements, each with places at a lattice.
+    """Faces of a mesh, each with places at a lattice, which are carried by elements that need not be those of the mesh.
 
     Parameters
     ----------
-    mesh : VolumeMesh
+    elements : VolumeMesh
+        Undeformed; at its nodes the displacement is known.
+    walls : VolumeMesh
+        Of the same pad, whose faces are the patches.
     pad : Pad or PadFile
         Where undeformed round walls are.
     faces : (F,) ndarray
-        Numbers of the faces of the mesh.
+        Numbers of the faces of ``walls``.
     lattice : (K, 2) ndarray
         As (s, t), along two sides of a face.
     """
 
-    mesh: VolumeMesh
+    elements: VolumeMesh
+    walls: VolumeMesh
     pad: Pad | PadFile
     faces: np.ndarray
     lattice: np.ndarray
 
-    @property
+    @cached_property
     def rest(self) -> np.ndarray:
         """(F, K, 3) mm, undeformed."""
-        return self._placed(self.mesh.points, self.pad)
+        return self._placed(self.walls.points, self.pad)
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F, K, 3) of a displacement of the nodes (N, 3), or of its rate."""
-        return np.einsum("kn,fnc->fkc", self._shapes, nodal[self.mesh.faces[self.faces]])
+        """(F, K, 3) of a displacement of the elements' nodes (N, 3), or of its rate."""
+        return self._location.interpolate(nodal).reshape(self.rest.shape)
 
-    def moved(self, parameter: str, velocity: np.ndarray) -> np.ndarray:
-        """(F, K, 3) mm per mm of a dimension of the pad, undeformed, as nodes move by ``velocity`` (N, 3)."""
+    def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
+        """(F, K, 3) mm per mm of a dimension of the pad whose nodes keep their displacement; others stay."""
         assert isinstance(self.pad, Pad)
-        value = getattr(self.pad, parameter)
+        pad = replace(self.pad)  # with dimensions that follow from others as if they were given
+        value, velocity = getattr(pad, parameter), mesh_velocity(pad, self.walls, parameter)
         ahead, behind = (
-            self._placed(self.mesh.points + step * velocity, replace(self.pad, **{parameter: value + step}))
+            self._placed(self.walls.points + step * velocity, replace(pad, **{parameter: value + step}))
             for step in (STEP, -STEP)
         )
-        return (ahead - behind) / (2 * STEP)
+        places = (ahead - behind) / (2 * STEP)
+        past = places - self.carried(mesh_velocity(pad, self.elements, parameter))
+        gradient = self._location.gradient(displacement).reshape(*places.shape, 3)
+        return places + np.einsum("fkij,fkj->fki", gradient, past)
 
-    @property
-    def _shapes(self) -> np.ndarray:
-        return shape_functions(np.column_stack([1 - self.lattice.sum(axis=1), self.lattice]))
+    @cached_property
+    def _location(self) -> Location:
+        """Of the places among the elements."""
+        beside = BESIDE * np.ptp(self.elements.points[:, 2])
+        return _locator(self.elements).locate(self.rest.reshape(-1, 3), beside)
 
     def _placed(self, nodes: np.ndarray, pad: Pad | PadFile) -> np.ndarray:
-        points = self.carried(nodes)
+        shapes = shape_functions(np.column_stack([1 - self.lattice.sum(axis=1), self.lattice]))
+        points = np.einsum("kn,fnc->fkc", shapes, nodes[self.walls.faces[self.faces]])
         face = np.repeat(self.faces, len(self.lattice))
-        return placed(self.mesh, face, points.reshape(-1, 3), pad)[0].reshape(points.shape)
+        return placed(self.walls, face, points.reshape(-1, 3), pad)[0].reshape(points.shape)

@@ -1,0 +1,52 @@
+"""Cells that a mirror of the pad and of what happens to it makes equal: one of them stands for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.transport.ends import End
+
+EQUAL, ALIKE = 1e-7, 1e-2
+"""Difference, relative to the largest, up to which what moves a pad's nodes is as it would be seen in a mirror, and up
+to which its errors are."""
+
+
+def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> list[int]:
+    """The number of the first cell that each cell is equal to, itself where it is alone.
+
+    Parameters
+    ----------
+    fields, errors : Sequence[ndarray]
+        (N, 3) each: what is wanted of the cells, and its errors, depend on these vectors at the nodes of the pad.
+    """
+    from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
+
+    state, first = cells.pad.state, list(range(len(cells.taxels)))
+    for mirror, image in mirror_images(state.mesh, state.load).items():
+        bounds = [(field, EQUAL) for field in fields] + [(field, ALIKE) for field in errors]
+        if not all(_close(mirror.image(field[image]), field, bound) for field, bound in bounds):
+            continue
+        for number, taxel in enumerate(cells.taxels):
+            for other in range(number):
+                there, same_walls = cells.taxels[other], cells.walls_alike(other, number)
+                ends = (taxel.led, there.led), (taxel.phototransistor, there.phototransistor)
+                if same_walls and taxel.power == there.power and all(_mirrored(mirror, *pair) for pair in ends):
+                    first[number] = min(first[number], first[other])
+    return first
+
+
+def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
+    """Whether an end is the image of another, as far as its points' mean and spread tell."""
+    image = mirror.image(other.points)
+    middles, normals = (end.points.mean(axis=0), image.mean(axis=0)), (end.normal, mirror.image(other.normal))
+    spreads = (np.cov(points.T, aweights=each.weights) for points, each in ((end.points, end), (image, other)))
+    sums = np.array([[end.weights.sum()], [other.weights.sum()]])
+    return end.law == other.law and all(_close(*pair) for pair in (middles, normals, spreads, sums))
+
+
+def _close(one: np.ndarray, other: np.ndarray, bound: float = EQUAL) -> bool:
+    return bool(np.abs(one - other).max() <= bound * np.abs(other).max())
