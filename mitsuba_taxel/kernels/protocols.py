@@ -67,7 +67,10 @@ class Phototransistor(TaxelEnd, Protocol):
 
 
 class Package(Protocol):
-    """A `photo_reflector`."""
+    """A `photo_reflector`: the sides of its ``body``, and where along x the faces' ``centres`` lie."""
+
+    body: np.ndarray
+    centres: dict[str, float]
 
     def face_grid(self, name: str) -> FaceGrid: ...
     def is_as_built(self) -> bool: ...

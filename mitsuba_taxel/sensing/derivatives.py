@@ -244,7 +244,7 @@ class _OfCell:
         for weight, other in scenes:
             there, then = other.cells[self._number], other.taxels[self._number]
             scattered = (there.isotropic + there.lambertian) / (own.isotropic + own.lambertian)
-            change = cell.change(then.led, then.phototransistor, scattered)
+            change = cell.change(then.led, then.phototransistor, then.body, scattered)
             total += weight * (change + cell.reading * then.power / taxel.power)
         return total
 

@@ -13,11 +13,12 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.protocols import PadShape, is_pad
+from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.taxels import taxels_of
+from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
 from mitsuba_taxel.transport.ends import CosinePower, End, Law, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
@@ -53,11 +54,14 @@ class Taxel:
         Of the LED, in W.
     led, phototransistor : End
         In the frame of the pad.
+    body : Box or None
+        Of the package that they are in, in that frame.
     """
 
     power: float
     led: End
     phototransistor: End
+    body: Box | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +97,7 @@ class DiffuseCells:
     def __init__(self, scene: mi.Scene) -> None:
         self.scene = scene
         self.pad = _pad_of(scene)
-        self._mesh = _mesh_of(self.pad)
+        self._mesh = _mesh_of(self.pad.pad)
         self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, self._into_pad, self._scale)]
         self._refuse_other_walls()
         shares = {
@@ -170,12 +174,16 @@ class DiffuseCells:
         return mi.Ray3f(mi.Point3f(origin), direction)
 
     def hidden_share(self, sources: np.ndarray, ends: np.ndarray, share: np.ndarray) -> float:
-        """Share of a reading that comes by ways that something stands in; see :meth:`Cell.flows`."""
+        """Share of a reading that comes by ways that something but the package stands in; see :meth:`Cell.flows`."""
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
         ray = self._rays(start, end - start)
         ray.maxt = mi.Float(1.0)
-        return float(share[np.array(self.scene.ray_test(ray))].sum())
+        hit = self.scene.ray_intersect_preliminary(ray)
+        hidden = np.array(hit.is_valid())
+        for package in filter(is_package, self.scene.shapes()):
+            hidden &= ~np.array(hit.shape == mi.ShapePtr(package))
+        return float(share[hidden].sum())
 
     def patches(self, number: int) -> WallPatches:
         """The walls of a cell, undeformed, and how they move."""
@@ -199,7 +207,8 @@ class DiffuseCells:
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
         """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
-        return Cell(mesh, Walls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor)
+        walls = Walls(places, cell.isotropic, cell.lambertian)
+        return Cell(mesh, walls, taxel.led, taxel.phototransistor, taxel.body)
 
 
 def _pad_of(scene: mi.Scene) -> PadShape:
@@ -211,11 +220,12 @@ def _pad_of(scene: mi.Scene) -> PadShape:
     return pads[0]
 
 
-def _mesh_of(pad: PadShape) -> VolumeMesh:
+@lru_cache(maxsize=4)
+def _mesh_of(pad: Any) -> VolumeMesh:
     """Whose faces are patches of the light."""
     from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 
-    return pad_mesh(pad.pad, pad.pad.default_mesh_size)
+    return pad_mesh(pad, pad.default_mesh_size)
 
 
 @lru_cache(maxsize=32)
@@ -254,6 +264,7 @@ def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
         emitting = disc_annulus_rule(size, hole, LED_POINTS, 4 * LED_POINTS)
     width, depth = (float(side) for side in np.array(pair.sensor.faces.size, dtype=float).ravel())
     sensitive = rectangle_rule(width, depth, PHOTOTRANSISTOR_POINTS, PHOTOTRANSISTOR_POINTS)
+    bodies = _bodies(pair, into_pad, scale)
     laws = _law_of_led(stated), _law_of_phototransistor(pair.sensor.specification)
     leds = _ends(pair.led.faces, emitting, laws[0], into_pad)
     sensors = _ends(pair.sensor.faces, sensitive, laws[1], into_pad)
@@ -262,9 +273,23 @@ def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
             stated.power,
             replace(led, weights=led.weights / led.weights.sum()),
             replace(sensor, weights=sensor.weights / scale**2),
+            body,
         )
-        for led, sensor in zip(leds, sensors, strict=True)
+        for led, sensor, body in zip(leds, sensors, bodies, strict=True)
     ]
+
+
+def _bodies(pair: TaxelPair, into_pad: Any, scale: float) -> list[Box | None]:
+    """Of the packages whose tops hold the LEDs of a pair."""
+    package, faces = pair.led.get_shape(), pair.led.faces
+    centres = np.array(faces.centres, dtype=float).T
+    if not is_package(package):
+        return [None] * len(centres)
+    axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
+    half = 0.5 * faces.scale * package.body
+    inwards = -faces.scale * package.centres["led"] * axes[0] - half[2] * axes[2]
+    turned = into_pad(axes, is_direction=True)
+    return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
 
 
 def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: Law, into_pad: Any) -> list[End]:

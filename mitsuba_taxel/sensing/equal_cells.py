@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
 
 EQUAL, ALIKE = 1e-7, 1e-2
@@ -34,7 +35,8 @@ def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Seque
             for other in range(number):
                 there, same_walls = cells.taxels[other], cells.walls_alike(other, number)
                 ends = (taxel.led, there.led), (taxel.phototransistor, there.phototransistor)
-                if same_walls and taxel.power == there.power and all(_mirrored(mirror, *pair) for pair in ends):
+                alike = same_walls and taxel.power == there.power and _same_size(taxel.body, there.body)
+                if alike and all(_mirrored(mirror, *pair) for pair in ends):
                     first[number] = min(first[number], first[other])
     return first
 
@@ -46,6 +48,11 @@ def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
     spreads = (np.cov(points.T, aweights=each.weights) for points, each in ((end.points, end), (image, other)))
     sums = np.array([[end.weights.sum()], [other.weights.sum()]])
     return end.law == other.law and all(_close(*pair) for pair in (middles, normals, spreads, sums))
+
+
+def _same_size(body: Box | None, other: Box | None) -> bool:
+    """Of packages, which are where their LEDs are."""
+    return body is other is None or (body is not None and other is not None and _close(body.half, other.half))
 
 
 def _close(one: np.ndarray, other: np.ndarray, bound: float = EQUAL) -> bool:

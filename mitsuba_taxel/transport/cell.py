@@ -17,6 +17,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import lu_factor, lu_solve
 
+from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.emission import emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
@@ -70,9 +71,9 @@ class Mesh:
 
 
 class Cell:
-    """A cell in one state, with its LED and phototransistor."""
+    """A cell in one state, with its LED and phototransistor, which may be in the top of a ``box``."""
 
-    def __init__(self, mesh: Mesh, walls: Walls, led: End, phototransistor: End) -> None:
+    def __init__(self, mesh: Mesh, walls: Walls, led: End, phototransistor: End, box: Box | None = None) -> None:
         self._mesh, self._walls = mesh, walls
         self._led, self._phototransistor = led, phototransistor
         self._at, self._area = mesh.targets.placed(walls.places)
@@ -81,10 +82,8 @@ class Cell:
         self._starts = Starts(self._at, self._normal, walls.isotropic[mesh.own], walls.lambertian[mesh.own])
         self._emission = emission(led, walls.places, mesh.rest, mesh.degree)
         self._reception = Reception(phototransistor, self._starts)
-        self._between = Exchange(
-            self._starts, *mesh.pairs.points.placed(walls.places), mesh.pairs.target, mesh.pairs.point
-        )
-        self._exchange = self._exchanged()
+        self._box, self._between = box, self._between_walls(box)
+        self._exchange = self._exchanged(self._between)
         kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
         self.response = lu_solve(kept, self._reception.value)
         self._adjoint = lu_solve(kept, self._emission.power, trans=1)
@@ -121,12 +120,18 @@ class Cell:
         into = self._emission.power * self.response, between[target, patch], self._adjoint * self._reception.value
         return np.concatenate(sources), np.concatenate(ends), np.concatenate(into) / self.reading
 
-    def _exchanged(self) -> np.ndarray:
+    def _between_walls(self, box: Box | None) -> Exchange:
+        """From the points at which W is known to those of all patches, past a box where one stands between them."""
+        pairs, places = self._mesh.pairs, self._walls.places
+        standing = box if box is not None and box.below_top(places) else None
+        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, standing)
+
+    def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
         pairs, unknowns = self._mesh.pairs, len(self._mesh.own)
         points, size = pairs.shares.shape
         ends = np.searchsorted(pairs.target, np.arange(unknowns + 1))
-        to_points = sparse.csr_matrix((pairs.weight * self._between.values(), pairs.point, ends), (unknowns, points))
+        to_points = sparse.csr_matrix((pairs.weight * between.values(), pairs.point, ends), (unknowns, points))
         known = pairs.points.face[:, None] * size + np.arange(size)
         starts = np.arange(0, known.size + 1, size)
         shares = sparse.csr_matrix((pairs.shares.ravel(), known.ravel(), starts), shape=(points, unknowns))
@@ -140,18 +145,20 @@ class Cell:
         slopes = self._between.slopes(pairs.weight * self._adjoint[pairs.target] * response[pairs.point])
         by_start, by_normal = self._reception.gradient(self._adjoint)
         by_start -= _summed(slopes.by_end, pairs.target, len(mesh.own))
+        by_start += 0 if slopes.by_both is None else _summed(slopes.by_both, pairs.target, len(mesh.own))
         by_normal += _summed(slopes.by_normal, pairs.target, len(mesh.own))
         by_area = (by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal) / self._length
         by_end, by_facing = (_summed(each, pairs.point, points) for each in (slopes.by_end, slopes.by_area))
         total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
         return total + mesh.targets.gradient(places, by_start, by_area)
 
-    def change(self, led: End, phototransistor: End, scattered: np.ndarray) -> float:
+    def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:
         """By how much the reading changes, to first order.
 
         Parameters
         ----------
         led, phototransistor : End
+        box : Box or None
             As they would be.
         scattered : (F,) ndarray
             What each patch would scatter, over what it does.
@@ -163,6 +170,9 @@ class Cell:
         if phototransistor != self._phototransistor:
             received = Reception(phototransistor, self._starts)
             change += self._adjoint @ (received.value - self._reception.value)
+        if box != self._box:
+            exchange = self._exchanged(self._between_walls(box))
+            change += self._adjoint @ ((exchange - self._exchange) @ self.response)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
 
 

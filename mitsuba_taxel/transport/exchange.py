@@ -15,6 +15,8 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import Array3f64, Float64, UInt32
 
+from mitsuba_taxel.transport.box import Box, Passage
+
 HORIZON = 4e-3
 """Cosine up to which a way counts for what goes along the horizon; with half of it slopes of bent roofs change by up to
 2e-3."""
@@ -43,11 +45,12 @@ class Starts:
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """Derivatives of what falls on a surface, as components (N,): by its place (and, with the other sign, by the
-    start's), by its area normal, and by the unit normal at the start."""
+    start's), by its area normal, by the unit normal at the start, and by the places of both where a box stands."""
 
     by_end: list[np.ndarray]
     by_area: list[np.ndarray]
     by_normal: list[np.ndarray]
+    by_both: list[np.ndarray] | None = None
 
 
 class Exchange:
@@ -61,17 +64,28 @@ class Exchange:
         Points of the surface, and its area normals.
     start, end : (N,) ndarray
         Numbers of those that make a pair.
+    box : Box or None
+        That stands between them.
     """
 
-    def __init__(self, starts: Starts, at: np.ndarray, area: np.ndarray, start: np.ndarray, end: np.ndarray) -> None:
+    def __init__(
+        self,
+        starts: Starts,
+        at: np.ndarray,
+        area: np.ndarray,
+        start: np.ndarray,
+        end: np.ndarray,
+        box: Box | None = None,
+    ) -> None:
         self._starts, self._ends = starts, (at, area)
-        self._start, self._end = start, end
+        self._start, self._end, self._box = start, end, box
 
     def values(self) -> np.ndarray:
         """(N,) per unit of power and of what the surface is integrated over."""
         with _TURN:
             pair = self._pairs()
-            return np.array(pair.per_facing * pair.facing)
+            value = pair.per_facing * pair.facing
+            return np.array(value if self._box is None else value * self._passage(self._box).share)
 
     def slopes(self, given: np.ndarray) -> Slopes:
         """Derivatives of the values, times ``given`` (N,)."""
@@ -81,9 +95,21 @@ class Exchange:
             per_leaving = pair.cosine * pair.facing
             per_leaving += pair.at_horizon()
             by_end = factor * (radial * pair.d - pair.per_facing * pair.area + per_leaving * pair.normal)
-            by_area, by_normal = -factor * pair.per_facing * pair.d, factor * per_leaving * pair.d
-            dr.eval(by_end, by_area, by_normal)
-            return Slopes(*([np.array(part) for part in each] for each in (by_end, by_area, by_normal)))
+            found = [by_end, -factor * pair.per_facing * pair.d, factor * per_leaving * pair.d]
+            if self._box is not None:
+                passage = self._passage(self._box)
+                of_end, of_both = (factor * pair.per_facing * pair.facing * each for each in passage.slopes())
+                found = [each * passage.share for each in found]
+                found = [found[0] + of_end, *found[1:], of_both]
+            dr.eval(found)
+            return Slopes(*([np.array(part) for part in each] for each in found))
+
+    def _passage(self, box: Box) -> Passage:
+        at, there = (
+            _gathered(box.within(points), UInt32(numbers))
+            for points, numbers in ((self._starts.at, self._start), (self._ends[0], self._end))
+        )
+        return Passage(box, at, there - at)
 
     def _pairs(self) -> _Pairs:
         start, end = UInt32(self._start), UInt32(self._end)

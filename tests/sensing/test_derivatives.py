@@ -9,8 +9,10 @@ import pytest
 
 from mitsuba_taxel import ComputationError, InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
+from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.scene_rates import rates
@@ -51,6 +53,25 @@ def test_readings_without_random_numbers_are_those_of_random_paths(cell, scatter
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
 
 
+LOW = {"cell_height": 1.5, "cell_size": 2.5}
+"""A dome that begins below the top of the package, which takes up a hundredth of the light between its walls."""
+
+
+def test_readings_past_a_package_are_those_of_random_paths():
+    live = pad_scene(**LOW).load()
+    readings = measure(live, points=4096, mechanics_error=False)
+    (found,) = DiffuseCells(live).readings()
+    assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
+
+
+@pytest.mark.parametrize("name", ["fx", "spacing"])
+def test_derivatives_past_a_package_are_differences_of_the_whole_chain(name):
+    scene, step = pad_scene(**LOW), STEPS[name]
+    ahead, behind = (DiffuseCells(at(name, sign * step, **LOW).load()).readings()[0] for sign in (1, -1))
+    found = derivatives(scene, name)
+    assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
+
+
 def test_readings_under_other_laws_of_the_ends():
     mixed = {"scattering": "mixed", "specular": 0.0, "lambertian": 0.3, "isotropic": 0.7}
     lobe, narrow = (
@@ -66,7 +87,7 @@ def test_readings_under_other_laws_of_the_ends():
 STEPS = {"fz": 2e-3, "fx": 2e-3, "youngs_modulus": 0.01, "poisson_ratio": 1e-4, "spacing": 2e-3, "reflectance": 1e-3}
 
 
-def at(name, change):
+def at(name, change, **pad):
     """The scene with a parameter a little larger."""
     force = np.array(FORCE)
     given = {
@@ -76,7 +97,7 @@ def at(name, change):
         "poisson_ratio": {"poisson_ratio": 0.49 + change},
         "reflectance": {"wall": {"reflectance": 0.9 + change}},
     }
-    scene = pad_scene(**given.get(name, {}))
+    scene = pad_scene(**given.get(name, {}), **pad)
     if name == "spacing":
         scene.source["package"]["spacing"] += change
     return scene
@@ -133,12 +154,14 @@ def test_every_derivative_has_an_error(found):
     assert dict(zip(found.parameters, found.units, strict=True))["fz"] == "W/N"
 
 
-def test_taxels_that_symmetry_makes_equal_have_equal_derivatives():
-    scene = pad_scene(rows=2, force=[0.05, 0, -0.8])
-    scene.source["package"]["rows"] = 2
-    table = derivatives(scene, "fz", "fx", "youngs_modulus")
-    (one, other), (error, _) = table.values, table.standard_errors
-    assert np.all(abs(one - other) < 0.1 * error)
+@pytest.mark.parametrize("cell", ["hemispheric", "parallelepiped"])
+def test_readings_and_slopes_do_not_depend_on_the_patches_of_the_light(cell, monkeypatch):
+    scene = pad_scene(cell=cell)
+    usual = derivatives(scene, "fx")
+    monkeypatch.setattr(diffuse_cells, "_mesh_of", lambda pad: pad_mesh(pad, 0.6 * pad.default_mesh_size))
+    finer = derivatives(scene, "fx")
+    assert usual.power == pytest.approx(finer.power, rel=1e-4)
+    assert usual.values == pytest.approx(finer.values, rel=3e-3)
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         try:
             ready = prepare(scene)
             found = derivatives_by([rates(scene, name) for name in forces], ready.scene)
-        except ComputationError:  # elements are too small, or the load path ends a little earlier
+        except ComputationError:  # the load path ends a little earlier
             if not tried:
                 raise
             assert scene.mesh_size is not None

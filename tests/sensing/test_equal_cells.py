@@ -1,0 +1,44 @@
+"""Cells that a mirror makes equal are told from those that only look alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel import Scene
+from mitsuba_taxel.sensing import derivatives
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.equal_cells import equal_cells
+from mitsuba_taxel.sensing.scene_rates import rates
+
+
+def pair(rows, columns, force):
+    """Cells in a row; LED and phototransistor lie beside each other along x."""
+    package = {"type": "photo_reflector", "rows": rows, "columns": columns, "spacing": 0.9}
+    pad = {"type": "deformable_pad", "cell": "hemispheric", "rows": rows, "columns": columns, "mesh_size": 1.7}
+    ends = {"led": {"type": "annular_led"}, "detector": {"type": "phototransistor"}}
+    wall = {"type": "region", "roof": {"type": "wall", "scattering": "isotropic"}}
+    return Scene({"type": "scene", "pad": {**pad, "force": force, "bsdf": wall}, "package": {**package, **ends}})
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "force", "first"),
+    [(2, 1, [0.05, 0, -0.8], [0, 0]), (2, 1, [0, 0.05, -0.8], [0, 1]), (1, 2, [0, 0, -0.8], [0, 1])],
+)
+def test_cells_are_equal_where_pad_load_and_ends_are(rows, columns, force, first):
+    cells = DiffuseCells(pair(rows, columns, force).load())
+    state = cells.pad.state
+    assert equal_cells(cells, [state.displacement], list(state.deviations)) == first
+
+
+def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):
+    scene = pair(2, 1, [0.05, 0, -0.8])
+
+    def found():
+        return derivatives.derivatives_by([rates(scene, name) for name in ("fz", "fx", "youngs_modulus")], scene.load())
+
+    copied = found()
+    monkeypatch.setattr(derivatives, "equal_cells", lambda cells, fields, errors: list(range(len(cells.taxels))))
+    alone = found()
+    assert np.array_equal(copied.values[0], copied.values[1])
+    assert np.all(abs(copied.values - alone.values) < 0.1 * alone.standard_errors)
