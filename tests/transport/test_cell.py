@@ -164,8 +164,8 @@ def test_changes_of_the_ends_to_first_order():
     still = np.ones(len(places))
     for change in (1e-3, -1e-3):
         moved = cell(places, 1, 0.9 + change, CONE, reflectance=0.8).reading - base.reading
-        found = base.change(led(0.9 + change, CONE), phototransistor(0.9 + change), still)
+        found = base.change(led(0.9 + change, CONE), phototransistor(0.9 + change), None, still)
         assert found == pytest.approx(moved, rel=5e-3)
         brighter = cell(places, 1, 0.9, CONE, reflectance=0.8 * (1 + change)).reading - base.reading
-        found = base.change(led(0.9, CONE), phototransistor(0.9), (1 + change) * still)
+        found = base.change(led(0.9, CONE), phototransistor(0.9), None, (1 + change) * still)
         assert found == pytest.approx(brighter, rel=5e-3)
