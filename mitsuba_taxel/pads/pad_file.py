@@ -35,8 +35,7 @@ class PadFile(Displayed):
         The file; its extension determines the format.
     regions : tuple[Rule, ...]
         Rules that assign regions to faces, or a TOML file of them (see :func:`read_rules`); the first matching
-                rule
-        applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
+        rule applies. Other faces are guessed: see :func:`mitsuba_taxel.pads.imported.regions.tagged`.
 
     Raises
     ------
