@@ -1,4 +1,4 @@
-"""Makes ``hexagonal.stl``: seven cylindrical cells in a honeycomb, as a drawing program would write them.
+"""Generate ``hexagonal.stl``: seven cylindrical cells in a honeycomb, as a CAD program would export them.
 
 python -m mitsuba_taxel.scenes.hexagonal hexagonal.stl
 """
@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 PITCH, HEIGHT, CELL_SIZE, CELL_HEIGHT = 3.55, 4.55, 2.55, 1.55
-"""Those of the paper's pad, mm."""
+"""Dimensions of the paper's pad, mm."""
 CORNERS = 48
-"""Corners of the polygon that stands for a circle: a multiple of 6."""
+"""Corners of the polygon that approximates a circle: a multiple of 6."""
 
 
 def centres() -> np.ndarray:
@@ -51,7 +51,7 @@ def triangles() -> np.ndarray:
 
 
 def _band(lower: np.ndarray, lower_z: float, upper: np.ndarray, upper_z: float) -> np.ndarray:
-    """Triangles between two rings of points (C, 2) at their heights; where a ring is one point, a fan."""
+    """Triangles between two rings of points (C, 2) at their heights; a fan if a ring is one point."""
     a = np.insert(lower, 2, lower_z, axis=1)
     b = np.insert(upper, 2, upper_z, axis=1)
     a_next, b_next = np.roll(a, -1, axis=0), np.roll(b, -1, axis=0)

@@ -1,1 +1,1 @@
-"""What plugins are made of: emission, scattering, faces, sampling. No scene and no user."""
+"""Building blocks of the plugins: emission, scattering, faces, guiding, sampling."""

@@ -1,4 +1,4 @@
-"""The undeformed surface of a pad, by which its triangles are put in order whatever the load."""
+"""The undeformed surface of a pad, which orders its triangles independently of the load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
-    """Triangles with the cell that each belongs to. Caches know such a surface by its identity.
+    """Triangles with the cell that each belongs to; caches identify a surface by its object identity.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class CellSurface:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """(largest cell + 1, 3) middle of the triangles of each cell."""
+        """(largest cell + 1, 3) mean position of the triangles of each cell."""
         cell = np.maximum(self.cell, 0)
         count = np.maximum(np.bincount(cell), 1)
         columns = self.vertices[self.triangles].mean(axis=1).T

@@ -1,8 +1,7 @@
-"""Directional laws of an LED: how its power is spread over the hemisphere in front of it.
+"""Directional laws of an LED: the distribution of its power over the hemisphere in front of it.
 
-Each law has a density per solid angle that integrates to 1, so that the power is conserved under every law.
-The words are those of commercial ray tracers: a *conical* release is uniform per solid angle, or spaces the polar
-angle uniformly.
+Each law has a density per solid angle that integrates to 1, so that power is conserved. As in commercial ray tracers, a
+*conical* release is uniform per solid angle, or in the polar angle.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from mitsuba_taxel.specification.annular_led import AnnularLed
 
 
 class EmissionLaw(Protocol):
-    """A probability density over directions, given in the frame in which the LED faces +z."""
+    """A probability density over directions, in the frame in which the LED faces +z."""
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
         """A direction for a point of the unit square."""
@@ -71,8 +70,8 @@ class Lambertian:
 class CosinePower:
     """Density (exponent + 1) / (2 pi) cos(theta)**exponent over the hemisphere; uniform for exponent 0.
 
-    Narrow lobes need 1 - cos(theta), which single precision keeps only if it never comes from cos(theta). Hence
-    1 - exp(-x) = 2 t / (1 + t) with t = tanh(x / 2), and log(cos(theta)) = -2 atanh(tan(theta / 2)**2).
+    Narrow lobes need 1 - cos(theta), which loses its precision if computed from cos(theta). Hence 1 - exp(-x) = 2 t /
+    (1 + t) with t = tanh(x / 2), and log(cos(theta)) = -2 atanh(tan(theta / 2)**2).
     """
 
     def __init__(self, exponent: float) -> None:
@@ -93,10 +92,10 @@ class CosinePower:
 class Tabulated:
     """Radiant intensity from a table, linear in the polar angle between its rows and zero beyond the last.
 
-    The table is refined to 4096 nodes that hold all of its rows, at most 0.044 degrees apart if it has no more than
-    2048. Between nodes, the intensity is linear in 1 - cos(theta): this is what is sampled, by inversion, and what
-    :meth:`density` returns. It is the intensity of the table at an angle that is wrong by 0.011 degrees at most, next
-    to the axis, and by less than 0.0002 degrees from 2 degrees on.
+    The table is refined to 4096 nodes that include all of its rows, at most 0.044 degrees apart for up to 2048 rows.
+    Between nodes, the intensity is linear in 1 - cos(theta): this is sampled, by inversion, and returned by
+    :meth:`density`. It equals the intensity of the table at an angle that is wrong by at most 0.011 degrees, next to
+    the axis, and by less than 0.0002 degrees from 2 degrees on.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ class Tabulated:
 
     def __init__(self, angles: np.ndarray, intensities: np.ndarray) -> None:
         angles, intensities = refine(angles, intensities / intensities.max())
-        # What single precision makes of the nodes decides, so that sampling and density have the same.
+        # Nodes are rounded to single precision first, so that sampling and density agree.
         nodes = (2 * np.sin(np.radians(angles) / 2) ** 2).astype(np.float32).astype(float)
         mass = np.diff(nodes) * (intensities[1:] + intensities[:-1]) / 2
         cumulative = np.concatenate([[0.0], np.cumsum(mass)])
@@ -126,7 +125,7 @@ class Tabulated:
             )
         )
         share = (sample.x - below) / (above - below)
-        # The root of low t + (high - low) t**2 / 2 = share (low + high) / 2, in the form that does not cancel.
+        # The root of low t + (high - low) t**2 / 2 = share (low + high) / 2, in the form without cancellation.
         divisor = low + dr.sqrt(dr.lerp(dr.square(low), dr.square(high), share))
         t = dr.select(divisor > 0, dr.minimum(share * (low + high) / divisor, 1), 0)
         one_minus_cosine = dr.lerp(left, right, t)
@@ -153,7 +152,7 @@ def _sine(one_minus_cosine: mi.Float) -> mi.Float:
 
 
 def law_of(led: AnnularLed) -> EmissionLaw:
-    """The law of an LED; raises `InputError` where its table is not allowed."""
+    """The law of an LED; raises `InputError` for a table that is not allowed."""
     if led.cone_angle is not None:
         cone = UniformSolidAngle if led.law == "uniform_solid_angle" else UniformPolarAngle
         return cone(led.cone_angle)

@@ -1,8 +1,8 @@
-"""In which directions an LED releases its rays, so that more of them come back by way of mirrors.
+"""Emission guiding: directions of LED rays drawn so that more of them return by way of mirrors.
 
-Light that a mirror throws onto a small phototransistor is found by unidirectional hits alone, and most rays miss. A
-pilot run learns from which part of the law's unit square the light that arrives has come; rays are then drawn from
-there more often, and weigh less. One ray in five is still drawn from the law alone, so that no weight exceeds five.
+Light that a mirror reflects onto a small phototransistor is found by unidirectional hits alone, and most rays miss. A
+pilot run learns from which part of the law's unit square light arrives; rays are then drawn from there more often, with
+smaller weights. One ray in five is still drawn from the law alone, so that no weight exceeds five.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class GuidedEmission:
         """A point of the unit square, and its density."""
         leaf, rest = descend(self.shares, mi.UInt32(_DEPTH), taxel, sample)
         x, y = mi.UInt32(0), mi.UInt32(0)
-        for level in range(_DEPTH):  # the bits of the leaf take turns
+        for level in range(_DEPTH):  # bits of the two coordinates alternate
             bit = (leaf >> (_DEPTH - 1 - level)) & 1
             x, y = (2 * x + bit, y) if level % 2 == 0 else (x, 2 * y + bit)
         side = 1 << (_DEPTH // 2)
@@ -48,10 +48,10 @@ class GuidedEmission:
 
 
 def guided_emission(integrator: Any, scene: Any, pair: TaxelPair) -> GuidedEmission | None:
-    """What a pilot run teaches, in a scene with mirrors; without them there is nothing to learn.
+    """The emission learned by a pilot run in a scene with mirrors; None without them.
 
-    The pilot's random numbers are always the same and enter no result. What it taught is kept with the phototransistor:
-    if the scene is changed, the density is still right, only less apt.
+    The pilot's random numbers are always the same and enter no result. The density is cached with the phototransistor:
+    if the scene is changed, it is still valid, only less efficient.
     """
     mirrors = ("mirror", "mixed", "rough_mirror")
     if not any(getattr(wall, "scattering", "") in mirrors for wall in walls_of(scene)):
@@ -79,7 +79,7 @@ def _learn(integrator: Any, scene: Any, pair: TaxelPair) -> np.ndarray:
 
 
 def _density(square: np.ndarray) -> np.ndarray:
-    """The density that a sum of squared powers in each cell asks for, spread to the neighbours of each cell."""
+    """The density proportional to the root of summed squared powers in each cell, smoothed over neighbouring cells."""
     # The second coordinate is an angle for every law, so it wraps; the first does not.
     wrapped = np.pad(np.pad(square, ((0, 0), (1, 1), (0, 0)), mode="wrap"), ((0, 0), (0, 0), (1, 1)))
     near = sum(

@@ -1,7 +1,7 @@
-"""Where the copies of one small rectangular face (an LED or a phototransistor) lie on the shape that carries it.
+"""Positions of the small rectangular faces (LEDs or phototransistors) on the shape that carries them.
 
-A `photo_reflector` carries a grid of them, a `rectangle` carries one. Both emitter and sensor ask here for points
-on a face and for the face under a point, and so share one idea of "taxel i".
+A `photo_reflector` carries a grid of them, a `rectangle` carries one. Emitter and sensor both use this for points on a
+face and the face under a point, and so agree on the numbering of taxels.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
 PLUGINS = {"led": "annular_led", "phototransistor": "phototransistor"}
-"""The plugin of each face, for messages."""
+"""The plugin of each kind of face, for messages."""
 
 
 class FaceGrid:
@@ -48,7 +48,7 @@ class FaceGrid:
         self.rows, self.columns = rows, columns
         self.count = rows * columns
         self.scale = scale
-        # Only copies of numbers: a stock integrator may ask first, while it records a kernel, when none can run.
+        # No kernels are launched here: one of Mitsuba's integrators may call this while it records a kernel.
         self.centres = mi.Point3f(*(mi.Float(_aligned(c)) for c in world.T))
         axes = matrix[:3, :3].T / scale
         self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
@@ -95,10 +95,10 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
 
 
 def matrix_of(shape: mi.Shape) -> np.ndarray:
-    """(4, 4) the transformation to the world of a shape that has one, as a rectangle.
+    """(4, 4) to-world transformation of a shape that has one, such as a rectangle.
 
-    Entry by entry: to gather them into one array would run a kernel, of which each place has its own, and which cannot
-    be while another is recorded.
+    Entries are read one by one: gathering them into one array would launch a kernel, a different one for each position,
+    and none can run while another is recorded.
     """
     rows = mi.traverse(shape)["to_world"].matrix
     return np.array([[rows[i][j].numpy()[0] for j in range(4)] for i in range(4)], dtype=float)
@@ -123,12 +123,13 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
 
 
 def _opaque(kind: type, values) -> Any:
-    """A vector whose components are kernel parameters, not literals: other numbers need no other kernel."""
+    """A vector whose components are kernel parameters, not literals: other values need no new kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
 
 
 def _aligned(values: np.ndarray) -> np.ndarray:
-    """Single precision on a boundary of 64 bytes: Dr.Jit takes memory as it is, and its alignment into the kernel."""
+    """Single precision aligned to 64 bytes: Dr.Jit uses the memory as it is, and compiles its alignment into the
+    kernel."""
     buffer = np.empty(len(values) + 16, np.float32)
     start = -buffer.ctypes.data % 64 // 4
     buffer[start : start + len(values)] = values

@@ -1,10 +1,10 @@
-"""Where light that a wall scatters may be scattered again: the triangles to which `taxel_tracer` guides its paths.
+"""Path guiding: the scattering triangles to which `taxel_tracer` guides its paths.
 
-In a domed cell about half of what the roof scatters falls on the absorbing board. Paths that are drawn from the wall
-alone end there at random, and that ends the gain of quasi-random points as well. So most of the next vertices are
-drawn from the scattering triangles of the taxel's own cell instead: for Lambertian walls uniformly over their area, as
-in a sphere each part of the wall lights every other alike; for isotropic walls with a density that falls with the
-distance, as theirs does. Any density gives an unbiased estimate; only the scatter depends on it.
+In a domed cell about half of the light scattered by the roof falls on the absorbing board. Paths sampled from the BSDF
+alone end there at random, which also destroys the gain of quasi-random points. So most next vertices are sampled on the
+scattering triangles of the taxel's own cell instead: for Lambertian walls uniformly over their area, as in a sphere
+every part of the wall illuminates all others equally; for isotropic walls with a density that falls with the distance,
+as theirs does. Any density gives an unbiased estimate; only the variance depends on it.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
-_SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a wall of the guide; the rest bounds the weights
-_LEAST_RETURN = 0.1  # of what the walls of the guide scatter to each other; below it a guide costs more than it gains
+_SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a guiding wall; the rest bounds the weights
+_LEAST_RETURN = 0.1  # of the light that guiding walls scatter to each other; below it a guide costs more than it gains
 _WORTHWHILE = 0.9  # of the mean square weight without a guide
 
 
 @dataclass(frozen=True)
 class Members:
-    """The triangles of a guide, in the order in which they are drawn: all of it that does not change under a load.
+    """The triangles of a guide in sampling order: its part that does not depend on the load.
 
-    So that the same random numbers draw nearly the same points at neighbouring load steps, and a pad that has been
-    moved is read as one that has been loaded so.
+    So the same random numbers sample nearly the same points at neighbouring load steps, and a pad whose vertices were
+    moved is read like one under the corresponding load.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Members:
     numbers : (M,) ndarray
         The triangles that have an owner.
     trees : MemberTrees
-        Over them, one for each taxel.
+        Trees over them, one for each taxel.
     """
 
     owner: np.ndarray
@@ -55,7 +55,7 @@ class Members:
 class Guide:
     """Scattering triangles of one mesh, sorted by the taxel that they belong to.
 
-    A point is drawn through a k-d tree over each taxel's triangles, halved by number and weighted by area, so that
+    A point is sampled by a k-d tree over each taxel's triangles, halved by number and weighted by area, so that
     neighbouring random numbers give neighbouring points.
 
     Parameters
@@ -63,9 +63,9 @@ class Guide:
     mesh : Any
         The ``mi.Mesh``.
     members : Members
-        Which of its triangles, and their order.
+        Its triangles, and their order.
     near : bool
-        Whether near points are to be drawn more often than far ones.
+        Whether near points are sampled more often than far ones.
     """
 
     def __init__(self, mesh: Any, members: Members, near: bool) -> None:
@@ -95,7 +95,7 @@ class Guide:
         Parameters
         ----------
         place : mi.Point2f
-            Where on the unit square the ray starts, see :meth:`place`; without meaning unless ``near``.
+            Origin of the ray on the unit square, see :meth:`place`; unused unless ``near``.
         sample, nearness : mi.Point2f and mi.Float
             Uniform random numbers.
         """
@@ -112,7 +112,7 @@ class Guide:
         return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
 
     def place(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
-        """The point of the unit square that :meth:`uniform` takes to a hit on one of the triangles."""
+        """The point of the unit square that :meth:`uniform` maps to a hit on one of the triangles."""
         if not self.near:
             return mi.Point2f(0)
         a, b, c = self._corners(si.prim_index, member)
@@ -126,7 +126,7 @@ class Guide:
         return mi.Point2f(dr.fma(x, low[2], low[0]), dr.fma(y, low[3], low[1]))
 
     def density(self, index: mi.UInt32, place: mi.Point2f, target: mi.Point2f) -> mi.Float:
-        """Probability per area that :meth:`sample` draws the point at ``target``; both as :meth:`place` has them.
+        """Probability per area that :meth:`sample` returns the point at ``target``, both given by :meth:`place`.
 
         With s = min(2 nearness, 1) the density of place + s (sample - place) at a distance d from ``place`` is
         D / (2 d), where D is the distance from ``place`` to the rim of the unit square in that direction.
@@ -157,12 +157,12 @@ class Guide:
 def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
     """A guide for the Lambertian or else the isotropic walls in the cells of a pad, if it pays.
 
-    Whether it pays is found out once, where the mesh is when it is first looked at, so that readings before and after
-    a small move share their random numbers.
+    Whether it pays is decided once, for the first position of the mesh, so that readings before and after a small
+    change share their random numbers.
     """
     for mesh in scene.shapes():
         if mesh.is_mesh() and mesh.has_attribute("face_cell") and mesh.has_attribute("face_region"):
-            positions = np.array(mi.traverse(mesh)["vertex_positions"])  # its variable stays the same where a pad moves
+            positions = np.array(mi.traverse(mesh)["vertex_positions"])  # same variable after a pad has moved
             if pair.sensor.guide is None:
                 guide = _guide_on(mesh, pair)
                 pays = guide is not None and _gain(guide, scene, pair) < _WORTHWHILE
@@ -184,7 +184,7 @@ def _guide_on(mesh: Any, pair: TaxelPair) -> Guide | None:
 
 @lru_cache(maxsize=4)  # the scenes of a study share their undeformed pads
 def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, ...], count: int) -> Members | None:
-    """The triangles in some regions of the cells that ``taxels`` look into; None if they have no area or are flat."""
+    """The triangles in some regions of the cells of ``taxels``; None if they have no area or are flat."""
     corners, cell = surface.vertices[surface.triangles], surface.cell
     numbers = np.flatnonzero(np.isin(surface.region, regions) & (cell > 0) & (_areas(corners) > 0))
     if not len(numbers) or _is_flat(corners[numbers], cell[numbers]):
@@ -197,7 +197,7 @@ def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, 
 
 
 def _surface_of(mesh: Any) -> CellSurface:
-    """The surface of a mesh that is no `deformable_pad`, and therefore deforms only where a user moves it."""
+    """The surface of a mesh that is not a `deformable_pad`, and so deforms only if a user moves it."""
     parameters = mi.traverse(mesh)
     vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
     region, cell = (np.rint(np.array(parameters[f"face_{name}"])).astype(int) for name in ("region", "cell"))
@@ -205,7 +205,7 @@ def _surface_of(mesh: Any) -> CellSurface:
 
 
 def _corners(mesh: Any) -> mi.Float:
-    """(9 N,) coordinates of the corners of all triangles, one triangle after the other."""
+    """(9 N,) coordinates of the corners of all triangles, triangle by triangle."""
     parameters = mi.traverse(mesh)
     faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
     number = dr.arange(mi.UInt32, 3 * len(faces))
@@ -220,7 +220,7 @@ def _areas(corners: np.ndarray) -> np.ndarray:
 
 
 def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
-    """Whether the triangles of each cell face one way, within some ten degrees: they cannot see much of each other."""
+    """Whether the triangles of each cell face one way, within some ten degrees, and so hardly see each other."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     total = np.bincount(cell, np.linalg.norm(normals, axis=1))
     resultant = np.linalg.norm([np.bincount(cell, column) for column in normals.T], axis=0)
@@ -237,10 +237,10 @@ def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
 
 
 def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
-    """By how much the guide multiplies the mean square of the weight that a ray has after one more reflection.
+    """Factor by which the guide changes the mean square weight of a ray after one more reflection.
 
-    Found by rays that points of the guide scatter. In a smooth dome the ratio is about a half; where walls meet in
-    corners most light goes to walls close by, which the guide misses, and the ratio exceeds 1.
+    Estimated with rays scattered from points of the guide. In a smooth dome it is about a half; where walls meet in
+    corners most light goes to close-by walls, which the guide misses, and it exceeds 1.
     """
     rays = 1 << 13
     rng = mi.PCG32(rays)
@@ -265,10 +265,10 @@ def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
 
 
 def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """(M, 2) places of points (M, 3) on a plane, such that neighbours stay neighbours.
+    """(M, 2) map of points (M, 3) to a plane, such that neighbours stay neighbours.
 
-    Seen along the axis in which the points of one taxel lie narrowest, each keeps its direction from the middle, and
-    its distance from the point at the middle becomes its radius. On a sphere that is the map that keeps areas.
+    Seen along the axis of least extent of a taxel's points, each keeps its direction from the centre, and its distance
+    from the point at the centre becomes its radius. On a sphere that is the equal-area map.
     """
     count = np.maximum(np.bincount(owner), 1)
     centre = np.stack([np.bincount(owner, column) / count for column in points.T], axis=1)
@@ -276,7 +276,7 @@ def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
     flat = deviation @ np.linalg.eigh(deviation.T @ deviation)[1][:, :0:-1]
     radius = np.linalg.norm(flat, axis=1)
     middle = np.zeros_like(centre)
-    inward = np.lexsort((-radius, owner))  # the last of each taxel is the one at its middle
+    inward = np.lexsort((-radius, owner))  # the last of each taxel is the one at its centre
     middle[owner[inward]] = points[inward]
     unrolled = np.linalg.norm(points - middle[owner], axis=1)
     return flat * (unrolled / np.maximum(radius, 1e-30))[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Places(NamedTuple):
-    """Where the vertices of a mesh are.
+    """Vertices of a mesh, with normals.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Places(NamedTuple):
 
 
 def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangles: np.ndarray) -> None:
-    """Call ``mi.Mesh.__init__`` on a half-built Python mesh and give it its geometry.
+    """Call ``mi.Mesh.__init__`` on a Python subclass under construction, and set its geometry.
 
     Parameters
     ----------
@@ -39,25 +39,25 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 
 
 def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
-    """Fill a mesh that was made for so many vertices and triangles."""
+    """Set the geometry of a mesh allocated for as many vertices and triangles."""
     parameters = mi.traverse(mesh)
     parameters["faces"] = np.ascontiguousarray(triangles, dtype=np.uint32).ravel()
     move_vertices(mesh, places)
 
 
 def places_of(mesh: mi.Mesh) -> Places:
-    """Where the vertices of a mesh are now."""
+    """The present vertices of a mesh."""
     parameters = mi.traverse(mesh)
     vertices, normals = (np.array(parameters[f"vertex_{name}"]).reshape(-1, 3) for name in ("positions", "normals"))
     return Places(vertices, normals if len(normals) else None)
 
 
 def move_vertices(mesh: mi.Mesh, places: Places) -> None:
-    """Give an initialised mesh new vertices, as many as before, the triangles staying as they are."""
+    """Set new vertices of an initialised mesh, as many as before; triangles are unchanged."""
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.ascontiguousarray(places.vertices, dtype=np.float32).ravel()
     parameters.update()
-    if places.normals is not None:  # after the positions, with which Mitsuba computes normals of its own
+    if places.normals is not None:  # after the positions, from which Mitsuba computes its own normals
         parameters["vertex_normals"] = np.ascontiguousarray(places.normals, dtype=np.float32).ravel()
         parameters.update()
 

@@ -1,4 +1,4 @@
-"""How finely the surface of a pad's cells may be cut."""
+"""Limits of the subdivision of a pad's surface."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
 
 MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
-"""Of the finite elements on the surface of a cell, however large they may be."""
+"""Least number of finite elements on the surface of a cell."""
 LEAST_OF_MIRRORS = 3
-"""Triangles along an element of a round wall that is a mirror. With fewer they turn by more than 20 degrees, and what
-they reflect at grazing angles errs by more than chords tell: by up to some percent."""
+"""Least number of triangles along an element of a round mirror wall. With fewer they turn by more than 20 degrees, and
+their reflection at grazing angles errs by more than chords indicate: by up to some percent."""
 
 
 def check_triangles(subdivision: int, faces: int) -> None:
-    """Refuse a subdivision of so many faces of cells that it takes too many triangles; raises `InputError`."""
+    """Refuse a subdivision of the faces of cells into too many triangles; raises `InputError`."""
     triangles = faces * subdivision**2
     if triangles > MOST_TRIANGLES:
         raise InputError(
@@ -28,7 +28,7 @@ def check_triangles(subdivision: int, faces: int) -> None:
 
 
 def mirrors(bsdf: mi.BSDF) -> list[int]:
-    """Codes of the regions whose wall sends some light, more or less, where a mirror would."""
+    """Codes of the regions whose wall is partly specular or glossy."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(REGIONS, bsdf)
     directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]

@@ -1,6 +1,7 @@
-"""What our plugins offer to the rest of the package, and how they are told from Mitsuba's own and from foreign ones.
+"""Interfaces of our plugins, and predicates that tell them from Mitsuba's own and from third-party ones.
 
-A scene hands out Mitsuba's objects, whose classes Python does not see; ours are known by what only they offer.
+A scene returns Mitsuba's objects, whose classes are hidden from Python; ours are recognised by attributes that only
+they have.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class TaxelEnd(Protocol):
-    """What an `annular_led` and a `phototransistor` have in common."""
+    """Common interface of `annular_led` and `phototransistor`."""
 
     specification: Any
 
@@ -46,7 +47,7 @@ class Led(TaxelEnd, Protocol):
 
 
 class Phototransistor(TaxelEnd, Protocol):
-    """A `phototransistor`, one or an array, and what pilot runs have taught of paths to it (None: not yet).
+    """A `phototransistor`, one or an array, with what pilot runs have learned (None: not yet).
 
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
     """
@@ -77,7 +78,8 @@ class Package(Protocol):
 
 
 class PadShape(Protocol):
-    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load, its ``state`` and ``surface`` under that."""
+    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load, and its ``state`` and ``surface`` under
+    load."""
 
     pad: Any
     material: Any
@@ -103,13 +105,13 @@ class PadShape(Protocol):
 
 
 class Region(Protocol):
-    """A `region`: BSDFs by the name of what they cover."""
+    """A `region`: BSDFs by the name of the region."""
 
     walls: Mapping[str, Any]
 
 
 class TaxelIntegrator(Protocol):
-    """One of ours, which trace a pair of LED and phototransistor."""
+    """One of our integrators, which trace a pair of LED and phototransistor."""
 
     def sample_paths(
         self, scene: Any, pair: TaxelPair, index: Any, led_index: Any, sampler: Any, pixels: Any
@@ -137,7 +139,7 @@ def is_pad(shape: Any) -> TypeGuard[PadShape]:
 
 
 def has_pad(shape: Any) -> bool:
-    """Whether it is a `deformable_pad`, or stands for one that is not solved for."""
+    """Whether it is a `deformable_pad`, or a stand-in for one that is not solved."""
     return hasattr(shape, "pad")
 
 

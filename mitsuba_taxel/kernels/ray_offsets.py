@@ -1,4 +1,4 @@
-"""Rays that leave a surface, clear of it by no more than single precision asks for."""
+"""Rays that leave a surface, with the smallest offset that single precision allows."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) ->
     """A ray from a point of a surface in direction ``d``, clear of that surface.
 
     Mitsuba moves the origin by 9e-5 (1 + max|p|): a plate at 0.1 mm then reads half a percent too much, and a scene in
-    metres is wrong altogether. Here it moves by no more than single precision asks for: ``clearance`` (see
-    :func:`clearance_of`) and 1e-6 of the distance from the scene's origin. It moves along the normal, since a step
-    along the ray may lead through the wall next to an edge.
+    metres is wrong altogether. Here the offset is only what single precision requires: ``clearance`` (see
+    :func:`clearance_of`) plus 1e-6 of the distance from the scene's origin. It is along the normal, since a step along
+    the ray may lead through the adjacent wall at an edge.
     """
     return mi.Ray3f(_cleared(p, n, d, clearance), d)
 
@@ -30,13 +30,13 @@ def between(
 
 
 def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """As :func:`leave` for a ray from a flat face with no wall beside it: it keeps to its line, and so has no bias."""
+    """As :func:`leave` for a ray from a flat face with no wall beside it: the ray stays on its line, without bias."""
     offset = _offset(p, clearance)
     return mi.Ray3f(p + d * dr.minimum(offset / dr.abs(dr.dot(n, d)), 20 * offset), d)
 
 
 def _cleared(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Point3f:
-    """A point of a surface, moved off it to the side that ``d`` leads to."""
+    """A point of a surface, offset to the side into which ``d`` points."""
     return p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
 
 
@@ -45,9 +45,9 @@ def _offset(p: mi.Point3f, clearance: mi.Float) -> mi.Float:
 
 
 def clearance_of(scene: mi.Scene, pair: TaxelPair) -> mi.Float:
-    """The part of a ray's offset that goes with the size of the parts, whatever the scene's unit of length.
+    """The part of a ray's offset that scales with the size of the parts, independent of the unit of length.
 
-    OptiX rounds where a ray meets a triangle to that of the triangle's size: a plate of 140 mm shades points up to
+    The precision of OptiX's intersections is relative to the triangle's size: a plate of 140 mm shades points up to
     6e-6 mm below itself. No shape is larger than the scene.
     """
     clearance = 2e-6 * dr.sqrt(pair.sensor.faces.area)

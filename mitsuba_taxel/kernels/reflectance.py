@@ -1,4 +1,4 @@
-"""Reflectance tabulated against the wavelength."""
+"""Reflectance tabulated against wavelength."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _NAME = "reflectance_table"
 
 
 class ReflectanceTable:
-    """Reflectance against wavelength from a CSV file, which is found as Mitsuba finds a scene's other files.
+    """Reflectance against wavelength from a CSV file, resolved like a scene's other files, with linear interpolation.
 
-    Two columns: wavelength in nm, finite, above 0 and increasing; reflectance from 0 to 1. Empty lines and what follows
-    a ``#`` do not count. In between it is linear.
+    Two columns: wavelength in nm, finite, above 0 and increasing; reflectance from 0 to 1. Empty lines and text after a
+    ``#`` are ignored.
 
     Raises
     ------

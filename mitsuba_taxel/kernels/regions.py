@@ -1,4 +1,4 @@
-"""What the regions of a surface are called, and their codes in the face attribute ``face_region`` of its mesh."""
+"""Names of the regions of a surface, and their codes in the face attribute ``face_region`` of its mesh."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ BODY_REGIONS = {"body": 6, "led": 7, "phototransistor": 8}
 """Codes of the regions of a photo-reflector's surface."""
 
 ALL_REGIONS = {**REGIONS, **BODY_REGIONS}
-"""Codes of every region that a mesh of ours may have."""
+"""Codes of all regions that our meshes may have."""

@@ -1,7 +1,7 @@
-"""Drawing one of many members by a walk down a tree that keeps neighbouring random numbers together.
+"""Hierarchical sample warping: sampling of members by a tree that preserves the locality of samples.
 
-A tree of depth d has 2**d leaves and is stored as the shares of its 2**d inner nodes, counted from 1: the share of
-what lies below a node that lies on its left. The two coordinates of a sample decide in turns, the first one first.
+A tree of depth d has 2**d leaves and is stored as the shares of its 2**d inner nodes, numbered from 1: the share of a
+node's weight in its left subtree. The two coordinates of a sample decide alternately, the first one first.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 
 @dr.syntax
 def descend(shares: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
-    """The leaf that a sample leads to, and what is left of the sample, uniform again.
+    """The leaf that a sample leads to, and the sample rescaled to be uniform again.
 
     Parameters
     ----------
     shares : mi.Float
         (trees * 2**depth,) shares of the inner nodes, tree after tree.
     depth : mi.UInt32
-        Of all trees; opaque, so that trees of every depth share a kernel.
+        Common depth of all trees; opaque, so that trees of every depth share a kernel.
     tree : mi.UInt32
         Number of the tree to walk down.
     """
@@ -55,7 +55,8 @@ def shares_of_grid(weight: np.ndarray) -> np.ndarray:
 
 
 def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
-    """(rows, columns) place at its level of the node over each block of the grid: column bits and row bits in turns."""
+    """(rows, columns) index within its level of the node over each block of the grid: interleaved column and row
+    bits."""
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     place = np.zeros_like(row)
     row_bits, column_bits = rows.bit_length() - 1, columns.bit_length() - 1
@@ -71,23 +72,23 @@ def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
 
 
 class MemberTrees:
-    """Trees over scattered members, halved by number along the two axes in turns.
+    """Trees over scattered members, halved by number along the two axes alternately.
 
     Parameters
     ----------
     position : (M, 2) ndarray
-        Places of the members.
+        Positions of the members.
     tree : (M,) ndarray
-        Number of the tree of each.
+        Number of the tree of each member.
     trees : int
-        How many there are.
+        Number of trees.
 
     Attributes
     ----------
     depth
         Of all trees.
     leaves : (trees, 2**depth) ndarray
-        Number of the member in each leaf; 0 where there is none.
+        Number of the member in each leaf; 0 if empty.
     """
 
     def __init__(self, position: np.ndarray, tree: np.ndarray, trees: int) -> None:
@@ -117,7 +118,7 @@ class MemberTrees:
         return shares
 
     def boxes(self, shares: np.ndarray) -> np.ndarray:
-        """(M, 4) the part of the unit square that ``shares`` lead to each member: lower corner and size."""
+        """(M, 4) the part of the unit square that ``shares`` map to each member: lower corner and size."""
         low, size = np.zeros((2, len(shares), 1)), np.ones((2, len(shares), 1))
         for level in range(self.depth):
             axis, share = level % 2, shares[:, 1 << level : 2 << level].astype(float)

@@ -1,8 +1,8 @@
-"""Laws by which a wall scatters: where light goes that comes in from above, per unit of reflectance.
+"""Scattering laws of walls, per unit of reflectance.
 
-Directions are unit vectors in the frame of the wall, z its normal, both above it. ``from_light`` says which way a
-path is traced: from the light it carries power, from a detector it carries radiance. Only laws that are not
-reciprocal differ between the two.
+Directions are unit vectors in the local frame of the wall, with z along its normal, both above it. ``from_light`` is
+the direction of tracing: from the light a path carries power, from a detector radiance. Only non-reciprocal laws differ
+between the two.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import mitsuba as mi
 
 _BOTH_SIDES = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
 _SMALLEST_COSINE = 1e-7
-"""Mitsuba's sampling of normals divides by the cosine of incidence: at 0 it returns NaN."""
+"""Mitsuba's sampling of normals divides by the cosine of incidence, which gives NaN at 0."""
 
 
 class Sample(NamedTuple):
-    """A direction drawn, its density [1/sr] or probability if a mirror's, value over density, and what drew it."""
+    """A sampled direction, its density [1/sr] (a probability for a mirror), value over density, and the component."""
 
     direction: mi.Vector3f
     density: mi.Float
@@ -28,7 +28,7 @@ class Sample(NamedTuple):
 
 
 class Scattering(Protocol):
-    """A law; ``components`` are Mitsuba's flags of its parts."""
+    """A law; ``components`` are Mitsuba's flags of its components."""
 
     components: list[int]
 
@@ -36,14 +36,14 @@ class Scattering(Protocol):
         """A direction for three uniform numbers."""
 
     def eval_pdf(self, wi: mi.Vector3f, wo: mi.Vector3f, from_light: bool) -> tuple[mi.Float, mi.Float]:
-        """Value f |cos(theta_o)| [1/sr] and density [1/sr] of a direction, without mirrors' share of either."""
+        """Value f |cos(theta_o)| [1/sr] and density [1/sr] of a direction, both without delta components."""
 
     def smooth_share(self) -> mi.Float | float:
-        """Share of the reflected light that does not leave as from a mirror."""
+        """Share of the reflected light that is not specular."""
 
 
 class Absorbing:
-    """Nothing comes back."""
+    """Nothing is reflected."""
 
     def __init__(self) -> None:
         self.components = [+mi.BSDFFlags.Empty | _BOTH_SIDES]
@@ -95,8 +95,8 @@ class Lambertian:
 class Isotropic:
     """Equal power into equal solid angles, whatever the direction of incidence: f = 1 / (2 pi cos(theta_o)).
 
-    Not reciprocal. From a detector the roles are exchanged, f = 1 / (2 pi cos(theta_i)); directions are then drawn
-    by the cosine law, with the weight 1 / (2 cos(theta_i)).
+    Not reciprocal. From a detector the roles are exchanged, f = 1 / (2 pi cos(theta_i)); directions are then sampled by
+    the cosine law, with the weight 1 / (2 cos(theta_i)).
     """
 
     def __init__(self) -> None:
@@ -118,10 +118,10 @@ class Isotropic:
 
 
 class Mixed:
-    """A mirror, a Lambertian and an isotropic wall in one, each with its share of the reflected light.
+    """A mixture of mirror, Lambertian and isotropic wall, each with its share of the reflected light.
 
-    Each is drawn as often as its share says; a smooth direction has the density of both smooth parts together, so
-    that from the light every weight is 1.
+    Each is sampled in proportion to its share; a smooth direction has the density of both smooth components together,
+    so that from the light every weight is 1.
     """
 
     def __init__(self, specular: float, lambertian: float, isotropic: float) -> None:
@@ -162,9 +162,9 @@ class RoughMirror:
 
     f = D(h) G1(wi) G1(wo) / (4 cos(theta_i) cos(theta_o)), alpha = sqrt(2) times the root mean square slope along
     either axis (B. Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, equations 20 and
-    25; their G1 through the closed form with erf, of which their equation 27 is a fit). Normals are drawn among the
-    visible ones (E. Heitz, E. d'Eon, Importance Sampling Microfacet-Based BSDFs using the Distribution of Visible
-    Normals, EGSR 2014), which leaves the weight G1(wo).
+    25; their G1 through the closed form with erf, of which their equation 27 is a fit). Visible normals are sampled (E.
+    Heitz, E. d'Eon, Importance Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014),
+    which leaves the weight G1(wo).
     """
 
     def __init__(self, rms_slope: float) -> None:
@@ -189,10 +189,10 @@ class RoughMirror:
         return mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.alpha, True)
 
     def _density(self, wi: mi.Vector3f, normal: mi.Vector3f) -> mi.Float:
-        """Density of the reflection of ``wi`` at a facet, drawn among the visible ones."""
+        """Density of the reflection of ``wi`` at a facet sampled among the visible ones."""
         return self._normals().eval(normal) * self._visible(wi) / (4 * wi.z)
 
     def _visible(self, direction: mi.Vector3f) -> mi.Float:
-        """Smith's G1: share of the facets towards ``direction`` that others do not hide."""
+        """Smith's G1: share of the facets towards ``direction`` that are not hidden by others."""
         a = direction.z / (self.alpha * dr.sqrt(dr.square(direction.x) + dr.square(direction.y)))
         return 2 / (1 + dr.erf(a) + dr.exp(-dr.square(a)) * dr.rsqrt(dr.pi) / a)

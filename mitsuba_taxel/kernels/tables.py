@@ -1,4 +1,4 @@
-"""Tables in CSV files, and quantities tabulated against the polar angle, looked up inside kernels."""
+"""Tables in CSV files, and their interpolation against the polar angle inside kernels."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
 
 NODES = 4096
-"""Points of a table inside kernels, the same for every file, so that another file needs no other kernel."""
+"""Points of a table inside kernels, the same for every file, so that another file needs no new kernel."""
 
 SMALLEST_STEP = 1e-3
-"""Degrees between two rows: closer angles are the same in single precision, or nearly so."""
+"""Degrees between two rows: closer angles are nearly equal in single precision."""
 
 RIGHT_ANGLE, NARROW = 1.571, 0.2
-"""In radians, rounded up. A table that ends between the two is taken for one in radians: hardly a part has so narrow a
-beam, in degrees, and many have one that ends there in radians, from 11 to 90 degrees."""
+"""In radians, rounded up. A table that ends between the two is taken to be in radians: hardly any part has so narrow a
+beam in degrees, and many end there in radians, from 11 to 90 degrees."""
 
 
 class Interpolant:
@@ -44,15 +44,15 @@ class Interpolant:
 
 
 def find_cell(nodes: mi.Float, x: mi.Float) -> mi.UInt32:
-    """The last of the ``NODES - 1`` cells between increasing ``nodes`` that starts at or before ``x``."""
+    """The last of the ``NODES - 1`` intervals between increasing ``nodes`` that starts at or before ``x``."""
     return dr.binary_search(1, NODES - 1, lambda i: dr.gather(mi.Float, nodes, i) <= x) - 1
 
 
 def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same function, linear between the rows of a table, at ``NODES`` angles.
 
-    All rows are kept; the rest of the nodes subdivides the intervals between them as evenly as whole numbers allow, so
-    that neighbours are at most 90 / (NODES - rows) degrees apart.
+    All rows are kept; the remaining nodes subdivide the intervals between them as evenly as possible, so that
+    neighbours are at most 90 / (NODES - rows) degrees apart.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def refine(angles: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
-    """The table in a CSV file that the parameter ``file`` names, found as Mitsuba finds a scene's other files.
+    """The table in the CSV file of the parameter ``file``, resolved like a scene's other files.
 
-    Two columns: polar angle in degrees, value. Empty lines and what follows a ``#`` do not count.
+    Two columns: polar angle in degrees, value. Empty lines and text after a ``#`` are ignored.
 
     Returns
     -------
@@ -94,14 +94,14 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
-    """The numbers in a CSV file of two columns that a parameter names, (n, 2) with n from ``fewest`` to ``NODES``."""
+    """The numbers in the CSV file of a parameter, two columns, (n, 2) with n from ``fewest`` to ``NODES``."""
     given = f"{parameter} = {file!r}"
     try:
         text = found(file).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{given} is no text: a CSV file is needed.") from error
+        raise InputError(f"{given} is not text: a CSV file is needed.") from error
     lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))

@@ -16,10 +16,10 @@ class TaxelPair:
 
     @property
     def count(self) -> int:
-        """How many taxels the pair holds."""
+        """Number of taxels."""
         return self.sensor.faces.count
 
     @property
     def coplanar(self) -> bool:
-        """Whether LEDs and phototransistors lie in one plane, so that no light goes straight across."""
-        return self.led.get_shape().ptr == self.sensor.get_shape().ptr  # wrappers in Python may differ
+        """Whether LEDs and phototransistors lie in one plane, so that there is no direct light."""
+        return self.led.get_shape().ptr == self.sensor.get_shape().ptr  # Python wrappers may differ

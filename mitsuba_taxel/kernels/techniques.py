@@ -1,14 +1,13 @@
-"""Three ways to read the light that leaves a vertex of a path, and the weights under which they may be added.
+"""Three techniques to read the light that leaves a vertex of a path, and their weights (multiple importance sampling).
 
-A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be made as
+A path of n reflections has the vertices LED, x1 .. xn and a point y of the phototransistor. It can be sampled as
 
 * a *detector connection*: x1 .. xn by scattering, y uniform on the phototransistor;
-* a *sensor-subpath connection*: x1 .. x(n-1) by scattering, y uniform and xn where a ray leaves y after the cosine law;
+* a *sensor-subpath connection*: x1 .. x(n-1) by scattering, y uniform, and xn by a cosine-distributed ray from y;
 * a *unidirectional hit*: x1 .. xn and y by scattering.
 
 The three densities share the factor of x1 .. x(n-1), so their ratios, and with them the weights of the power heuristic,
-follow from what happens at xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997,
-chapters 9 and 10).
+depend on xn alone (E. Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, chapters 9 and 10).
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ from mitsuba_taxel.kernels.guide import Guide
 from mitsuba_taxel.kernels.ray_offsets import between, release
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
-"""World direction -> what leaves that way per unit that arrives [1/sr, cosine included], and its density [1/sr]."""
+"""World direction -> scattered share per solid angle [1/sr, cosine included], and its density [1/sr]."""
 
 
 @dataclass
 class Vertex:
-    """Where a path is, with what it carries."""
+    """A vertex of a path, with its throughput."""
 
     p: mi.Point3f
     n: mi.Normal3f
     throughput: mi.Float  # W
-    guided: mi.Float  # chance that the guide draws the next direction
-    place: mi.Point2f  # of the vertex, as the guide has it
-    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no sensor subpath could have made it
+    guided: mi.Float  # probability that the guide samples the next direction
+    place: mi.Point2f  # of the vertex on the guide's unit square
+    inverse: mi.Float  # mm²: one over the area density of this vertex; 0 if no sensor subpath could have sampled it
 
 
 @dataclass
@@ -45,7 +44,7 @@ class View:
 
     y: mi.Point3f
     offset: mi.Point2f  # of y from the centre of the phototransistor
-    si: mi.SurfaceInteraction3f  # the point z that it sees
+    si: mi.SurfaceInteraction3f  # at the point z that it sees
     bsdf: mi.BSDFPtr
     valid: mi.Bool
     response: mi.Float
@@ -53,9 +52,9 @@ class View:
     cosine: mi.Float  # at z
     density: mi.Float  # 1/mm²: of z
     solid_angle: mi.Float  # of the phototransistor, seen from z
-    member: mi.Bool  # whether the guide could have drawn z
-    guided: mi.Float  # chance that the guide draws the direction that leaves z
-    place: mi.Point2f  # of z, as the guide has it
+    member: mi.Bool  # whether the guide could have sampled z
+    guided: mi.Float  # probability that the guide samples the direction that leaves z
+    place: mi.Point2f  # of z on the guide's unit square
 
 
 class Techniques:
@@ -64,8 +63,7 @@ class Techniques:
     Parameters
     ----------
     strategy : str
-        ``all``, or the one technique to use: ``connections``, ``sensor_subpath_connections`` or
-        ``unidirectional_hits``.
+        ``all``, or a single technique: ``connections``, ``sensor_subpath_connections`` or ``unidirectional_hits``.
     clearance : mi.Float
         See :func:`mitsuba_taxel.kernels.ray_offsets.leave`.
     """
@@ -78,11 +76,11 @@ class Techniques:
         self.scene, self.sensor, self.index, self.guide, self.clearance = scene, sensor, index, guide, clearance
         self.area = sensor.faces.area
         self.detector = mi.ShapePtr(sensor.get_shape())
-        dr.make_opaque(self.detector)  # another phototransistor needs no other kernel
+        dr.make_opaque(self.detector)  # another phototransistor needs no new kernel
         self.context = mi.BSDFContext(mi.TransportMode.Importance)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
-        """What one point of each phototransistor sees in one direction, drawn after the cosine law."""
+        """What one point of each phototransistor sees along a cosine-distributed direction."""
         y, offset = self.sensor.sample_point(self.index, position)
         local = mi.warp.square_to_cosine_hemisphere(direction)
         d = self.sensor.faces.frame.to_world(local)
@@ -112,7 +110,7 @@ class Techniques:
         )
 
     def connect(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
-        """Power [W] by way of a connection from ``here`` to the point of ``view``."""
+        """Power [W] of a connection from ``here`` to the point of ``view``."""
         if not self.connections:
             return mi.Float(0)
         to_y = view.y - here.p
@@ -132,7 +130,7 @@ class Techniques:
         return dr.select(active, value, 0)
 
     def connect_subpath(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
-        """Power [W] by way of the point that ``view`` sees: from ``here`` to there, and on to the phototransistor."""
+        """Power [W] of a connection from ``here`` to the point that ``view`` sees, and on to the phototransistor."""
         if not self.sensor_subpaths:
             return mi.Float(0)
         to_z = view.si.p - here.p
@@ -159,14 +157,14 @@ class Techniques:
     def hit(
         self, si: mi.SurfaceInteraction3f, d: mi.Vector3f, before: Vertex, density: mi.Float, specular: mi.Bool
     ) -> tuple[mi.Float, mi.Point2f]:
-        """Power [W] of rays that have come to ``si`` in direction ``d``, and where on the phototransistor.
+        """Power [W] of rays that arrive at ``si`` in direction ``d``, and their offset on the phototransistor.
 
         Parameters
         ----------
         before : Vertex
-            The vertex that the ray left; its throughput is what the ray carries now.
+            The previous vertex, with the present throughput of the ray.
         density : mi.Float
-            Of the direction ``d`` [1/sr]; without meaning where ``specular``.
+            Of the direction ``d`` [1/sr]; unused where ``specular``.
         """
         inside, offset = self.sensor.contains(self.index, si.p)
         if not self.unidirectional:
@@ -180,21 +178,22 @@ class Techniques:
         return dr.select(here, before.throughput * self.sensor.response(cosine) * weight, 0), offset
 
     def guidance(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> tuple[mi.Bool, mi.Float, mi.Point2f]:
-        """Whether the guide could have drawn ``si``, the chance that it draws what leaves there, and its place."""
+        """Whether the guide could have sampled ``si``, the probability that it samples the next direction, and its
+        place."""
         if self.guide is None:
             return mi.Bool(False), mi.Float(0), mi.Point2f(0)
         member = self.guide.contains(self.index, si, active)
         return member, dr.select(member, self.guide.share, 0), self.guide.place(si, member)
 
     def draw(self, here: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
-        """A point that the guide draws, and the triangle that it lies on."""
+        """A point sampled by the guide, and its triangle."""
         assert self.guide is not None
         return self.guide.sample(self.index, here.place, sample, nearness)
 
     def drawn(
         self, density: mi.Float, before: Vertex, member: mi.Bool, place: mi.Point2f, area_per_angle: mi.Float
     ) -> mi.Float:
-        """Density [1/sr] of a ray from ``before``, which scattering draws with ``density``, and the guide as well.
+        """Density [1/sr] of a ray from ``before``, sampled by scattering with ``density`` or by the guide.
 
         Parameters
         ----------
@@ -211,7 +210,7 @@ class Techniques:
 
     @staticmethod
     def _weight(*others: tuple[bool, mi.Float]) -> mi.Float:
-        """Weight of a technique, from the densities of the others that are in use, relative to its own."""
+        """Weight of a technique, from the densities of the others in use, relative to its own."""
         total = mi.Float(1)
         for in_use, ratio in others:
             if in_use:

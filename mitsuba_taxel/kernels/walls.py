@@ -10,40 +10,40 @@ from mitsuba_taxel.kernels.protocols import is_led, is_region
 
 
 def walls_of(scene: Any) -> Iterator[Any]:
-    """Each BSDF of each shape, those nested in a `region` one by one."""
+    """Each BSDF of each shape; those nested in a `region` individually."""
     for shape in scene.shapes():
         bsdf = shape.bsdf()
         yield from walls_by_region(bsdf).values()
 
 
 def walls_by_region(bsdf: Any) -> Mapping[str, Any]:
-    """What a `region` holds; any other BSDF under no name."""
+    """BSDFs of a `region` by name; any other BSDF under an empty name."""
     return bsdf.walls if is_region(bsdf) else {"": bsdf}
 
 
 def wall_at(bsdf: Any, region: str) -> Any:
-    """The BSDF of a region of a shape; None if a `region` says nothing of it."""
+    """The BSDF of a region of a shape; None if a `region` has none for it."""
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
 def set_wavelength(scene: Any, leds: list[Any]) -> None:
-    """Tell the walls with a table of reflectance the wavelength of LEDs that all have the same."""
+    """Set the wavelength of walls with a reflectance table, if all LEDs have the same."""
     for wall in _walls_with_table(scene):
         wall.set_wavelength(leds[0].wavelength)
 
 
 def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
-    """Raise where a table of reflectance does not say what a wall reflects.
+    """Raise if the reflectance of a wall with a table is not defined.
 
     Parameters
     ----------
     one_by_one : bool
-        Whether LEDs are traced one by one, and so may have several wavelengths.
+        Whether LEDs are traced individually, and so may have different wavelengths.
 
     Raises
     ------
     InputError
-        if LEDs of several wavelengths light such a wall at once, an emitter has none, or a table does not reach it.
+        if LEDs of several wavelengths light such a wall at once, an emitter has none, or a table does not cover it.
     """
     walls = list(_walls_with_table(scene))
     if not walls:
@@ -66,9 +66,9 @@ def _walls_with_table(scene: Any) -> Iterator[Any]:
 
 
 def is_bounded_from_detector(wall: Any) -> bool:
-    """Whether the weight of a path that comes from the detector stays bounded at this wall.
+    """Whether weights of paths from the detector stay bounded at this wall.
 
-    An isotropic wall is not reciprocal: from the detector it carries 1 / (2 cos(theta)), see `wall`.
+    An isotropic wall is not reciprocal: from the detector its weight is 1 / (2 cos(theta)), see `wall`.
     """
     scattering = getattr(wall, "scattering", "")
     return scattering != "isotropic" and not (scattering == "mixed" and float(wall.law.shares[2][0]) > 0)

@@ -1,4 +1,4 @@
-"""Paths of many readings and replicates traced at once, and sums whose order never varies."""
+"""Wavefronts: paths of many readings and replicates traced at once, with sums in a fixed order."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 LARGEST_WAVEFRONT = 1 << 22
-"""Paths that are traced at once."""
+"""Largest number of paths traced at once."""
 
 
 def trace(
@@ -31,28 +31,27 @@ def trace(
     Parameters
     ----------
     integrator : Any
-        Has ``sample_paths(scene, pair, index, led_index, sampler, pixels)``, the power that one path from each LED of
-        ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
+        Its ``sample_paths(scene, pair, index, led_index, sampler, pixels)`` returns the power that one path from each
+        LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
     points : int
         Paths for each reading and replicate; rounded up to a power of two.
     first : int
-        Number of the first of them, 0 or a multiple of ``points``: a later run goes on where one has stopped.
+        Number of the first of them, 0 or a multiple of ``points``, to continue an earlier run.
     replicates : int
         Independent randomisations.
     image : bool
-        Whether to accumulate the irradiance map as well.
+        Whether to accumulate the irradiance map.
     crosstalk : bool
-        Whether each LED is to be read on each phototransistor.
+        Whether to read each LED on each phototransistor.
 
     Returns
     -------
     power : (replicates, readings) ndarray
-        In W: one reading for each taxel, or, with ``crosstalk``, for each LED and phototransistor, (replicates, LEDs,
-        phototransistors).
+        In W, one reading per taxel; with ``crosstalk``, (replicates, LEDs, phototransistors).
     image : (height, width) ndarray
         Irradiance in W/mm², or None.
     points : int
-        Paths for each reading and replicate, as the sampler has it.
+        Actual number of paths for each reading and replicate.
     """
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(points)
@@ -60,7 +59,7 @@ def trace(
     taxels = pair.count
     readings = taxels**2 if crosstalk else taxels
     film_size = pair.sensor.film().crop_size()
-    collected = np.zeros(film_size[0] * film_size[1])  # in double precision, over wavefronts in single
+    collected = np.zeros(film_size[0] * film_size[1])  # double precision over wavefronts in single
     sums = np.empty(readings * replicates)
     share = max(1, LARGEST_WAVEFRONT // points)
     for start in range(0, len(sums), share):
@@ -91,9 +90,9 @@ def splat(sensor: Any, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pi
 
 
 def sum_blocks(values: mi.Float, count: int) -> np.ndarray:
-    """Sums over consecutive runs of ``count`` values, in double precision and in an order that never varies.
+    """Sums over consecutive blocks of ``count`` values, in double precision and in a fixed order.
 
-    Single-precision sums go over 256 values at most; what they lose is far below a standard error.
+    Single-precision partial sums have at most 256 values; their rounding is far below a standard error.
     """
     block = 256 if count % 256 == 0 else 1
     partial = dr.block_sum(values, block) if block > 1 else values

@@ -1,1 +1,1 @@
-"""Mitsuba bsdfs, one file each."""
+"""Mitsuba BSDFs, one file each."""

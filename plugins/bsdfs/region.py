@@ -17,9 +17,9 @@ class Region(mi.BSDF):
     Wall by region (:monosp:`region`)
     ---------------------------------
 
-    Picks one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh that it covers, which
-    holds the codes roof = 1, side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A
-    `deformable_pad`, the PLY files written from it and a `photo_reflector` carry that attribute. Other codes absorb.
+    Selects one of its named BSDFs by the face attribute :monosp:`face_region` of the mesh, with the codes roof = 1,
+    side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A `deformable_pad`, the PLY files
+    written from it and a `photo_reflector` have that attribute. Other codes absorb.
 
     .. tabs::
         .. code-tab:: xml
@@ -54,16 +54,16 @@ class Region(mi.BSDF):
 
     @property
     def needs_wavelength(self) -> bool:
-        """Whether any of the walls does; see `wall`."""
+        """Whether any of the walls needs it; see `wall`."""
         return bool(self._walls_with_table())
 
     def set_wavelength(self, nm: float) -> None:
-        """Tell the walls that need it the wavelength of the LEDs, in nm.
+        """Set the wavelength of the LEDs, in nm, in the walls that need it.
 
         Raises
         ------
         InputError
-            if the table of one of them does not reach that wavelength.
+            if the table of one of them does not cover that wavelength.
         """
         for wall in self._walls_with_table():
             wall.set_wavelength(nm)

@@ -18,17 +18,17 @@ class Wall(mi.BSDF):
     Wall (:monosp:`wall`)
     ---------------------
 
-    An opaque surface that does the same on both sides. What is not reflected is absorbed. The isotropic wall is not
-    reciprocal: light that comes in from any direction leaves uniformly over the hemisphere,
-    f = reflectance / (2 pi cos(theta_o)). Traced from the light its weight is constant; traced from a detector it
-    carries 1 / (2 cos(theta)), which has no bounded variance. The same holds for the isotropic share of a mixed wall.
+    An opaque two-sided surface. Light that is not reflected is absorbed. The isotropic wall is not reciprocal: light
+    from any direction leaves uniformly over the hemisphere, f = reflectance / (2 pi cos(theta_o)). Traced from the
+    light its weight is constant; traced from a detector it is 1 / (2 cos(theta)), whose variance is infinite. The same
+    holds for the isotropic share of a mixed wall.
 
     The rough mirror has facets whose slopes along x and along y are Gaussian, each with the root mean square
-    tan(rms_slope): Beckmann's distribution with alpha = sqrt(2) tan(rms_slope). Facets hide each other (Smith), and
-    light that would meet a second facet is lost: such a wall returns less than its reflectance, and much less if it is
-    as rough as 45 degrees.
+    tan(rms_slope): Beckmann's distribution with alpha = sqrt(2) tan(rms_slope). Facets shadow each other (Smith), and
+    light that would meet a second facet is lost: such a wall reflects less than its reflectance, and much less at
+    slopes around 45 degrees.
 
-    A table is interpolated linearly at the wavelength of the LEDs, which whoever measures must first set; measuring
+    A table is interpolated linearly at the wavelength of the LEDs, which must be set before rendering; measuring
     through mitsuba_taxel does so.
 
     .. tabs::
@@ -62,12 +62,12 @@ class Wall(mi.BSDF):
         return self.table is not None
 
     def set_wavelength(self, nm: float) -> None:
-        """Take the reflectance at a wavelength in nm from the table of a wall that has one.
+        """Set the reflectance to that of the table, if any, at a wavelength in nm.
 
         Raises
         ------
         InputError
-            if the table does not reach that wavelength.
+            if the table does not cover that wavelength.
         """
         assert self.table is not None
         self.reflectance = dr.opaque(mi.Float, self.table.at(nm))
@@ -105,13 +105,13 @@ class Wall(mi.BSDF):
         return mi.Spectrum(self._known_reflectance() * value) & active, dr.select(active, density, 0)
 
     def _of_one_side(self, ctx, si, wo):
-        """Value and density of what leaves in direction ``wo`` from the side on which the light comes in."""
+        """Value and density of direction ``wo``, on the side of incidence."""
         value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
         same = si.wi.z * wo.z > 0
         return dr.select(same, value, 0), dr.select(same, density, 0)
 
     def _of_both_sides(self, ctx, si, wo):
-        """As :meth:`_of_one_side`, with what would leave behind the triangle, mirrored by it."""
+        """As :meth:`_of_one_side`, including light that would leave behind the triangle, mirrored by it."""
         value, density = self._of_one_side(ctx, si, wo)
         mirrored, behind = _mirrored(si, wo)
         more, denser = self._of_one_side(ctx, si, mirrored)
@@ -122,7 +122,7 @@ class Wall(mi.BSDF):
         )
 
     def eval_diffuse_reflectance(self, si, active=True):
-        """Share of the light that comes back otherwise than from a mirror."""
+        """Share of the light that is reflected, except specularly."""
         return mi.Spectrum(self._known_reflectance() * self.law.smooth_share()) & mi.Bool(active)
 
     def _known_reflectance(self) -> mi.Float:
@@ -142,7 +142,7 @@ class Wall(mi.BSDF):
 
 
 def _law_of(stated: Parameters) -> Scattering:
-    """The law by which a wall scatters."""
+    """The scattering law of a wall."""
     shares = [share for share in (stated.specular, stated.lambertian, stated.isotropic) if share is not None]
     if shares:
         return Mixed(*shares)
@@ -158,9 +158,9 @@ def _law_of(stated: Parameters) -> Scattering:
 
 
 def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f, mi.Bool]:
-    """A direction mirrored by the plane of the triangle, and whether the light, coming in before it, left behind it.
+    """A direction mirrored by the plane of the triangle, and whether light incident on its front left behind it.
 
-    Both may be where the normal of the wall is not that of the triangle. On flat walls nothing leaves behind it.
+    The latter happens only where the normal of the wall differs from that of the triangle.
     """
     normal = si.to_local(si.n)
     height = dr.dot(wo, normal)

@@ -20,12 +20,12 @@ class AnnularLed(mi.Emitter):
     Annular LED (:monosp:`annular_led`)
     -----------------------------------
 
-    Nest it in a `rectangle`, which it lights from the centre of, or in a `photo_reflector`, of which it lights
-    every LED. The power is a plain number of watts, the same in each colour channel; neither it nor the wavelength
-    ever passes through colour conversion. Under every law exactly :monosp:`power` leaves each LED, evenly from all of
-    its emitting area. A table beside the scene's XML file is found by its name.
+    Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`, where it is repeated in every package.
+    The power is a plain number of watts, the same in each colour channel; neither it nor the wavelength passes through
+    colour conversion. Under every law each LED emits exactly :monosp:`power`, uniformly over its emitting area. A table
+    beside the scene's XML file is found by its name.
 
-    The cone laws are those that ray tracers call *conical* release (the polar angle of equations 2 to 4 in
+    The cone laws are called *conical* release in ray tracers (the polar angle of equations 2 to 4 in
     Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor).
 
     .. tabs::
@@ -49,11 +49,11 @@ class AnnularLed(mi.Emitter):
         self._faces: FaceGrid | None = None
         self.m_flags = +mi.EmitterFlags.Surface | +mi.EmitterFlags.SpatiallyVarying
 
-    # What `taxel_tracer` asks: one LED at a time
+    # Interface of `taxel_tracer`: one LED at a time
 
     @property
     def faces(self) -> FaceGrid:
-        """Where the LEDs are; found when first asked for, since the shape adopts its emitter late."""
+        """Positions of the LEDs; computed on first use, since the emitter gets its shape late."""
         if self._faces is None:
             stated = self.specification
             self._faces = faces_on(self.get_shape(), "led", (stated.size, stated.size))
@@ -67,7 +67,7 @@ class AnnularLed(mi.Emitter):
         return faces.point(index, self._annulus.sample(sample))
 
     def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f:
-        """A world direction distributed as the law says."""
+        """A world direction sampled from the law."""
         return self.faces.frame.to_world(self.law.sample(sample))
 
     def density_of_direction(self, d: mi.Vector3f) -> mi.Float:
@@ -77,7 +77,7 @@ class AnnularLed(mi.Emitter):
     @property
     def area(self) -> mi.Float:
         """Emitting area of one LED [mm²]."""
-        assert self.faces  # found when first asked for, and the annulus with them
+        assert self.faces  # computes the annulus as well
         return self._annulus.area
 
     def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool:
@@ -100,16 +100,16 @@ class AnnularLed(mi.Emitter):
         value = self.power / self._annulus.area * self.law.density(local) / local.z
         return mi.Spectrum(dr.select(local.z > 0, value, 0))
 
-    # What Mitsuba's own integrators ask: all LEDs together. Dr.Jit records such calls for every LED that is alive, also
-    # for one that no surface carries, of another scene or of none; that one emits nothing.
+    # Interface of Mitsuba's own integrators: all LEDs together. Dr.Jit records such calls for every LED object that
+    # exists, even without a surface or in another scene; such an LED emits nothing.
 
     @property
     def _is_nested(self) -> bool:
-        return self._faces is not None or self.get_shape() is not None  # asks no shape that may be gone
+        return self._faces is not None or self.get_shape() is not None  # without access to a deleted shape
 
     @property
     def _density(self) -> mi.Float:
-        """Density [1/mm²] of the points that `sample_position` draws."""
+        """Density [1/mm²] of the points of `sample_position`."""
         return dr.rcp(self.faces.count * self._annulus.area) if self._is_nested else mi.Float(0)
 
     def eval(self, si, active=True):
@@ -177,10 +177,10 @@ class AnnularLed(mi.Emitter):
 
 
 class _Annulus(Protocol):
-    """The emitting area of one LED, round its centre, in world lengths.
+    """The emitting area of one LED about its centre, in world lengths.
 
-    Both outlines map the unit square so that areas and neighbourhoods are kept: the first coordinate goes from the
-    hole to the rim, the second once round. Points spread evenly over the square stay so.
+    Both outlines map the unit square continuously and with equal areas, which preserves low discrepancy: the first
+    coordinate runs from the hole to the rim, the second once round.
     """
 
     outer: mi.Float
@@ -238,7 +238,7 @@ _ANNULI: dict[str, type[_SquareAnnulus] | type[_CircularAnnulus]] = {
 
 
 def _pick(sample: mi.Float, count: int) -> tuple[mi.UInt32, mi.Float]:
-    """An index uniform in [0, count) and the rest of the sample, stretched to [0, 1)."""
+    """An index uniform in [0, count) and the rest of the sample, rescaled to [0, 1)."""
     scaled = sample * count
     index = dr.minimum(mi.UInt32(scaled), count - 1)
     return index, scaled - mi.Float(index)

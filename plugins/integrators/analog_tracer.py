@@ -1,4 +1,4 @@
-"""Rays that are released, followed and counted: the method of the paper."""
+"""Analog ray tracing by counting rays: the method of the paper."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class AnalogTracer(mi.CppADIntegrator):
     ---------------------------------------
 
     Releases rays of equal power from a grid of points in random directions, lets each wall absorb or reflect a whole
-    ray at random, and counts what lands on the phototransistor: the way of the ray tracer in Multiphysics Simulation
-    for the Optimization of an Optoelectronic-Based Tactile Sensor (section 2.1.3: 20 points with 3000 rays each). It
-    is here for comparison; `taxel_tracer` needs thousands of times fewer rays. The grid is shifted at random in each
-    randomisation, so that its mean has no error from the grid; directions are plain random numbers.
+    ray at random, and counts those that reach the phototransistor, like the ray tracer in Multiphysics Simulation for
+    the Optimization of an Optoelectronic-Based Tactile Sensor (section 2.1.3: 20 points with 3000 rays each). It is for
+    comparison; `taxel_tracer` needs thousands of times fewer rays. The grid is shifted randomly in each randomisation,
+    so that the mean has no error from the grid; directions are plain random numbers.
 
     .. tabs::
         .. code-tab:: xml
@@ -50,12 +50,12 @@ class AnalogTracer(mi.CppADIntegrator):
 
     @dr.syntax
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
-        """Power [W] that one ray from each LED of ``led_index`` lands on the phototransistor of ``index``."""
+        """Power [W] that one ray from each LED of ``led_index`` brings to the phototransistor of ``index``."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
         detector = mi.ShapePtr(sensor.get_shape())
         context = mi.BSDFContext(mi.TransportMode.Importance)
-        random = mi.PCG32()  # given its width it would add the lane's number, and a run could not go on
+        random = mi.PCG32()  # without a width, which would add the lane's number, so that a run can be continued
         random.seed(mi.sample_tea_32(sampler.sequence_seed, sampler.index)[0], sampler.index)
 
         vertex = mi.Point3f(led.sample_point(led_index, self._release_point(sampler)))

@@ -22,11 +22,10 @@ class TaxelPath(mi.CppADIntegrator):
     Taxel path tracer (:monosp:`taxel_path`)
     ----------------------------------------
 
-    Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that happen to
-    arrive there count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, for less
-    where the phototransistor has a narrow angular response. It refuses what would give a weight without bound:
-    isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose intensity has no bound
-    on the axis.
+    Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that hit the LED
+    count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, at lower cost if the
+    phototransistor has a narrow angular response. It refuses scenes with unbounded weights: isotropic walls, which are
+    not reciprocal, and the law :monosp:`uniform_polar_angle`, whose intensity is unbounded on the axis.
 
     .. tabs::
         .. code-tab:: xml
@@ -49,7 +48,7 @@ class TaxelPath(mi.CppADIntegrator):
         return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
 
     def refuse_unbounded(self, scene) -> None:
-        """Raise an InputError where a weight of a path from the detector would have no bound."""
+        """Raise an InputError if weights of paths from the detector would be unbounded."""
         if not all(map(is_bounded_from_detector, walls_of(scene))):
             raise InputError(
                 "taxel_path: an isotropic wall gives paths from the detector a weight without bound: use taxel_tracer.",
@@ -72,6 +71,7 @@ class TaxelPath(mi.CppADIntegrator):
         context = mi.BSDFContext(mi.TransportMode.Radiance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 
+        # ---------------------- Point and direction on the phototransistor ----------------------
         y, offset = sensor.sample_point(index, sampler.next_2d())
         local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         direction = sensor.faces.frame.to_world(local)
@@ -92,7 +92,8 @@ class TaxelPath(mi.CppADIntegrator):
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
 
-            # Hits; from the phototransistor itself only connections look straight at the LED
+            # ---------------------- Hit of the LED ----------------------
+            # Direct light is left to the connection.
             cosine = -dr.dot(direction, led.faces.frame.n)
             here = active & (depth > 0) & (si.shape == carrier) & led.contains(led_index, si.p) & (cosine > 0)
             connection = dr.squared_norm(si.p - vertex) / (density * cosine * led.area)
@@ -104,7 +105,7 @@ class TaxelPath(mi.CppADIntegrator):
             vertex, normal = mi.Point3f(si.p), mi.Normal3f(si.n)
             bsdf = si.bsdf(ray)
 
-            # Connection to a point of the LED
+            # ---------------------- Connection to a point of the LED ----------------------
             to_target = target - vertex
             distance_squared = dr.squared_norm(to_target)
             wo = to_target * dr.rsqrt(distance_squared)
@@ -117,12 +118,14 @@ class TaxelPath(mi.CppADIntegrator):
             value = throughput * value[0] * intensity / (distance_squared * (1 + dr.square(hit)))
             result += dr.select(visible, value, 0)
 
+            # ---------------------- BSDF sampling ----------------------
             bs, weight = bsdf.sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
             direction = si.to_world(bs.wo)
             density = mi.Float(bs.pdf)
             specular = mi.has_flag(bs.sampled_type, mi.BSDFFlags.Delta)
             throughput *= weight[0]
             ray = leave(vertex, normal, direction, clearance)
+            # ---------------------- Russian roulette ----------------------
             depth += 1
             active &= throughput > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / full, 1), 1)
@@ -133,7 +136,7 @@ class TaxelPath(mi.CppADIntegrator):
 
     @staticmethod
     def _straight_across(scene, pair, y, target, clearance):
-        """Power [W] that goes from the LED to the phototransistor without a reflection."""
+        """Power [W] that reaches the phototransistor from the LED without reflection."""
         led, sensor = pair.led, pair.sensor
         to_target = target - y
         distance_squared = dr.squared_norm(to_target)

@@ -25,13 +25,13 @@ class TaxelTracer(mi.CppADIntegrator):
     Taxel tracer (:monosp:`taxel_tracer`)
     -------------------------------------
 
-    Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the
-    same taxel only, so that no work goes into LEDs that a phototransistor is not read against. Detector
-    connections, sensor-subpath connections and unidirectional hits are combined by multiple importance sampling with
-    the power heuristic (E. Veach, 1997, chapters 9 and 10), so that mirrors, diffuse walls and narrow gaps are all
-    seen well. Between the diffuse walls of a cell, path guiding leads to where light can be scattered again; where
-    there are mirrors, emission guiding learns from a pilot run in which directions light returns.
-    `annular_led` and `phototransistor` pair up in the order in which the scene lists them.
+    Paths start at the LED, where the weights of all walls are bounded, and are read by the phototransistor of the same
+    taxel only, so that no work goes into LEDs that a phototransistor is not read against. Detector connections,
+    sensor-subpath connections and unidirectional hits are combined by multiple importance sampling with the power
+    heuristic (E. Veach, 1997, chapters 9 and 10), so that mirrors, diffuse walls and narrow gaps are all handled
+    efficiently. Between the diffuse walls of a cell, path guiding samples directions towards other scattering walls;
+    where there are mirrors, emission guiding learns from a pilot run in which directions light returns. `annular_led`
+    and `phototransistor` are paired in the order of the scene.
 
     .. tabs::
         .. code-tab:: xml
@@ -69,6 +69,7 @@ class TaxelTracer(mi.CppADIntegrator):
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
 
+        # ---------------------- Emission ----------------------
         result = dr.zeros(mi.Float, dr.width(index))
         power = mi.Float(led.power) + result
         source = led.sample_point(led_index, sampler.next_2d())
@@ -87,34 +88,37 @@ class TaxelTracer(mi.CppADIntegrator):
         splat(sensor, index, view.offset, value, pixels)
         result += value
 
-        # The ray under way: how it was drawn, and what it carries before it is divided by its density. The weights take
-        # an LED's rays to be drawn after the law alone: any densities will do there, as long as all techniques agree.
+        # The current ray: its density, and its throughput before division by that. Weights assume that an LED's rays
+        # are sampled from the law alone: any densities are valid there, as long as all techniques agree.
         density = led.density_of_direction(direction)
         carried = power * density / overdrawn
         ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
-        reach = mi.Float(dr.inf)  # distance of the point that the guide has drawn
+        reach = mi.Float(dr.inf)  # distance of the point sampled by the guide
         target = mi.UInt32(0)  # its triangle
         depth = mi.UInt32(0)
         active = carried > 0
         while active:
+            # ---------------------- Next vertex ----------------------
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             distance = dr.norm(si.p - vertex.p)
             member, guided, place = techniques.guidance(si, active)
-            # A point that the guide has drawn counts only if it is seen; rounding may end on the triangle next to it.
+            # A point sampled by the guide counts only if it is visible; rounding may hit the adjacent triangle.
             found = (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
             active &= (reach == dr.inf) | (found & member)
             cosine = dr.abs(dr.dot(si.n, direction))
             drawn = techniques.drawn(density, vertex, member, place, dr.square(distance) / cosine)
             throughput = carried / dr.select(specular, density, drawn)
 
+            # ---------------------- Unidirectional hit ----------------------
             before = replace(vertex, throughput=throughput)
             value, offset = techniques.hit(si, direction, before, drawn, specular)
             value = dr.select(active, value, 0)
             splat(sensor, index, offset, value, pixels)
             result += value
 
+            # ---------------------- Connections ----------------------
             active &= depth < most_reflections
             inverse = dr.select(specular, 0, dr.square(distance) / (drawn * cosine))
             vertex = Vertex(si.p, si.n, throughput, guided, place, inverse)
@@ -125,6 +129,7 @@ class TaxelTracer(mi.CppADIntegrator):
             splat(sensor, index, view.offset, value, pixels)
             result += value
 
+            # ---------------------- BSDF sampling and path guiding ----------------------
             choice, sample = sampler.next_1d(active), sampler.next_2d(active)
             by_guide = choice < vertex.guided
             nearness = choice / vertex.guided
@@ -148,8 +153,9 @@ class TaxelTracer(mi.CppADIntegrator):
                 reach = dr.select(by_guide, target_distance, reach)
             ray = leave(vertex.p, vertex.n, direction, clearance)
             if dr.hint(techniques.guide is not None, mode="scalar"):
-                # From where it starts to the very point: passing beside it, a grazing ray would meet the next triangle.
+                # From the offset origin to the exact point: otherwise a grazing ray would hit the adjacent triangle.
                 ray = mi.Ray3f(ray.o, dr.select(by_guide, dr.normalize(point - ray.o), ray.d))
+            # ---------------------- Russian roulette ----------------------
             depth += 1
             active &= carried > 0
             survival = dr.select(depth > self.rr_depth, dr.minimum(throughput / power, 1), 1)

@@ -20,10 +20,10 @@ class OwenSobol(mi.Sampler):
     Owen-scrambled Sobol' sampler (:monosp:`owen_sobol`)
     ----------------------------------------------------
 
-    Each sequence is the same Sobol' point set under a scrambling of its own, so that sequences are independent and
-    each is an unbiased estimate; their scatter is the standard error. The scrambling is the nested uniform one of
-    Owen, by the hash of Laine and Karras (B. Burley, Practical Hash-based Owen Scrambling, JCGT 9 (4), 2020).
-    Beyond 24 dimensions the point set is used again in a freshly shuffled order.
+    Each sequence is the same Sobol' point set under an independent scrambling, so that each gives an independent
+    unbiased estimate; their scatter gives the standard error. The scrambling is the nested uniform one of Owen, by the
+    hash of Laine and Karras (B. Burley, Practical Hash-based Owen Scrambling, JCGT 9 (4), 2020). Beyond 24 dimensions
+    the point set is reused in a new shuffled order.
 
     .. tabs::
         .. code-tab:: xml
@@ -47,12 +47,14 @@ class OwenSobol(mi.Sampler):
         super().set_sample_count(self.count)
 
     def place(self, first_point: int, first_sequence: int) -> None:
-        """Say where the next :meth:`seed` begins: a run goes on where another has stopped, point for point.
+        """Set where the next :meth:`seed` begins, to continue an earlier run point for point.
 
         Parameters
         ----------
-        first_point : number of the first point of each sequence: 0, or a multiple of the sample count
-        first_sequence : number of the first sequence
+        first_point : int
+            Number of the first point of each sequence: 0, or a multiple of the sample count.
+        first_sequence : int
+            Number of the first sequence.
         """
         if first_point % self.count:
             raise InputError(f"first_point = {first_point} is not allowed: a multiple of {self.count} is needed.")
@@ -71,7 +73,7 @@ class OwenSobol(mi.Sampler):
         self.index = dr.opaque(mi.UInt32, first_point) + (lane & dr.opaque(mi.UInt32, self.count - 1))
         bits = dr.opaque(mi.UInt32, self.count.bit_length() - 1)
         self.sequence = dr.opaque(mi.UInt32, first_sequence) + (lane >> bits)
-        # A whole number is kept out of the kernel, so that another seed needs no new one.
+        # A plain integer is made opaque, so that another seed needs no new kernel.
         seed = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF) if isinstance(seed, int) else mi.UInt32(seed)
         key = seed + dr.opaque(mi.UInt32, self.base_seed)
         self.sequence_seed = mi.sample_tea_32(key, self.sequence)[0]
@@ -90,7 +92,7 @@ class OwenSobol(mi.Sampler):
         return mi.Point2f(self.next_1d(active), self.next_1d(active))
 
     def advance(self) -> None:
-        """Go on to an independent scrambling of the same points."""
+        """Proceed to an independent scrambling of the same points."""
         self.sequence_seed = _hash(self.sequence_seed + 0x632BE5AB)
         self.dimension = mi.UInt32(0)
 
@@ -118,8 +120,8 @@ class OwenSobol(mi.Sampler):
     def _shuffled(self, group: mi.UInt32) -> mi.UInt32:
         """The point index under a nested uniform permutation, a new one for each group.
 
-        Points 0 to 255, 256 to 511, 512 to 1023 and so on are each permuted among themselves, so that the points of a
-        run keep their places when it goes on.
+        Points 0 to 255, 256 to 511, 512 to 1023 and so on are each permuted among themselves, so that a run can be
+        continued without changing its points.
         """
         bits = dr.maximum(31 - dr.lzcnt(self.index | 1), self.first_bits)
         start = dr.select(self.index >> self.first_bits == 0, 0, mi.UInt32(1) << bits)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.guide import Guide
 
 MOST_PIXELS = 1 << 24
-"""Of a film, all blocks together."""
+"""Most pixels of a film, all blocks together."""
 
 _E_OVER_HC = 1.602176634e-19 / (6.62607015e-34 * 299792458) * 1e-9  # A/W per nm, from the exact constants of the SI
 
@@ -32,16 +32,16 @@ class Phototransistor(mi.Sensor):
     Phototransistor (:monosp:`phototransistor`)
     -------------------------------------------
 
-    Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. A pixel of its film is irradiance
-    in W/mm²; with several phototransistors the film holds one block of pixels for each, row by row, and a reading
-    is the mean of its block times the area.
+    Nest it in a `rectangle`, at whose centre it lies, or in a `photo_reflector`. Pixels of its film are irradiance in
+    W/mm²; for an array the film has one block of pixels per phototransistor, row by row, and a reading is the mean of
+    its block times the area.
 
     A reading is *effective* power in W: light is weighted by the response relative to that of an ideal
     phototransistor, which is 1 on the axis. Times :monosp:`responsivity(wavelength_nm)`, in A/W, it is a current. A
     table beside the scene's XML file is found by its name.
 
-    Mitsuba merges sensors that are the same in every parameter: to load a scene that holds two such sensors with
-    :monosp:`mi.load_file` or :monosp:`mi.load_dict`, pass :monosp:`optimize=False`. `Scene.load` needs nothing.
+    Mitsuba merges sensors with identical parameters: to load a scene with two such sensors by :monosp:`mi.load_file` or
+    :monosp:`mi.load_dict`, pass :monosp:`optimize=False`. `Scene.load` needs no such option.
 
     .. tabs::
         .. code-tab:: xml
@@ -75,11 +75,11 @@ class Phototransistor(mi.Sensor):
         self._check_film(1)
         self.m_needs_sample_3 = True
         self._faces: FaceGrid | None = None
-        self.guided_emission: GuidedEmission | None = None  # what pilot runs teach of paths to it
+        self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
-        """Give the film one block of pixels for each phototransistor of an array; raises `InputError`."""
+        """Enlarge the film to one block of pixels per phototransistor of an array; raises `InputError`."""
         self._check_film(rows * columns)
         parameters = mi.traverse(self.film())
         parameters["size"] = mi.ScalarVector2u(columns * self.block[0], rows * self.block[1])
@@ -108,11 +108,11 @@ class Phototransistor(mi.Sensor):
             raise InputError(f"wavelength_nm = {wavelength_nm:g} is not allowed: a finite number above 0 is needed.")
         return self.specification.quantum_efficiency * _E_OVER_HC * wavelength_nm
 
-    # What `taxel_tracer` asks: one phototransistor at a time
+    # Interface of `taxel_tracer`: one phototransistor at a time
 
     @property
     def faces(self) -> FaceGrid:
-        """Where the phototransistors are; found when first asked for, since the shape adopts its sensor late."""
+        """Positions of the phototransistors; computed on first use, since the sensor gets its shape late."""
         if self._faces is None:
             size = self.specification.width, self.specification.depth
             self._faces = faces_on(self.get_shape(), "phototransistor", size)
@@ -120,11 +120,11 @@ class Phototransistor(mi.Sensor):
 
     @property
     def normal(self) -> mi.Vector3f:
-        """The direction in which the light-sensitive side looks."""
+        """Normal of the light-sensitive side."""
         return self.faces.frame.n
 
     def response(self, cosine: mi.Float) -> mi.Float:
-        """Response to light that comes in at an angle of cosine (0, 1] against the normal, relative to the ideal one.
+        """Response to light at an angle of cosine (0, 1] to the normal, relative to the ideal response.
 
         The response to a parallel beam divided by the cosine: 1 on the axis, and 1 everywhere if ideal.
         """
@@ -150,7 +150,7 @@ class Phototransistor(mi.Sensor):
         corner = mi.Point2f(mi.Float(index - row * faces.columns), mi.Float(row))
         return (corner + uv) * mi.Vector2f(*self.block)
 
-    # What Mitsuba's own integrators ask
+    # Interface of Mitsuba's own integrators
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
         faces = self.faces
@@ -218,7 +218,7 @@ class _AngularResponse(Protocol):
 
 
 class _Ideal:
-    """The same from every side."""
+    """Independent of the angle."""
 
     def __call__(self, cosine: mi.Float) -> mi.Float:
         return mi.Float(1)
@@ -235,7 +235,7 @@ class _CosinePower:
 
 
 class _Tabulated:
-    """Table over cos(theta); the cosine is taken to be at least 1e-6, for tables that are not zero at 90 degrees."""
+    """Table over cos(theta); the cosine is limited to at least 1e-6, for tables that are not zero at 90 degrees."""
 
     def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
         angles, responses = refine(angles, responses / responses[0])
@@ -246,7 +246,7 @@ class _Tabulated:
 
 
 def _response_of(stated: Parameters) -> _AngularResponse:
-    """The response of a phototransistor; raises `InputError` where its table is not allowed."""
+    """The response of a phototransistor; raises `InputError` for a table that is not allowed."""
     if stated.exponent is not None:
         return _CosinePower(stated.exponent)
     if stated.file is None:

@@ -1,4 +1,4 @@
-"""The silicone pad with its cells, deformed by a force on its top."""
+"""The silicone pad with its cells, deformed by a load."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_t
 from mitsuba_taxel.pads import Pad
 
 FLAT = 1e-5
-"""Distance of triangles from a wall, relative to the pad's height, that is as good as none."""
+"""Distance of triangles from a wall, relative to the pad's height, that is negligible."""
 
 
 class DeformablePad(mi.Mesh):
@@ -28,13 +28,13 @@ class DeformablePad(mi.Mesh):
     Deformable pad (:monosp:`deformable_pad`)
     -----------------------------------------
 
-    Solves for the deformation (or looks it up: solutions are kept on disk) and becomes the mesh of the deformed
-    surface, with the face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A
-    load beyond the first at which the pad touches itself, the board or a package, or is no longer stable, is refused.
+    Solves for the deformation (solutions are cached on disk) and becomes the mesh of the deformed surface, with the
+    face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A load
+    beyond that at which the pad first touches itself, the board or a package, or becomes unstable, is refused.
 
-    A finish is laid on the undeformed cells and carried by the deformation. Layer steps are treads at the multiples of
-    the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; what
-    lies along that direction stays, and a flat roof across it moves to the nearest level, by up to half a layer.
+    A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at the multiples
+    of the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; walls
+    along that direction are unchanged, and a flat roof across it moves to the nearest level, by up to half a layer.
     Grooves are V-shaped, with ridges where the distance from that centre along groove_direction is a multiple of the
     pitch. Random heights are Gaussian, with the correlation exp(-r^2 / correlation_length^2). Both are measured along
     the normal of the smooth wall, and are 0 on average.
@@ -84,7 +84,7 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
-            # What cannot be made is refused before it is solved for.
+            # Refuse what cannot be built before solving.
             if isinstance(self.pad, Pad):
                 least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
                 check_triangles(self.subdivision, least)
@@ -102,8 +102,8 @@ class DeformablePad(mi.Mesh):
         return tessellate(state, self.subdivision, self.finish, self.read_cells, self.pad)
 
     def _places(self, surface, vertices) -> Places:
-        """Where the mesh's vertices are; if there are mirrors, triangles share none, and those of mirrors have normals
-        of the curved walls."""
+        """The mesh's vertices; if there are mirrors, triangles share no vertices, and those of mirrors have normals of
+        the curved walls."""
         places = _placed(vertices, self.to_world)
         if not self.mirrors:
             return Places(places, None)
@@ -116,14 +116,13 @@ class DeformablePad(mi.Mesh):
 
     @property
     def undeformed(self) -> CellSurface:
-        """The same triangles without a load: one object for all pads of which it is the same."""
+        """The same triangles without a load: one object shared by all pads with the same undeformed surface."""
         cells = None if self.read_cells is None else tuple(self.read_cells)
         place = tuple(map(tuple, self.to_world.tolist()))
         return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, place)
 
     def deviating_places(self) -> list[Places] | None:
-        """Where the vertices would be if the pad were off by each of its `State.deviations`; None if these are
-        unknown."""
+        """The vertices with each of the pad's `State.deviations` added; None if these are unknown."""
         if self.state.deviations is None:
             return None
         displaced = (self.state.displacement + deviation for deviation in self.state.deviations)
@@ -132,12 +131,12 @@ class DeformablePad(mi.Mesh):
 
     @property
     def is_curved(self) -> bool:
-        """Whether triangles are off curved walls by more than what changes readings by some 1e-5."""
+        """Whether triangles deviate from curved walls by more than what changes readings by some 1e-5."""
         surface = self.surface
         return bool(np.abs(surface.offsets).max() > FLAT * np.ptp(surface.vertices[:, 2]))
 
     def chords(self) -> Places:
-        """Where the vertices would be on the curved walls themselves, so that triangles are their chords."""
+        """The vertices on the curved walls themselves, so that triangles are their chords."""
         return self._places(self.surface, self.surface.vertices)
 
     def closed(self) -> mi.Mesh:
@@ -155,17 +154,17 @@ class DeformablePad(mi.Mesh):
 
     @property
     def is_loaded(self) -> bool:
-        """Whether something displaces it: a load, or one that it remembers."""
+        """Whether the pad is displaced, by a load or by an earlier one."""
         return any(self.value) or (bool(self.prony) and any(map(any, self.history[1])))
 
     def at_rest(self):
-        """Its state before any load."""
+        """The unloaded state."""
         from mitsuba_taxel.mechanics import load_path
 
         return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how)[0]
 
     def state_under(self, value, obstacles=None):
-        """Its state with another value of its load at the end; see `load_path`."""
+        """The state under another final value of the load; see `load_path`."""
         from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
 
         if not (self.prony and self.is_loaded):
@@ -186,12 +185,12 @@ class DeformablePad(mi.Mesh):
 def _undeformed(mesh, subdivision, finish, cells, pad, to_world):
     from mitsuba_taxel.mechanics import tessellate
 
-    rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))  # all of a state that is looked at
+    rest: Any = SimpleNamespace(mesh=mesh, displacement=np.zeros_like(mesh.points))  # used parts of a state
     surface = tessellate(rest, subdivision, finish, cells, pad)
     vertices = _placed(surface.vertices, np.array(to_world))
     return CellSurface(vertices, surface.triangles, surface.region, surface.cell)
 
 
 def _placed(vertices, to_world):
-    # Not as a product of matrices: threads of its own, woken for so little, take several times as long on busy cores.
+    # Not as a matrix product: BLAS threads woken for so little take several times as long on busy cores.
     return np.einsum("vi,ji->vj", vertices, to_world[:3, :3]) + to_world[:3, 3]

@@ -24,10 +24,10 @@ class PhotoReflector(mi.Mesh):
     Photo-reflector (:monosp:`photo_reflector`)
     -------------------------------------------
 
-    Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two
-    faces, and the face attribute :monosp:`face_region` tells the three apart. Faces of which nothing is said absorb;
-    the dark centre of an LED belongs to its face. Defaults are those of the paper's NJL5908AR; a :monosp:`part` of the
-    catalogue brings its own dies.
+    Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two faces,
+    and the face attribute :monosp:`face_region` distinguishes the three. Regions without a BSDF absorb; the dark centre
+    of an LED belongs to its face. Defaults are those of the paper's NJL5908AR; a :monosp:`part` of the catalogue has
+    its own dies.
 
     .. tabs::
         .. code-tab:: xml
@@ -68,13 +68,13 @@ class PhotoReflector(mi.Mesh):
         detector.spread_film(self.rows, self.columns)
 
     def is_as_built(self) -> bool:
-        """Whether vertices and triangles are still those that LED and phototransistor were set into."""
+        """Whether vertices and triangles are unchanged since LED and phototransistor were set into them."""
         parameters, (vertices, triangles) = mi.traverse(self), self.built
         same = np.array_equal(parameters["faces"], triangles.ravel())
         return same and np.array_equal(parameters["vertex_positions"], vertices.astype(np.float32).ravel())
 
     def face_grid(self, name: str) -> FaceGrid:
-        """Where the faces called ``led`` or ``phototransistor`` lie."""
+        """Positions of the faces called ``led`` or ``phototransistor``."""
         centre = (self.centres[name], 0.0, self.body[2])
         return FaceGrid(self.to_world, centre, self.sizes[name], self.rows, self.columns, self.pitch)
 
@@ -99,7 +99,7 @@ class PhotoReflector(mi.Mesh):
         return all_vertices @ matrix[:3, :3].T + matrix[:3, 3], (triangles[None] + offsets).reshape(-1, 3)
 
     def _cuts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where lines parallel to the axes cut the top, so that both faces are unions of its cells."""
+        """Positions of grid lines on the top, such that both faces are unions of grid cells."""
         cuts: tuple[list[float], list[float]] = ([], [])
         for name, x in self.centres.items():
             for axis, centre in enumerate((x, 0.0)):
@@ -118,7 +118,7 @@ class PhotoReflector(mi.Mesh):
 
 
 def _phototransistor_of(props: mi.Properties) -> mi.Sensor:
-    """The phototransistor that is nested in it; raises `InputError` unless there is one, and one LED."""
+    """The nested phototransistor; raises `InputError` unless there is exactly one, and one LED."""
     for kind, plugin, what in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
         made = [value for _, value in props.objects() if isinstance(value, kind)]
         if len(made) != 1 or kind_of(made[0]) != plugin:
@@ -127,7 +127,7 @@ def _phototransistor_of(props: mi.Properties) -> mi.Sensor:
 
 
 def _cover_the_body(props: mi.Properties) -> None:
-    """Let a BSDF that tells no regions apart cover the body alone, and absorbing faces be all there is by default."""
+    """Let a BSDF other than a `region` cover the body alone; by default all faces absorb."""
     covers = [(name, value) for name, value in props.objects() if isinstance(value, mi.BSDF)]
     for name, cover in covers:
         if not is_region(cover):
