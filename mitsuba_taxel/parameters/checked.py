@@ -61,12 +61,12 @@ def check(part: Any) -> None:
     missing = []
     for name, parameter in parameters_of(type(part)).items():
         value = getattr(part, name)
-        hindrance = parameter.hindrance(part)
-        if hindrance and value is not None:
-            raise InputError(hindrance)
-        if value is None and not hindrance and parameter.default is REQUIRED:
+        conflict = parameter.conflict(part)
+        if conflict and value is not None:
+            raise InputError(conflict)
+        if value is None and not conflict and parameter.default is REQUIRED:
             missing.append(parameter)
-        elif not hindrance and (value is not None or parameter.default is not None):
+        elif not conflict and (value is not None or parameter.default is not None):
             given = parameter.default if value is None and parameter.is_conditional else value
             object.__setattr__(part, name, parameter.checked(given))
     if missing:

@@ -116,7 +116,7 @@ class Parameter:
     def _default_in_brackets(self) -> str:
         return f" (Default: {self.default_text})" if self.default_text else ""
 
-    def hindrance(self, given: Any) -> str:
+    def conflict(self, given: Any) -> str:
         """Why it is not allowed with the other values ``given``, as attributes of an object; empty if it is."""
         if self.when and (chosen := getattr(given, self.when[0])) not in self.when[1:]:
             words = ", ".join(map(repr, self.when[1:]))

@@ -2,5 +2,5 @@
 
 import lazy_loader
 
-# Plugins import modules of this package one by one, before any variant is set.
+# Plugins import modules of this package individually, before any variant is set.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,4 @@
-"""Where the light goes: of each emitted watt, what every surface absorbs, what is detected, what escapes."""
+"""Energy audit: shares of the emitted power that each surface absorbs, that are detected, and that escape."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
 DEFAULT_POINTS = 4096
 ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")
-"""Where light goes besides the surfaces."""
+"""Places where light ends besides the surfaces."""
 
 _WEIGHTED_REFLECTIONS = 8
 
@@ -43,17 +43,17 @@ class EnergyAudit:
     Attributes
     ----------
     places : tuple[str, ...]
-        (P,) where light ended. A surface is called by its shape's id, or else its kind, and by the region if it has
-        several (``deformable_pad roof``); its share is what it absorbed. Then come the :data:`ENDS`: ``detected`` is
-        what phototransistors absorbed, and so what landed on them unless they reflect; it is not weighted by their
-        response. ``lost by single scattering`` is what rough mirrors did not return of their reflectance, and
-        ``unfinished`` what was under way after the most reflections.
+        (P,) where light ended. A surface is named by its shape's id, or else its kind, and by the region if it has
+        several (``deformable_pad roof``); its share is what it absorbed. Then follow the :data:`ENDS`: ``detected`` is
+        what phototransistors absorbed, not weighted by their response. ``lost by single scattering`` is the light that
+        would meet a second facet of a rough mirror, and ``unfinished`` the power left after the largest number of
+        reflections.
     replicates : (R, P) ndarray
         Shares for each independent randomisation.
     points : int
         Light paths for each LED and replicate.
     seed : int
-        What the random numbers came from.
+        Seed of the random numbers.
     """
 
     places: tuple[str, ...]
@@ -73,7 +73,7 @@ class EnergyAudit:
 
     @property
     def total(self) -> float:
-        """Sum of all shares: 1 but for rounding, as each path's power is booked to the last."""
+        """Sum of all shares: 1 up to rounding, as all power of each path is accounted for."""
         return float(self.share.sum())
 
     @property
@@ -92,9 +92,9 @@ def energy_audit(
 ) -> EnergyAudit:
     """Follow the light of all LEDs to where it ends.
 
-    Paths are those of the scene's BSDFs, sampled from the light: no weight grows, and what a wall does not pass on is
-    booked there and then, in double precision. Runs of the same seed agree to some 1e-12, as sums are not always
-    formed in the same order. Where the integrator has a ``max_depth``, paths end there too.
+    Paths are sampled from the scene's BSDFs, starting at the light: weights never grow, and absorbed power is summed at
+    each wall in double precision. Runs of the same seed agree to some 1e-12, as the order of summation varies. If the
+    integrator has a ``max_depth``, paths end there too.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ def energy_audit(
     seed : int
         Whole number from 0 to 2**32 - 1.
     progress : Callable[[int, int], None], optional
-        Told how many sequences of points are done, and how many there are.
+        Called with the numbers of finished and of all sequences of points.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, or a scene that cannot be built or has no `annular_led` that shines.
+        if a value is not allowed, or the scene cannot be built or has no `annular_led` with power.
     ComputationError
         if a pad cannot be deformed as asked.
     """
@@ -127,12 +127,12 @@ def energy_audit(
     limit = getattr(ready.integrator, "max_depth", -1)
     limit = MOST_REFLECTIONS if limit < 0 else limit
     surfaces = _Surfaces(ready.scene)
-    replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress or _untold)
+    replicates, points = _trace_all(ready.scene, pairs, surfaces, int(points), int(seed), limit, progress or _silent)
     return EnergyAudit(*surfaces.sort(replicates / emitted), points, seed)
 
 
-def _untold(done: int, total: int) -> None:
-    """In place of a function that is told how far an audit is."""
+def _silent(done: int, total: int) -> None:
+    """Default progress function, which does nothing."""
 
 
 def _trace_all(
@@ -197,7 +197,7 @@ def _trace(
 
 
 class _Surfaces:
-    """All surfaces of a scene: each region of the meshes that have any, each other shape as a whole.
+    """All surfaces of a scene: each region of meshes with regions, each other shape as a whole.
 
     ``places`` are their names; the last stands for shapes that the scene does not list, such as those of an instance.
     """
@@ -225,7 +225,7 @@ class _Surfaces:
         self.last = dr.opaque(mi.UInt32, len(starts) - 1)
 
     def _add(self, shape: mi.Shape, name: str) -> np.ndarray:
-        """Note the surfaces of a shape; the number of its surface for each triangle, or one for all."""
+        """Register the surfaces of a shape; returns the number of the surface for each triangle, or one for all."""
         first, bsdf = len(self.places), shape.bsdf()
         if not (shape.is_mesh() and shape.has_attribute("face_region")[0]):
             self.places.append(name)
@@ -243,7 +243,7 @@ class _Surfaces:
         return first + inverse
 
     def read_reflectances(self) -> None:
-        """Take the reflectance of rough mirrors, which reflect less, as they now are; 0 stands for the others'."""
+        """Read the present reflectance of rough mirrors, which reflect less; 0 for all others."""
         rough = [getattr(bsdf, "scattering", "") == "rough_mirror" for bsdf in self.bsdfs]
         values = [bsdf.reflectance[0] if here else 0.0 for bsdf, here in zip(self.bsdfs, rough, strict=True)]
         self.reflectance = mi.Float(np.array(values, dtype=np.float32))
@@ -256,12 +256,13 @@ class _Surfaces:
         return dr.gather(mi.UInt32, self.table, start + stride * step.si.prim_index, step.hit)
 
     def unseen_share(self, surface: mi.UInt32, step: Step) -> mi.Float:
-        """Of the light that does not go on, the share that would meet a second facet."""
+        """Share of the light lost here that would meet a second facet."""
         reflectance = dr.gather(mi.Float, self.reflectance, surface, step.hit)
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
 
     def sort(self, shares: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Places and shares (R, P) to be shown: what rounding puts beside a phototransistor's rim is detected too."""
+        """Places and shares (R, P) for output; light that rounding puts beside a phototransistor's rim counts as
+        detected."""
         listed = len(self.places) - 1
         shares[:, listed + 1] += shares[:, self.sensitive].sum(axis=1)
         hidden = self.sensitive if shares[:, listed].any() else [*self.sensitive, listed]
@@ -270,7 +271,7 @@ class _Surfaces:
 
 
 def _names(shapes: list[mi.Shape]) -> list[str]:
-    """What to call each shape: its id, or its kind, with a number where several are called the same."""
+    """Name of each shape: its id, or its kind, with a number if several have the same name."""
     names = [shape.id() or kind_of(shape) for shape in shapes]
     alike, used = Counter(names), Counter[str]()
     result = []

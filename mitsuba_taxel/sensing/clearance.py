@@ -1,4 +1,4 @@
-"""Refuse scenes in which a deformed pad touches a package: contact is outside the model of the pad."""
+"""Refuse scenes in which a deformed pad touches a package, as that contact is not modelled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
 def refuse_contact(scene: mi.Scene) -> None:
-    """Raise where a `deformable_pad` of the scene touches the body of a `photo_reflector`.
+    """Raise if a `deformable_pad` of the scene touches the body of a `photo_reflector`.
 
     Raises
     ------

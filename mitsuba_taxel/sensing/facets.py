@@ -1,7 +1,7 @@
-"""What the facets of curved walls do to readings: the light is traced once more, past triangles that are their chords.
+"""Error of readings by the facets of curved walls: light is traced once more with triangles that are chords.
 
-The triangles that readings are taken with have the mean of the walls. What that leaves is of the same order in their
-size as what it mends, and a small part of it.
+The triangles used for readings match the walls on average. The remaining error is of the same order in their size as
+the correction, and a small part of it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from mitsuba_taxel.sensing.mechanics_error import moved
 
 
 def curved_pads(scene: mi.Scene) -> list[Any]:
-    """The `deformable_pad`s of a scene whose triangles are off their walls by more than nothing."""
+    """The `deformable_pad`s of a scene whose triangles deviate from their walls."""
     return [shape for shape in scene.shapes() if getattr(shape, "is_curved", False)]
 
 
 @contextmanager
-def past_chords(scene: mi.Scene) -> Iterator[None]:
-    """Have the triangles of curved walls be their chords for a while."""
+def with_chords(scene: mi.Scene) -> Iterator[None]:
+    """Temporarily replace the triangles of curved walls by chords."""
     pads = curved_pads(scene)
     with stages.stage("load"):
         chords = [pad.chords() for pad in pads]

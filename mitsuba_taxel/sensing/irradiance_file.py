@@ -20,7 +20,7 @@ def write_irradiance(readings: Readings, file: Path) -> None:
     Raises
     ------
     InputError
-        if the readings were taken without a map.
+        if the readings have no map.
     """
     import OpenEXR
 

@@ -23,16 +23,16 @@ from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.targets import (
     FLAT,
     NEGLIGIBLE,
-    Aimed,
     Geometry,
     Mechanics,
+    PreparedFor,
     Settings,
-    aim,
     deviation_points,
     geometry_of,
     geometry_points,
     mechanics_of,
     points_for,
+    prepare_for,
 )
 from mitsuba_taxel.sensing.taxels import taxels_of
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing.scene_rates import Rates
 
 LIGHT_ERROR = 0.005
-"""Relative standard error of the light where nobody asks for anything."""
+"""Default relative standard error of the light."""
 
 
 def measure(
@@ -56,40 +56,39 @@ def measure(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> Readings:
-    """Readings of all taxels of a scene; threads that ask for some at the same time take turns.
+    """Readings of all taxels of a scene; concurrent calls from several threads are serialised.
 
     Parameters
     ----------
     scene : Scene or str or Path or Any
-        A :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or what :func:`prepare` returned.
+        A :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or the result of :func:`prepare`.
     target_error : float, optional
-        Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene`
-        leaves open get one that is fine enough. Pilot runs with other random numbers choose how many points it takes;
-        they do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
+        Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
+        not fix get one that is fine enough. The number of points is chosen by pilot runs with other random numbers,
+        which do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
     points : int, optional
         Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
     time_budget : float, optional
-        Seconds after which no finer mesh and no further points are begun. Alone, it is used up; together with a target
-        or a number of points the run ends at whichever comes first. At least 256 points are traced in any case.
+        Seconds after which no finer mesh and no further points are started. Alone, it is used up; with a target or a
+        number of points the run ends at whichever comes first. At least 256 points are traced in any case.
     seed : int
         Whole number from 0 to 2**32 - 1.
     irradiance : bool
-        Whether to return the irradiance map as well.
+        Whether to return the irradiance map.
     mechanics_error : bool
-        Whether to find out what the errors of the pads' shape do to the readings, by short traces.
+        Whether to estimate the errors of the readings due to those of the pads' shape, by short traces.
     continued : Readings, optional
-        Readings of the same scene and seed, of 256 points or more, that this run goes on from: with ``points`` it gives
-        what a run of so many points from the start would give (under Mitsuba's own integrators an estimate that is as
-        good).
+        Readings of the same scene and seed, of 256 points or more, that this run extends: with ``points`` the result
+        equals that of a single run of as many points (under Mitsuba's own integrators it is an equally good estimate).
     derivatives : Sequence[str]
-        Parameters to differentiate the readings by: those of the scene, components of the load (fx, fy, fz, ux, uy,
-        uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``. For cells with diffuse
-        walls; the scene must be a `Scene`, a path or a name.
+        Parameters with respect to which the readings are differentiated: those of the scene, components of the load
+        (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``. For
+        cells with diffuse walls; the scene must be a `Scene`, a path or a name.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, a scene that cannot be built or read, or a derivative that there is none of.
+        if a value is not allowed, the scene cannot be built or read, or a derivative does not exist.
     ComputationError
         if a pad cannot be deformed as asked.
     """
@@ -110,7 +109,7 @@ def measured(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
-    """What :func:`measure` returns, and the scene as it was read: more may be asked of it without loading it anew."""
+    """The result of :func:`measure`, and the scene that was read, for further use without reloading."""
     check_request(target_error, points, seed, time_budget, derivatives)
     check_flags(irradiance=irradiance, mechanics_error=mechanics_error)
     if continued is not None:
@@ -120,39 +119,41 @@ def measured(
     clock = Clock(time_budget)
     changes = _changes(scene, derivatives)
     with stages.record() as seconds, stages.stage("optics"):
-        aimed = _aimed(scene, target_error, points, seed, clock, mechanics_error, continued)
-        run = Run(aimed.ready, seed, irradiance, continued)
-        run.go_on(aimed.settings.points, clock)
+        prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued)
+        run = Run(prepared.ready, seed, irradiance, continued)
+        run.go_on(prepared.settings.points, clock)
     if not np.all(np.isfinite(run.powers)):
         raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
-    live = aimed.ready.scene
+    live = prepared.ready.scene
     result = Readings(
         run.powers,
         run.points,
         seed,
         seconds,
-        parameters=aimed.ready.parameters,
+        parameters=prepared.ready.parameters,
         irradiance=run.image,
         responsivity=_responsivity(live),
-        deviation=aimed.mechanics.deviation,
-        facets=_facets(aimed.geometry, run.powers.shape[1]) if mechanics_error else None,
-        mesh_size=aimed.settings.mesh_size,
+        deviation=prepared.mechanics.deviation,
+        facets=_facets(prepared.geometry, run.powers.shape[1]) if mechanics_error else None,
+        mesh_size=prepared.settings.mesh_size,
         derivatives=_derivatives(changes, live, seconds) if changes else None,
         roof_errors=roof_errors(live) if mechanics_error else [],
     )
     bare = target_error is None and points is None and time_budget is None
-    result.remarks.extend([*aimed.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
+    result.remarks.extend(
+        [*prepared.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)]
+    )
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
         result.remarks.append(f"time budget used up after {result.points} points")
-    return result, aimed.ready
+    return result, prepared.ready
 
 
 def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
-    """How the scene changes with some of its parameters."""
+    """Rates of change of the scene with some of its parameters."""
     wanted = names_of("derivatives", names)
     if not wanted:
         return []
-    from mitsuba_taxel.sensing.scene_rates import rates  # a reading without derivatives does without
+    from mitsuba_taxel.sensing.scene_rates import rates  # needed for derivatives only
 
     scene = described(scene)
     if not isinstance(scene, Scene):
@@ -169,7 +170,7 @@ def _derivatives(changes: list[Rates], live: Any, seconds: dict[str, float]) -> 
     return result
 
 
-def _aimed(
+def _prepared(
     scene: Any,
     target_error: float | None,
     points: int | None,
@@ -177,13 +178,13 @@ def _aimed(
     clock: Clock,
     mechanics_error: bool,
     continued: Readings | None,
-) -> Aimed:
-    """The scene made ready, on the mesh and with the points that it takes."""
+) -> PreparedFor:
+    """The prepared scene, with the mesh and the number of points needed."""
     scene = described(scene)
     if continued is not None and isinstance(scene, Scene):
         scene = scene.with_mesh_size(continued.mesh_size)
     elif target_error is not None:
-        return aim(scene, target_error, seed, clock)
+        return prepare_for(scene, target_error, seed, clock)
     mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     ready = prepare(scene)
     geometry = FLAT
@@ -196,7 +197,7 @@ def _aimed(
     mechanics = Mechanics(None, 0.0)
     if mechanics_error:
         mechanics = mechanics_of(ready, seed, deviation_points(clock, points))
-    return Aimed(ready, mechanics, geometry, Settings(points, mesh_size))
+    return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
 
 
 @in_turn
@@ -205,12 +206,12 @@ def crosstalk(
 ) -> Crosstalk:
     """Power that each LED brings to each phototransistor.
 
-    Parameters are those of :func:`measure`; a target error counts for the taxels' own readings.
+    Parameters are those of :func:`measure`; a target error applies to the taxels' own readings.
 
     Raises
     ------
     InputError
-        as :func:`measure`, and where the scene's integrator is one of Mitsuba's own, under which all LEDs are lit.
+        as :func:`measure`, and if the scene's integrator is one of Mitsuba's own, under which all LEDs are lit.
     """
     check_request(target_error, points, seed)
     ready = prepare(scene)
@@ -227,12 +228,12 @@ def crosstalk(
 
 
 def _facets(geometry: Geometry, taxels: int) -> np.ndarray:
-    """(T,) W, as in `Readings`, where it was asked for."""
+    """(T,) W, as in `Readings`, if requested."""
     return np.zeros(taxels) if geometry.facets is None else geometry.facets
 
 
 def _responsivity(live: Any) -> np.ndarray | None:
-    """(T,) A/W; None where LEDs and phototransistors do not pair up."""
+    """(T,) A/W; None if LEDs and phototransistors cannot be paired."""
     try:
         pairs = taxels_of(live)
     except InputError:
@@ -271,12 +272,12 @@ def check_request(
     time_budget: float | None = None,
     derivatives: Sequence[str] = (),
 ) -> None:
-    """Refuse what :func:`measure` cannot be asked for; see there for the parameters.
+    """Refuse invalid arguments of :func:`measure`; see there for the parameters.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, both a target and a number of points, or a time budget for derivatives.
+        if a value is not allowed, or for both a target and a number of points, or a time budget for derivatives.
     """
     if time_budget is not None and len(derivatives):
         raise InputError(

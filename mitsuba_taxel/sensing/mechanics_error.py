@@ -1,8 +1,7 @@
-"""What the error of the mechanics does to readings: the light is traced once more through pads displaced by each of
-its parts.
+"""Error of readings by that of the mechanics: light is traced once more through pads displaced by each of its parts.
 
-All traces share their random numbers, so that few points tell a small change. A reading may rise with one part of the
-error and fall with another, whose sizes are known but not their signs: added up they would cancel by chance.
+All traces share their random numbers, so that few points resolve a small change. A reading may rise with one part of
+the error and fall with another; as their sizes are known but not their signs, a sum could cancel by chance.
 """
 
 from __future__ import annotations
@@ -23,22 +22,22 @@ if TYPE_CHECKING:
 
 
 def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
-    """Of each loaded pad, what its mechanics is off by; None where that is unknown."""
+    """Error of the mechanics of each loaded pad; None if unknown."""
     with stages.stage("mechanics"):
         return [pad.state.error for pad in loaded_pads(scene)]
 
 
 def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
-    """(R, T) W, powers, and (2, R, T) W, by how much they change with each part of what coarser finite elements do.
+    """(R, T) W, powers, and (2, R, T) W, their changes by the two parts of the deviation of coarser finite elements.
 
     Parameters
     ----------
     powers : Callable[[], ndarray]
-        Traces the scene as it is, always with the same random numbers; (R, T) W.
+        Traces the present scene, always with the same random numbers; (R, T) W.
 
     Returns
     -------
-    In place of the changes None, if the error of a pad is not known. Pads are as before when this returns.
+    None instead of the changes if the error of a pad is unknown. Pads are restored on return.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
@@ -54,13 +53,13 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
 
 
 def combined(changes: np.ndarray) -> np.ndarray:
-    """Changes (2, ...) as one: the root of the sum of their squares, with the sign of the first."""
+    """Changes (2, ...) combined: the root of the sum of their squares, with the sign of the first."""
     return np.copysign(np.hypot(*changes), changes[0])
 
 
 @contextmanager
 def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[None]:
-    """Have the vertices of pads at other places for a while."""
+    """Temporarily move the vertices of pads."""
     homes = [places_of(pad) for pad in pads]
     _move(scene, pads, places)
     try:

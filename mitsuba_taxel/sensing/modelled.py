@@ -1,4 +1,4 @@
-"""What a scene may hold so that its readings are right; the rest is refused, whoever asks: `measure` or a check."""
+"""Refusal of scenes whose readings would be wrong, common to `measure` and `taxel check`."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ OF_MITSUBA = {
     "VolumetricPathIntegrator": "volpath",
     "VolpathMisIntegratorImpl": "volpathmis",
 }
-"""Class and plugin of those of Mitsuba's integrators that estimate the whole power; the rest leave some of it out."""
+"""Class and plugin of Mitsuba's integrators that estimate the whole power; others leave some of it out."""
 _THROUGH_MEDIA = ("volpath", "volpathmis")
 LARGEST_REACH = 1000.0
-"""Distance from the origin at which LEDs and phototransistors may lie, over the side of their faces. There, 250 mm with
-the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
+"""Largest distance of LEDs and phototransistors from the origin, relative to the side of their faces. There, 250 mm
+with the NJL5908AR, rounding in single precision changes readings of a domed cell by 0.04 %."""
 LARGEST_STEP = 0.01
-"""Distance from a surface at which Mitsuba's own integrators start rays, over the side of a face. It grows with that
-from the origin; there, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
+"""Largest ray offset of Mitsuba's own integrators, relative to the side of a face. It grows with the distance from the
+origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
 
 
 def refuse_unmodelled(scene: Any, integrator: Any) -> None:
-    """Raise where readings of a scene would leave out light, or be wrong otherwise.
+    """Raise if readings of a scene would leave out light, or be wrong otherwise.
 
     Parameters
     ----------
     scene : Any
-        The ``mi.Scene``, or what has its ``shapes()``, ``emitters()`` and ``sensors()``.
+        The ``mi.Scene``, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
     integrator : Any
-        That is to read it.
+        The integrator that reads it.
 
     Raises
     ------
     InputError
-        if the scene holds what the integrator does not see, LEDs and phototransistors do not pair up, or another
-        surface lies where one of them is.
+        if the integrator does not support the scene, LEDs and phototransistors cannot be paired, or another surface
+        coincides with one of them.
     ComputationError
         if a deformed pad touches a package.
     """
@@ -76,7 +76,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
 
 
 def _refuse_instances(scene: Any) -> None:
-    """What is in an instance is not seen from outside: walls without bound, tables of reflectance, media."""
+    """Contents of an instance cannot be inspected: unbounded walls, tables of reflectance, media."""
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
             raise InputError("instance is not allowed: its walls cannot be looked at; put the shape itself there.")
@@ -105,7 +105,7 @@ def _refuse_samplers(scene: Any) -> None:
 
 
 def _refuse_moved_packages(scene: Any) -> None:
-    """Raise where a package is no longer where its LED and phototransistor are taken to be."""
+    """Raise if a package was moved, so that its LED and phototransistor are elsewhere."""
     for shape in scene.shapes():
         if is_package(shape) and not shape.is_as_built():
             raise InputError(

@@ -1,6 +1,6 @@
-"""What was left out for a scene, and why: what it does not hold is neither imported, meshed, solved nor traced.
+"""Work omitted for a scene, with reasons: what it does not need is not imported, meshed, solved or traced.
 
-Every line follows from the loaded scene, never from what its file may have meant.
+Every line is derived from the loaded scene, not from its file.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import State
 
 _PARTS = {1: "half", 2: "a quarter", 4: "an eighth"}
-"""What is left of a pad by so many mirrors."""
+"""Remaining part of a pad by the number of mirrors."""
 _PLANES = {"x": "x = 0", "y": "y = 0", "xy": "y = x", "-xy": "y = -x"}
 """The plane of each mirror, by its name."""
 _SPECULAR = ("mirror", "mixed", "rough_mirror")
 """Walls for which `taxel_tracer` makes a pilot run, see `guided_emission`."""
 _FLAT = 4e-7
-"""Distance from a common plane, relative to the largest coordinate, that single precision does not tell from none."""
+"""Distance from a common plane, relative to the largest coordinate, within the error of single precision."""
 
 
 def left_out(
     ready: Prepared, *, irradiance: bool = False, crosstalk: bool = False, began: float | None = None
 ) -> list[str]:
-    """What the readings of a scene leave out, one line each with its reason.
+    """Work omitted in the readings of a scene, one line each with the reason.
 
     Parameters
     ----------
     ready : Prepared
         The scene, from `prepare`.
     irradiance, crosstalk : bool
-        Whether the irradiance map, or each LED on each phototransistor, is asked for as well.
+        Whether the irradiance map, or each LED on each phototransistor, is requested.
     began : float, optional
-        ``time.time()`` before the scene was loaded for the first time; with it, it is said where neither mesh nor
-        solution has been computed since, because all were kept on disk.
+        ``time.time()`` before the scene was first loaded; if given, the lines tell whether all meshes and solutions
+        came from the disk cache.
 
     Raises
     ------
     InputError
-        where LEDs and phototransistors do not pair up.
+        if LEDs and phototransistors cannot be paired.
     """
     scene = ready.scene
     pads = deformed_pads(scene)
@@ -68,13 +68,13 @@ def left_out(
         lines.append(f"no crosstalk asked for: {taxels} pairs of LED and phototransistor traced, not {taxels**2}")
     if not irradiance:
         lines.append("no irradiance map asked for: none accumulated")
-    if mi.variant().endswith("_mono") or traces_taxels(ready.integrator):  # which reads the first alone
+    if mi.variant().endswith("_mono") or traces_taxels(ready.integrator):  # which traces the first only
         lines.append("one narrow band of wavelengths: one channel traced, not three")
     return list(dict.fromkeys(lines))
 
 
 def _of_pad(pad: Any) -> Iterator[str]:
-    """What the mechanics of one pad leave out."""
+    """Work omitted in the mechanics of one pad."""
     if not pad.is_loaded:
         yield "pad without load: no error of the mechanics to find out"
         if pad.mesh_tolerance is None:
@@ -91,7 +91,7 @@ def _of_pad(pad: Any) -> Iterator[str]:
 
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
-    """Where each segment of the path to a state ends, and the mirrors that leave pad and segment as they are."""
+    """End of each segment of the path to a state, and the mirrors under which pad and segment are invariant."""
     from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
     if not state.value.any():
@@ -100,14 +100,14 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
     segments = [(state.value, mirrors)]
     if len(state.value) == 3:
         normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0
-        direction = np.round(tangential / (np.hypot(*tangential[:2]) or 1.0), 12)  # as `load_path` has it
+        direction = np.round(tangential / (np.hypot(*tangential[:2]) or 1.0), 12)  # as in `load_path`
         keeping = [mirror for mirror in mirrors if np.array_equal(mirror.image(direction), direction)]
         segments = [(normal, mirrors)] * bool(normal.any()) + [(state.value, keeping)] * bool(tangential.any())
     yield from ((end, kept) for end, kept in segments if kept)
 
 
 def _all_kept_before(began: float) -> bool:
-    """Whether the folder of kept meshes and solutions can take new ones, and has none since ``began``."""
+    """Whether the cache of meshes and solutions is writable, and has no new ones since ``began``."""
     from mitsuba_taxel.mechanics.path import cache
 
     folder = cache.folder()
@@ -116,7 +116,7 @@ def _all_kept_before(began: float) -> bool:
 
 
 def _of_cells(pads: list[Any], pairs: list[TaxelPair]) -> Iterator[str]:
-    """Which cells of pads are cut coarsely, or not traced."""
+    """Cells of pads that are coarsely triangulated, or not traced."""
     cells = [set(np.unique(pad.state.mesh.face_cell)) - {0} for pad in pads]
     total = sum(map(len, cells))
     coarse = sum(len(all_ - set(pad.read_cells or all_)) for pad, all_ in zip(pads, cells, strict=True))
@@ -131,7 +131,7 @@ def _of_cells(pads: list[Any], pairs: list[TaxelPair]) -> Iterator[str]:
 
 
 def _middle(pad: Any, cell: int) -> np.ndarray:
-    """(3,) middle of a cell of the deformed pad in the world, in mm."""
+    """(3,) centre of a cell of the deformed pad in the world, in mm."""
     mesh = pad.state.mesh
     nodes = np.unique(mesh.faces[mesh.face_cell == cell])
     middle = (mesh.points + pad.state.displacement)[nodes].mean(axis=0)
@@ -139,7 +139,7 @@ def _middle(pad: Any, cell: int) -> np.ndarray:
 
 
 def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
-    """Where paths of light end, and which are not looked for."""
+    """Where paths of light end, and which are not sampled."""
     scene, integrator = ready.scene, ready.integrator
     surfaces = [surface for shape in scene.shapes() for surface in _surfaces(shape)]
     absorbing = dict.fromkeys(name for name, wall, _ in surfaces if _absorbs(wall))
@@ -157,7 +157,7 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
 
 
 def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
-    """Name and wall of each region of a shape, and (N, 3) points between which it lies; None where none are known."""
+    """Name and wall of each region of a shape, and (N, 3) points whose hull contains it; None if unknown."""
     bsdf, parameters = shape.bsdf(), mi.traverse(shape)
     kind = shape.class_name().lower()
     if not (shape.is_mesh() and shape.has_attribute("face_region")):
@@ -177,13 +177,13 @@ def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
 
 
 def _absorbs(wall: Any) -> bool:
-    """Whether a wall reflects nothing; None stands for a region of which nothing is said."""
+    """Whether a wall reflects nothing; None stands for a region without a BSDF."""
     reflectance = getattr(wall, "reflectance", None)
     return wall is None or (reflectance is not None and float(reflectance[0]) == 0)
 
 
 def _in_one_plane(reflecting: list[np.ndarray | None]) -> bool:
-    """Whether points of all that reflects lie in one plane, so that none of it sees any other."""
+    """Whether points of all reflecting surfaces lie in one plane, so that none sees another."""
     known = [points for points in reflecting if points is not None]
     if not known or len(known) < len(reflecting):
         return False

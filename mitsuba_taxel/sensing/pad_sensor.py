@@ -37,28 +37,27 @@ class PadSensor(Displayed):
     Parameters
     ----------
     pad, material : Pad and Material or Viscoelastic
-        The silicone; a material's law is `NeoHookean`, `MooneyRivlin` or `Yeoh`, or such a one with a memory,
-        `Viscoelastic`.
+        The silicone; its law is `NeoHookean`, `MooneyRivlin` or `Yeoh`, or `Viscoelastic` with one of these.
     force : sequence of float
         Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
     load : Load
-        How it acts: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`; for `PlateDisplacement` and
+        Kind of load: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`; for `PlateDisplacement` and
         `IndenterDisplacement` ``force`` is the displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa.
     photo_reflector : PhotoReflector
-        Its rows, columns and pitch are those of the pad, whatever it says.
+        Its rows, columns and pitch are replaced by those of the pad.
     roof, side : Wall
-        What covers the cells.
+        Walls of the cells.
     time : float
-        When the load is there, in s, for a `Viscoelastic` material.
+        Time at which the load is reached, in s, for a `Viscoelastic` material.
     history : sequence of (float, sequence of float)
-        Times and values of the load before, between which it goes evenly, for such a material.
+        Earlier times and values of the load, linear in between, for such a material.
     finish : LayerSteps or Grooves or RandomRoughness, optional
-        What the mould left on roof and side: `LayerSteps`, `Grooves` or `RandomRoughness`; None is smooth.
+        Texture of roof and side; None is smooth.
 
     Raises
     ------
     InputError
-        if a part is of another kind.
+        if a part is of another type.
     """
 
     pad: Pad = field(default_factory=Pad)
@@ -110,7 +109,7 @@ class PadSensor(Displayed):
         return Scene(description)
 
     def _parts(self) -> tuple[DeformablePad, PhotoReflector]:
-        """What the plugins are told; raises `InputError` where one of them would refuse it."""
+        """Specifications of the plugins; raises `InputError` if one of them is invalid."""
         pad, walls = self.pad, Region(roof=self.roof, side=self.side)
         past = {"time": self.time, "history": _rows(self.history)}
         deformed = DeformablePad.of(pad, self.material, self.load, self.force, self.finish, bsdf=walls, **past)
@@ -118,7 +117,7 @@ class PadSensor(Displayed):
 
 
 def _rows(history: object) -> str:
-    """Times and values of a load as a scene states them; raises `InputError`."""
+    """Times and values of a load in the format of a scene; raises `InputError`."""
 
     def is_row_of_load(row: Any) -> bool:
         return is_row(row, lambda part: is_number(part) or is_row(part, is_number)) and len(row) == 2

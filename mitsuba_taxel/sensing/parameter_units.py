@@ -1,4 +1,4 @@
-"""Units of a scene's own parameters: those of what they stand for in it."""
+"""Units of a scene's own parameters, from those of the plugins' parameters that use them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from mitsuba_taxel.parameters import Number, Parameter
 from mitsuba_taxel.specification import specifications
 
 _NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
-"""A parameter that stands for a number alone, or for a component of a vector."""
+"""A parameter used as a number, or as a component of a vector."""
 
 
 def units_of_parameters(scene: Path) -> dict[str, str]:
-    """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` where it has none.
+    """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` if dimensionless.
 
-    It is that of the plugins' parameters, and of translations and rotations, for which it stands; what stands for
-    several, in different units, has none.
+    It is that of the plugins' parameters, translations and rotations that use it; a parameter used in different units
+    is left out.
     """
     units: dict[str, set[str]] = {}
     for unit, text in _places(scene):
@@ -28,7 +28,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
 
 
 def _places(scene: Path) -> Iterator[tuple[str, str]]:
-    """Units, and the values of attributes that are in them."""
+    """Pairs of a unit and the value of an attribute in that unit."""
     for element in ElementTree.parse(scene).iter():
         stated = specifications().get(element.get("type", ""))
         parameters = {} if stated is None else stated.values()

@@ -1,4 +1,4 @@
-"""The parts of a scene that is parsed but not built: what they refuse is found out in milliseconds."""
+"""Checks of the parts of a scene that is parsed but not built, in milliseconds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 
 def refusal_of(scene: Scene) -> InputError | None:
-    """Why a plugin of this package would refuse what a scene says of it; None where none does."""
+    """The error that a plugin of this package would raise for a scene, or None."""
     with scene.files_beside_it():
         try:
             nodes = scene.parsed(parser_config(activate_variant())).nodes
@@ -31,7 +31,7 @@ def refusal_of(scene: Scene) -> InputError | None:
 
 
 class _Props:
-    """Properties of a parsed part, with the objects that are nested in it as they are once it is built."""
+    """Properties of a parsed part, with nested objects in the form that they have when built."""
 
     def __init__(self, props: Any, nodes: Any) -> None:
         self._props, self._nodes = props, nodes
@@ -52,6 +52,6 @@ _REFERENCE = mi.Properties.Type.ResolvedReference
 
 
 def _part(node: Any, nodes: Any) -> Any:
-    """The Python object that a node stands for; None where it is no plugin of this package."""
+    """The Python object of a node; None if it is not a plugin of this package."""
     stated = specifications().get(node.props.plugin_name())
     return None if stated is None else stated.read(_Props(node.props, nodes))

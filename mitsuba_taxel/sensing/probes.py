@@ -1,4 +1,4 @@
-"""What a few rays tell of a scene before it is read: light that never ends, and paths that would hardly find it."""
+"""Test rays that detect unreadable scenes: light that never ends, and gaps that paths hardly enter."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from mitsuba_taxel.sensing.ray_paths import Step, emit, follow
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 NARROWEST_GAP = 0.14
-"""Distance from a phototransistor to what lies before it, over that to its LED, at which `taxel_path` still finds the
-light's way: below, one path in a thousand does, with far more weight than all others, and 256 points may miss it."""
+"""Least distance from a phototransistor to the wall before it, relative to that from its LED, for `taxel_path`: below,
+one path in a thousand finds the light, with far more weight than all others, and 256 points may miss it."""
 _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
-"""If so many paths after so many reflections leave that share under way, 1e-4 is left after 131072 reflections."""
+"""If this share of the light is left after these reflections, 1e-4 is left after 131072 reflections."""
 
 
 def refuse_unreadable(scene: mi.Scene, integrator: Any) -> None:
-    """Raise a ComputationError for a scene whose light never ends, or hardly comes into the paths of `taxel_path`."""
+    """Raise a ComputationError for a scene whose light never ends, or is hardly found by paths of `taxel_path`."""
     if getattr(integrator, "max_depth", None) in (None, -1):
         _refuse_endless_light(scene)
     if kind_of(integrator) == "taxel_path":
@@ -35,7 +35,7 @@ def refuse_unreadable(scene: mi.Scene, integrator: Any) -> None:
 def _refuse_endless_light(scene: mi.Scene) -> None:
     ends = (*scene.emitters(), *scene.sensors())
     if not all(has_faces(end) and _may_return_all(end) for end in ends):
-        return  # in a closed cavity light comes to the faces, and ends there
+        return  # in a closed cavity light reaches the faces, and ends there
     for pair in taxels_of(scene):
         set_wavelength(scene, [pair.led])
         if float(pair.led.power[0]) > 0 and _share_under_way(scene, pair) > _LEFT:
@@ -46,7 +46,7 @@ def _refuse_endless_light(scene: mi.Scene) -> None:
 
 
 def _may_return_all(end: Any) -> bool:
-    """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or nothing is known of that."""
+    """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or its reflectance is unknown."""
     cover = end.get_shape().bsdf()
     name = "led" if is_led(end) else "phototransistor"
     wall = wall_at(cover, name)

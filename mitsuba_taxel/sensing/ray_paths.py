@@ -1,4 +1,4 @@
-"""Paths of light as they happen: followed from wall to wall, and a sample of them to look at."""
+"""Analog light paths: traced from wall to wall, and samples of them for pictures."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.sensing.taxels import refuse_shared_places, taxels_of
 
 MOST_VERTICES = 64
-"""Vertices after which a sampled path is cut off, its start counted."""
+"""Most vertices of a sampled path, its start included."""
 MOST_PATHS = 100_000
-"""Most paths that :func:`sample_paths` returns: each is drawn."""
+"""Most paths that :func:`sample_paths` returns."""
 _BATCH = 1 << 14
 _MOST_BATCHES = 64
 
 
 class Step(NamedTuple):
-    """Where paths meet a surface, or leave the scene; one entry for each path.
+    """One step of paths, to a surface or out of the scene; one entry per path.
 
-    ``active`` are those that had not ended before and ``hit`` those of them that meet a surface; ``depth`` counts the
-    reflections before. ``power`` [W] arrives along ``ray``, and ``onward`` [W] is reflected; ``weight`` is what the
-    BSDF says of the expected share that is.
+    ``active`` are those that had not ended before, and ``hit`` those of them that meet a surface; ``depth`` is the
+    number of earlier reflections. ``power`` [W] arrives along ``ray``, and ``onward`` [W] is reflected; ``weight`` is
+    the expected reflected share according to the BSDF.
     """
 
     depth: mi.UInt32
@@ -65,9 +65,9 @@ def follow(
 ) -> None:
     """Follow light along ``ray`` from wall to wall, and call ``visit`` at each step.
 
-    Paths of the first ``weighted`` reflections carry on what the walls reflect. Later ones are reflected whole or not
-    at all, as often as the share says: that keeps the expected power of everything that is visited, ends the paths,
-    and loses no power on the way. After ``most_reflections`` a path is left, with its last ``onward`` unspent.
+    For the first ``weighted`` reflections paths carry the reflected share of their power. Later ones are reflected
+    entirely or not at all, with the share as probability: that preserves all expected powers, ends the paths, and loses
+    no power on the way. After ``most_reflections`` a path is abandoned, with its last ``onward`` unspent.
     """
     context = mi.BSDFContext(mi.TransportMode.Importance)
     depth = mi.UInt32(0)
@@ -90,7 +90,7 @@ def follow(
 
 
 def landed(pair: TaxelPair, step: Step) -> tuple[mi.Bool, mi.UInt32]:
-    """Whether light lands on the front of a phototransistor of the pair, and on which."""
+    """Whether light hits the front of a phototransistor of the pair, and which."""
     nearest, _ = pair.sensor.faces.locate(step.si.p)
     inside, _ = pair.sensor.contains(nearest, step.si.p)
     in_front = dr.dot(step.ray.d, pair.sensor.normal) < 0
@@ -105,15 +105,15 @@ class RayPaths:
     ----------
     vertices : list of ndarray
         For each path (n, 3) positions in mm, n from 2 to 64: the LED, each reflection, the end. A path that escapes
-        ends a little way along its last direction.
+        ends shortly after its last reflection.
     reached : (N,) ndarray
         Whether each has reached the taxel's own phototransistor.
     power : (N,) ndarray
-        Power in W that each stands for.
+        Power in W that each represents.
     taxel : int
         Number of the taxel, from 1.
     drawn, arrived : int
-        How many paths were drawn for this sample, and how many of those have reached.
+        Number of paths traced for this sample, and of those that reached the phototransistor.
     """
 
     vertices: list[np.ndarray]
@@ -133,10 +133,10 @@ def sample_paths(
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> RayPaths:
-    """Paths of light from a taxel's LED, up to half of them such as reach its phototransistor.
+    """Paths of light from a taxel's LED, up to half of them reaching its phototransistor.
 
-    At each wall a path is reflected or ends, as often as the wall's reflectance says, so each stands for the same
-    power: that of the LED divided by how many were drawn. Up to 1048576 are drawn for enough that reach.
+    At each wall a path is reflected or absorbed with the wall's reflectance as probability, so each represents the same
+    power: that of the LED divided by the number of paths traced. Up to 1048576 are traced to find enough that reach it.
 
     Parameters
     ----------
@@ -145,16 +145,16 @@ def sample_paths(
     taxel : int
         Number of the taxel, from 1.
     count : int
-        Paths to return, 1 to 100000; fewer that reach are made up for by others.
+        Paths to return, 1 to 100000; if too few reach the phototransistor, others fill up the number.
     seed : int
         Whole number from 0 to 2**32 - 1.
     progress : Callable[[int, int], None]
-        Told how many of the paths that reach are found, and how many are wanted.
+        Called with the numbers of reaching paths found and wanted.
 
     Raises
     ------
     InputError
-        for a value that is not allowed, or a scene without `annular_led` and `phototransistor`.
+        if a value is not allowed, or the scene has no `annular_led` and `phototransistor`.
     """
     if not (isinstance(count, Integral) and 1 <= count <= MOST_PATHS):
         raise InputError(f"count = {count} is not allowed: a whole number from 1 to {MOST_PATHS} is needed.")
@@ -200,7 +200,7 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
 
 
 def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Vertices of one batch of paths, and whether each has reached."""
+    """Vertices of one batch of paths, and whether each reached the phototransistor."""
     sampler = make_plugin("independent")
     sampler.seed(seed, _BATCH)
     lane = dr.arange(mi.UInt32, _BATCH)

@@ -1,4 +1,4 @@
-"""What phototransistors read, with its error and its cost."""
+"""Readings of phototransistors, with their errors and cost."""
 
 from __future__ import annotations
 
@@ -23,29 +23,31 @@ def standard_error(replicates: np.ndarray) -> np.ndarray:
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
-    """Relative error by the finite elements of readings (T,) in W that deviate so on elements of twice the size."""
+    """Relative error of readings (T,) in W by the finite elements, from their deviation on elements of twice the
+    size."""
     return ERROR_SHARE * _mean_share(deviation, power)
 
 
 def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
-    """Relative error by the facets of readings (T,) in W that change so where these are chords of the curved walls."""
+    """Relative error of readings (T,) in W by the facets, from their change with facets that are chords of the
+    walls."""
     return FACETS_SHARE * _mean_share(facets, power)
 
 
 def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
-    """Root of the mean square of a relative change, over the readings that have any power."""
+    """Root mean square of a relative change, over the readings with any power."""
     lit = power > 0
     return math.sqrt(np.mean((change[lit] / power[lit]) ** 2)) if lit.any() else 0.0
 
 
 def largest_share(error: np.ndarray, power: np.ndarray) -> float:
-    """Largest ratio of an error to the power that it belongs to, where there is any; 0 where there is none."""
+    """Largest ratio of an error to its power, over the readings with any power; 0 if there are none."""
     lit = power > 0
     return float(np.max(error[lit] / power[lit], initial=0.0))
 
 
 def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
-    """Largest relative errors of readings, all in W: of the light, the mechanics and the geometry, and in total."""
+    """Largest relative errors of readings by light, mechanics and geometry, and in total; arguments are in W."""
     total = np.hypot(np.hypot(light, mechanics), geometry)
     errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
     return {name: largest_share(error, power) for name, error in errors.items()}
@@ -53,7 +55,7 @@ def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, ge
 
 @dataclass(frozen=True)
 class Readings(Displayed):
-    """What the phototransistors of a scene read.
+    """Readings of the phototransistors of a scene.
 
     Attributes
     ----------
@@ -62,7 +64,7 @@ class Readings(Displayed):
     points : int
         Light paths for each taxel and replicate.
     seed : int
-        What the random numbers came from.
+        Seed of the random numbers.
     seconds : dict[str, float]
         Time by stage, in s.
     parameters : dict[str, str]
@@ -72,21 +74,19 @@ class Readings(Displayed):
     responsivity : (T,) ndarray or None
         Photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None.
     deviation : (T,) ndarray or None
-        In W, by how much the power changes where loaded pads have the shape that coarser finite elements give them; not
-        a number where that is unknown; None where no pad is loaded, or where it was not asked for: errors are then
-        those of the light alone.
+        Change of the power, in W, with the shape that coarser finite elements give to loaded pads; NaN if unknown; None
+        if no pad is loaded or it was not requested: errors are then those of the light alone.
     facets : (T,) ndarray or None
-        In W, by how much the power changes where the triangles of curved walls are their chords; 0 where all walls are
-        flat; None where it was not asked for.
+        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; None if not
+        requested.
     mesh_size : float or None
-        In mm, of the finite elements of pads that the scene leaves open; None for the default.
+        Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
-        By the parameters that were asked for.
+        With respect to the requested parameters.
     roof_errors : list[RoofError | None]
-        Of each loaded pad, what its mechanics is off by (a `RoofError`), None where that is unknown; empty where it was
-        not asked for.
+        Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
     remarks : list of str
-        What the reader of the numbers must know besides, in words.
+        Further notes for the reader.
     """
 
     replicates: np.ndarray
@@ -105,7 +105,7 @@ class Readings(Displayed):
 
     @property
     def notes(self) -> list[str]:
-        """What the reader of the numbers must know, in words."""
+        """Notes for the reader of the numbers."""
         return [*self.remarks, *describe_mechanics(self.roof_errors)]
 
     @property
@@ -120,15 +120,15 @@ class Readings(Displayed):
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(T,) one standard deviation of :attr:`power` by the light, in W, from the scatter of the replicates."""
+        """(T,) one standard deviation of :attr:`power` due to the light, in W, from the scatter of the replicates."""
         return standard_error(self.replicates)
 
     @property
     def mechanics_error(self) -> np.ndarray:
-        """(T,) W, what :attr:`power` is off by for the finite elements, as one standard deviation.
+        """(T,) W, one standard deviation of :attr:`power` due to the finite elements.
 
-        The same share of every reading, from the mean square of the :attr:`deviation` of all: meshes are irregular,
-        and one cell of two meshes may agree by chance.
+        It is the same share of every reading, from the mean square of the :attr:`deviation` of all: meshes are
+        irregular, and in one cell two meshes may agree by chance.
         """
         if self.deviation is None:
             return np.zeros(len(self.taxel))
@@ -136,9 +136,9 @@ class Readings(Displayed):
 
     @property
     def geometry_error(self) -> np.ndarray:
-        """(T,) W, what :attr:`power` is off by for the flat triangles of curved walls, as one standard deviation.
+        """(T,) W, one standard deviation of :attr:`power` due to the flat triangles of curved walls.
 
-        The same share of every reading, as of the :attr:`mechanics_error`.
+        It is the same share of every reading, like the :attr:`mechanics_error`.
         """
         if self.facets is None:
             return np.zeros(len(self.taxel))
@@ -146,7 +146,7 @@ class Readings(Displayed):
 
     @property
     def total_error(self) -> np.ndarray:
-        """(T,) W, of light, mechanics and geometry together, as the root of the sum of their squares."""
+        """(T,) W, total error: the root of the sum of squares of light, mechanics and geometry."""
         return np.hypot(np.hypot(self.standard_error, self.mechanics_error), self.geometry_error)
 
     @property
@@ -181,7 +181,7 @@ class Crosstalk:
     points : int
         Light paths for each of them.
     seed : int
-        What the random numbers came from.
+        Seed of the random numbers.
     """
 
     replicates: np.ndarray
@@ -200,7 +200,7 @@ class Crosstalk:
 
 
 def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
-    """What is known of the error of loaded pads; for the worst."""
+    """The error of the worst of loaded pads, in words."""
     if not errors:
         return []
     known = [error for error in errors if error is not None]

@@ -1,4 +1,4 @@
-"""What `mi.render` asks of our integrators: an image of one sensor, of a scene that may be read at all."""
+"""Implementation of `mi.render` for our integrators: the image of one sensor of a valid scene."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mitsuba_taxel.sensing.taxels import taxels_of
 
 
 def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, develop: bool, evaluate: bool):
-    """What `mi.render` asks of an integrator: the irradiance map [W/mm²] of one sensor, (height, width, channels)."""
+    """The irradiance map [W/mm²] of one sensor for `mi.render`, (height, width, channels)."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
     refuse_unmodelled(scene, integrator)
@@ -24,7 +24,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     if pair is None:
         raise InputError("the sensor to render is not a phototransistor.")
     _, image, _ = trace(integrator, scene, pair, spp or sensor.sampler().sample_count(), int(seed), image=True)
-    assert image is not None  # it was asked for
+    assert image is not None  # as requested
     film.prepare([])
     block = film.create_block()
     height, width = image.shape
@@ -39,7 +39,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
 
 
 def refuse_derivatives(integrator: Any, *_: Any, **__: Any) -> None:
-    """What `dr.forward` and `dr.backward` come to through the image of one of our integrators; raises `InputError`."""
+    """Refuse `dr.forward` and `dr.backward` through images of our integrators; raises `InputError`."""
     raise InputError(
         f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take "
         "measure(scene, derivatives=[...]), or differences of readings of the same seed, which share random numbers."

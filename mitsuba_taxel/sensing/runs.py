@@ -1,4 +1,4 @@
-"""Readings that grow: scenes made ready, traced point by point, within a time."""
+"""Incremental readings: prepared scenes, traced with more and more points, within a time budget."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ FIRST_POINTS = 256
 
 
 class Prepared(NamedTuple):
-    """A scene that is ready to be read."""
+    """A scene that is loaded, checked, and has an integrator."""
 
     scene: Any  # mi.Scene
     integrator: Any
     parameters: dict[str, str]
-    notes: list[str]  # which integrator was chosen and why, where the scene names none
+    notes: list[str]  # which integrator was chosen and why, if the scene names none
 
 
 @in_turn
 def prepare(scene: Any) -> Prepared:
-    """Load whatever describes a scene, and choose an integrator if it names none."""
+    """Load a scene in any form, and choose an integrator if it names none."""
     scene = described(scene)
     if isinstance(scene, Prepared):
         refuse_unmodelled(scene.scene, scene.integrator)  # it may have been changed
@@ -53,12 +53,12 @@ def prepare(scene: Any) -> Prepared:
     refuse_unmodelled(live, integrator)
     refuse_unreadable(live, integrator)
     if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
-        notes.append("a pad is at rest: its indenter does not touch it")  # whatever else loads a pad moves it
+        notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
     return Prepared(live, integrator, parameters, notes)
 
 
 def described(scene: Any) -> Any:
-    """A scene given by name, by path or as a dictionary as a `Scene`; one that Mitsuba has loaded as it is."""
+    """A scene given by name, path or dictionary as a `Scene`; a loaded one is returned unchanged."""
     if isinstance(scene, (str, Path, dict)):
         return Scene(scene)
     activate_variant()
@@ -67,7 +67,7 @@ def described(scene: Any) -> Any:
 
 
 class Clock:
-    """How much of a time budget is left."""
+    """Remaining time of a time budget."""
 
     def __init__(self, budget: float | None) -> None:
         self.end = math.inf if budget is None else time.perf_counter() + budget
@@ -78,19 +78,19 @@ class Clock:
         return self.end - time.perf_counter()
 
     def allows(self, seconds: float) -> bool:
-        """Whether something that takes so many seconds would end in time."""
+        """Whether a task of this duration in s would end in time."""
         return seconds <= self.left
 
 
 class Run:
-    """Readings that grow: each step traces as many points again as there are, and goes on in the same sequences."""
+    """Incremental readings: each step doubles the points, continuing the same sequences."""
 
     def __init__(self, ready: Prepared, seed: int, image: bool = False, continued: Readings | None = None) -> None:
         self.ready, self.seed, self.with_image = ready, seed, image
         self.points = continued.points if continued else 0
         self.powers = continued.replicates if continued else np.empty((REPLICATES, 0))
         self.image: np.ndarray | None = None
-        self.seconds = 0.0  # that the last step took
+        self.seconds = 0.0  # of the last step
 
     def go_on(self, wanted: int, clock: Clock | None = None) -> None:
         """Trace until there are ``wanted`` points, or until the next step would not end in time."""
@@ -98,7 +98,7 @@ class Run:
             self._step(wanted)
             return
         if not self.points:
-            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles, so that the steps are timed without it
+            _trace(self.ready, 1, self.seed, 0, self.with_image)  # compiles before steps are timed
         while self.points < wanted and (not self.points or clock is None or clock.allows(2 * self.seconds)):
             self._step(self.points or min(FIRST_POINTS, wanted))
 
@@ -115,12 +115,12 @@ class Run:
 
 
 def derived_seed(seed: int, index: int) -> int:
-    """One of many seeds that follow from ``seed``, each with random numbers independent of the others'."""
+    """One of many independent seeds derived from ``seed``."""
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
 def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
-    """Powers (replicates, taxels), the irradiance map of the first sensor if asked for, and the points used."""
+    """Powers (replicates, taxels), the irradiance map of the first sensor if requested, and the points used."""
     scene, integrator = ready.scene, ready.integrator
     if not traces_taxels(integrator):
         set_wavelength(scene, scene.emitters())
@@ -135,14 +135,14 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
 def _render(scene: Any, points: int, seed: int, first: int):
     """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
 
-    What goes on from ``first`` points has random numbers of its own.
+    A continuation from ``first`` points uses other random numbers.
     """
     import drjit as dr
 
     columns, images = [], []
     for sensor in scene.sensors():
         faces = sensor.faces
-        # Kept out of the kernel, which would otherwise be compiled anew for each of them.
+        # Opaque, as otherwise the kernel would be recompiled for each of them.
         numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
         seeds = [dr.opaque(mi.UInt32, derived_seed(seed, number)) for number in numbers]
         renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)

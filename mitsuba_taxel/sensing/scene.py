@@ -1,4 +1,4 @@
-"""A scene as the user describes it: an XML file with parameters, or a dictionary as Mitsuba takes it."""
+"""Description of a scene by the user: an XML file with parameters, or a dictionary as for Mitsuba."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
 END_OF_PATH = "the load path ends at"
-"""Words of the error of a pad that cannot be loaded as far as it should."""
+"""Phrase in the error for a pad that cannot bear its load."""
 DEEPEST = 16
-"""Most elements of a scene, one in the other: Mitsuba's parser calls itself for each."""
+"""Largest nesting depth of a scene: Mitsuba's parser is recursive."""
 
 NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
 
 
 class Scene(Displayed):
-    """A description from which Mitsuba scenes are made, with the values of its parameters.
+    """A description of a Mitsuba scene, with the values of its parameters.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ class Scene(Displayed):
     parameters : Mapping[str, object], optional
         Values for the ``<default>``s of the file, by name.
     mesh_size : float, optional
-        In mm, of the finite elements of pads that the description gives neither a mesh size nor a tolerance; None for
-        the default.
+        Size in mm of the finite elements of pads without a mesh size or tolerance in the description; None for the
+        default.
 
     Raises
     ------
     InputError
-        if the file does not exist, is no XML, or a parameter is not one of the file's.
+        if the file does not exist, is not valid XML, or does not have a given parameter.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Scene(Displayed):
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
             text_of(name, value)
         self.parameters = {**self.defaults, **given}
-        self.leaves_mesh_open = False  # this is known once the scene has been loaded
+        self.leaves_mesh_open = False  # known once the scene has been loaded
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
@@ -82,7 +82,7 @@ class Scene(Displayed):
         return self.source.name if isinstance(self.source, Path) else "scene"
 
     def with_mesh_size(self, mesh_size: float | None) -> Scene:
-        """The same scene with another size of elements where it leaves that open."""
+        """The same scene with another size of elements, unless it fixes that."""
         given = {} if isinstance(self.source, dict) else self.parameters
         return Scene(self.source, given, mesh_size)
 
@@ -95,7 +95,7 @@ class Scene(Displayed):
         InputError
             if Mitsuba or a plugin refuses the description; the message is one line.
         ComputationError
-            if a pad could not be deformed as asked, or touches a package.
+            if a pad cannot bear its load, or touches a package.
         """
         import mitsuba as mi
 
@@ -117,7 +117,7 @@ class Scene(Displayed):
             return live
 
     def _refuse_contact(self, config: Any) -> None:
-        """Raise where a pad touches a package on its way to where its load path ends: pads do not know the packages."""
+        """Raise if a pad touches a package before the end of its load path, as pads do not know the packages."""
         import mitsuba as mi
 
         from mitsuba_taxel.sensing.clearance import refuse_contact
@@ -134,7 +134,7 @@ class Scene(Displayed):
 
     @in_turn
     def write_xml(self, path: str | Path) -> None:
-        """Write the scene, with its parameters filled in, as an XML file that gives the same readings to the bit."""
+        """Write the scene, with its parameters filled in, as an XML file that gives bit-identical readings."""
         import mitsuba as mi
 
         path = path_of("path", path)
@@ -151,7 +151,7 @@ class Scene(Displayed):
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
-        """Let a scene name files (meshes, say) relative to its own folder."""
+        """Resolve files named in a scene relative to its folder."""
         import mitsuba as mi
 
         before = mi.file_resolver()
@@ -170,7 +170,7 @@ class Scene(Displayed):
                 raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
 
     def parsed(self, config: Any) -> Any:
-        """Mitsuba's ``ParserState``, nothing of it built yet."""
+        """Mitsuba's ``ParserState``, before anything is built."""
         import mitsuba as mi
 
         if isinstance(self.source, dict):
@@ -188,7 +188,7 @@ class Scene(Displayed):
 
 
 def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
-    """Raise where a dictionary holds None, at which Mitsuba's parser ends the process."""
+    """Raise if a dictionary contains None, for which Mitsuba's parser aborts the process."""
     for name, value in part.items():
         if value is None:
             raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
@@ -197,7 +197,7 @@ def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
 
 
 def _take_load(props: Any) -> tuple[float, ...]:
-    """The value of the load of a pad, which is left without."""
+    """Remove the load of a pad, and return its value."""
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
     load, value = DeformablePad.read(props).build_load()
@@ -213,7 +213,7 @@ def write_xml(scene: Scene, path: str | Path) -> None:
 
 
 def find_scene(source: str | Path) -> Path:
-    """The file that ``source`` names: a path, or the name of a scene that ships with the package.
+    """The file of ``source``: a path, or the name of a scene that ships with the package.
 
     Raises
     ------
@@ -227,15 +227,15 @@ def find_scene(source: str | Path) -> Path:
     shipped = folder / path.name
     if path.parent == Path(".") and is_file(shipped):
         return shipped
-    hindrance = hindrance_to(path)
-    if hindrance:
-        raise InputError(f"scene {str(source)!r} cannot be read: {hindrance}.")
+    reason = why_unreadable(path)
+    if reason:
+        raise InputError(f"scene {str(source)!r} cannot be read: {reason}.")
     names = ", ".join(sorted(file.name for file in folder.glob("*.xml")))
     raise InputError(f"scene {str(source)!r} does not exist: a file, or one of the shipped scenes {names}, is needed.")
 
 
-def hindrance_to(path: Path) -> str | None:
-    """Why something that is there cannot be read as a file, or what is on the way to it; None if nothing is there."""
+def why_unreadable(path: Path) -> str | None:
+    """Why an existing path, or a parent of it, cannot be read as a file; None if it does not exist."""
     try:
         path.stat()
     except FileNotFoundError:
@@ -246,7 +246,7 @@ def hindrance_to(path: Path) -> str | None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file of that name; a name too long for one is none."""
+    """Whether there is a file of that name; False for a name that is too long."""
     try:
         return path.is_file()
     except OSError:
@@ -261,7 +261,7 @@ def shipped_scenes() -> Path:
 
 
 def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dict[str, str], set[str]]:
-    """Defaults of an XML scene, and the names of all parameters that it uses; ``around`` are files that include it."""
+    """Defaults of an XML scene, and the names of all parameters that it uses; ``around`` are the files including it."""
     if path.resolve() in around:
         raise InputError(f"{path.name} is not allowed: it includes itself.")
     try:
@@ -296,14 +296,14 @@ def _depth(root: ElementTree.Element) -> int:
 
 
 def far_transforms(props: Any) -> dict[str, str]:
-    """What is wrong with the transformations of a part that would put it nowhere, by name."""
+    """Error messages for transformations of a part with invalid numbers, by name."""
     import mitsuba as mi
     import numpy as np
 
     refused = {}
     for name in [name for name in props.keys() if props.type(name) == mi.Properties.Type.Transform]:
         matrix = np.array(props[name].matrix, dtype=float)
-        props.mark_queried(name, False)  # or a plugin that does not know it would not be found out
+        props.mark_queried(name, False)  # so that a plugin that does not know it is still reported
         if not np.all(np.abs(matrix) <= FURTHEST):
             plugin = props.plugin_name()
             refused[name] = f"{name} of {plugin} is not allowed: numbers of at most {FURTHEST:g} are needed"
@@ -311,7 +311,7 @@ def far_transforms(props: Any) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """The parameters that are no numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
+    """The parameters that are not numbers of at most :data:`FURTHEST`, in brackets; empty if there are none."""
     found = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
     return f" (parameter {', '.join(found)})" if found else ""
 
@@ -324,23 +324,23 @@ def _is_near(value: str) -> bool:
 
 
 def parser_config(variant: str) -> Any:
-    """How Mitsuba's parser is to read scenes."""
+    """Settings of Mitsuba's parser."""
     import mitsuba as mi
 
     config = mi.parser.ParserConfig(variant)
-    config.parallel = False  # meshing and solving do not run in parallel, and are slower when they try
+    config.parallel = False  # meshing and solving are not parallel, and slower if they try
     config.merge_meshes = False  # merged meshes lose their names
     config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
     return config
 
 
 def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:
-    """What Mitsuba says of a scene that it cannot build, as one line without traceback or source location.
+    """Mitsuba's message for a scene that it cannot build, as one line without traceback or source location.
 
     Raises
     ------
     KeyboardInterrupt
-        if that is what stopped a plugin: Mitsuba passes it on as an error like any other.
+        if that stopped a plugin: Mitsuba reports it like any other error.
     """
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines[-1].startswith("KeyboardInterrupt"):

@@ -8,10 +8,10 @@ from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 
 
 def deformed_pads(scene: Any) -> list[PadShape]:
-    """The `deformable_pad`s among the shapes of an ``mi.Scene``, under a load or not."""
+    """The `deformable_pad`s of an ``mi.Scene``, loaded or not."""
     return [shape for shape in scene.shapes() if is_pad(shape)]
 
 
 def loaded_pads(scene: Any) -> list[PadShape]:
-    """Those that bear a load."""
+    """The loaded ones."""
     return [pad for pad in deformed_pads(scene) if pad.is_loaded]

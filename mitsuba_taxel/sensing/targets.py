@@ -1,8 +1,8 @@
-"""What a target error takes: how fine a mesh, and how many points.
+"""Mesh size and number of points for a target error.
 
-The target is met by both together, as the root of the sum of their squares. Elements, and with them the triangles of
-curved walls, are made smaller until the shape takes its share of it; the light gets what is left. Pilot runs, whose
-random numbers do not enter the result, say how much either needs.
+The target applies to the root of the sum of squares of both errors. Elements, and with them the triangles of curved
+walls, are refined until the shape's error is within its share; the light gets the rest. Both are determined by pilot
+runs, whose random numbers do not enter the result.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.sensing.facets import curved_pads, past_chords
+from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
@@ -24,48 +24,50 @@ from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 MECHANICS_SHARE = 0.85
-"""Of a target error. More points cost little: a scrambled net's error falls nearly as their number grows."""
+"""Share of the shape in a target error. More points cost little: the error of a scrambled net falls nearly as
+1/points."""
 LIGHT_SHARE = 0.5
-"""Of a target error that the mechanics does not reach."""
+"""Share of the light in a target error that the mechanics does not reach."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
-"""For each taxel and replicate, of the two traces that tell what the mechanics' error does: domes take many."""
+"""Points per taxel and replicate of the traces for the mechanics' error, first and at most: domes need many."""
 DEVIATION_SHARE = 4
-"""Of the points of a reading, what these traces have at most: a change has a fifth of the noise of a reading."""
+"""A reading's points over the most in these traces: a change has a fifth of the noise of a reading."""
 GEOMETRY_POINTS = 64
-"""As the least of those, for the facets' error: the first of a pilot run's, which goes on from them."""
+"""Least points of the traces for the facets' error: those of the first pilot run, which continues from them."""
 GEOMETRY_SHARE = 8
-"""Of the points of a reading, what each of the two traces for the facets' error has at most."""
+"""A reading's points over the most in each of the two traces for the facets' error."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
-"""What the error of mechanics or facets may itself be uncertain by: part of it, or part of a target error."""
+"""Allowed uncertainty of the error of mechanics or facets, relative to itself, or to a target error."""
 COST_ORDER = 4.0
-"""With which the time of the mechanics grows as elements get smaller."""
+"""Power of the element size with which the time of the mechanics grows."""
 RUNG, MOST_RUNGS = 0.9, 7
-"""Sizes of elements are tried down a ladder, so that studies share what was solved; so many rungs at once. A rung is a
-seventh of an error, so that what is chosen is not much finer than what was asked for."""
+"""Element sizes form a ladder, so that studies share solutions; largest number of rungs per step. A rung changes the
+error by a seventh, so that the mesh is not much finer than needed."""
 MOST_MESHES = 4
 MOST_ELEMENTS = 250_000
-"""Of a pad; a quarter of the paper's with so many takes about four gigabytes."""
+"""Most elements of a pad; a quarter of the paper's with as many takes about four gigabytes."""
 
 _SCATTER, _SAFETY = 0.13, 1.3
-"""A standard error from 32 replicates is itself known to 13 %, and is to stay below the target in nearly all scenes."""
+"""A standard error from 32 replicates is itself known to 13 %, and should stay below the target in nearly all
+scenes."""
 
 
 class Settings(NamedTuple):
-    """What a reading takes: points for each taxel and replicate; mesh size of pads in mm, None for the scene's own."""
+    """Settings of a reading: points per taxel and replicate; mesh size of pads in mm, None for the scene's own."""
 
     points: int
     mesh_size: float | None
 
 
 class Mechanics(NamedTuple):
-    """What the mechanics' error does to readings.
+    """Error of readings by that of the mechanics.
 
     Attributes
     ----------
     deviation : (T,) ndarray or None
-        In W, as in `Readings`; None where no pad is loaded.
+        In W, as in `Readings`; None if no pad is loaded.
     share : float
-        Relative error that it stands for; not a number where it is unknown.
+        Corresponding relative error; NaN if unknown.
     """
 
     deviation: np.ndarray | None
@@ -73,16 +75,16 @@ class Mechanics(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """What the flat triangles of curved walls do to readings.
+    """Error of readings by the flat triangles of curved walls.
 
     Attributes
     ----------
     facets : (T,) ndarray or None
-        In W, as in `Readings`; None where no wall is curved.
+        In W, as in `Readings`; None if no wall is curved.
     share : float
-        Relative error that they stand for.
+        Corresponding relative error.
     pilot : Run or None
-        The first of the runs of :func:`points_for`, where it has been done already.
+        The first run of :func:`points_for`, if it exists already.
     """
 
     facets: np.ndarray | None
@@ -93,8 +95,8 @@ class Geometry(NamedTuple):
 FLAT = Geometry(None, 0.0, None)
 
 
-class Aimed(NamedTuple):
-    """A scene that was made ready for a target error, what its shape is off by, and the points left to trace."""
+class PreparedFor(NamedTuple):
+    """A scene prepared for a target error, the error of its shape, and the points to trace."""
 
     ready: Prepared
     mechanics: Mechanics
@@ -103,14 +105,14 @@ class Aimed(NamedTuple):
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> Geometry:
-    """What facets do to the readings of a scene, by two short traces, of as many points as :func:`mechanics_of`."""
+    """Error of a scene's readings by facets, from two short traces, of as many points as in :func:`mechanics_of`."""
     if not curved_pads(ready.scene):
         return FLAT
     pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
     points = GEOMETRY_POINTS
     while True:
         pilot.go_on(points)
-        with past_chords(ready.scene):
+        with with_chords(ready.scene):
             chords.go_on(points)
         changes, power = chords.powers - pilot.powers, pilot.powers.mean(axis=0)
         facets = changes.mean(axis=0)
@@ -122,9 +124,9 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
-    """What the mechanics' error does to the readings of a scene, by three short traces.
+    """Error of a scene's readings by that of the mechanics, from three short traces.
 
-    These are of as many points as tell it clearly, or to a relative ``tolerance``, up to ``most``.
+    Their number of points is chosen to resolve it, or to reach a relative ``tolerance``, up to ``most``.
     """
     if not loaded_pads(ready.scene):
         return Mechanics(None, 0.0)
@@ -144,7 +146,7 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
 
 
 def _more_points(share: float, noise: float, tolerance: float) -> int:
-    """How many times the points a share with so much noise takes to be clear, or known to a tolerance."""
+    """Factor on the points after which a share with this noise is resolved, or known to a tolerance."""
     wanted = max(CLEAR * share, tolerance)
     if noise <= wanted:
         return 1
@@ -152,14 +154,14 @@ def _more_points(share: float, noise: float, tolerance: float) -> int:
 
 
 def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
-    """The most that the traces for the mechanics' error may take, beside readings of so many points."""
+    """Most points of the traces for the mechanics' error, for readings of this many points."""
     if clock is not None and clock.end < math.inf:
         return DEVIATION_POINTS
     return min(points // DEVIATION_SHARE, MOST_DEVIATION_POINTS)
 
 
 def geometry_points(points: int) -> int:
-    """The most that the traces for the facets' error may take, beside readings of so many points."""
+    """Most points of the traces for the facets' error, for readings of this many points."""
     return min(max(points // GEOMETRY_SHARE, GEOMETRY_POINTS), FIRST_POINTS)
 
 
@@ -169,17 +171,17 @@ def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
     return run.powers
 
 
-def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> Aimed:
-    """Make a scene ready so that the total error of its worst taxel reaches a target.
+def prepare_for(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> PreparedFor:
+    """Prepare a scene such that the total error of its worst taxel reaches a target.
 
     Parameters
     ----------
     scene : Any
-        What :func:`prepare` takes; only a `Scene` that leaves the mesh of its pads open gets a finer one.
+        As for :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
-        Relative; where it is out of reach of the mechanics, the light still gets a share of it.
+        Relative; if the mechanics cannot reach it, the light still gets a share of it.
     clock : Clock, optional
-        What would not end in time is not begun.
+        Steps that would not end in time are not started.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
@@ -202,11 +204,11 @@ def aim(scene: Any, target_error: float, seed: int, clock: Clock | None = None) 
     left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
     points = points_for(ready, left, seed, clock, geometry.pilot)
     settings = Settings(points, scene.mesh_size if isinstance(scene, Scene) else None)
-    return Aimed(ready, mechanics, geometry, settings)
+    return PreparedFor(ready, mechanics, geometry, settings)
 
 
 def _timed(scene: Any) -> tuple[Prepared, float]:
-    """A scene made ready, and the seconds for it where nothing had been solved before."""
+    """A prepared scene, and the seconds that it takes without cached solutions."""
     with stages.record() as seconds:
         ready = prepare(scene)
         with stages.stage("mechanics"):
@@ -215,17 +217,17 @@ def _timed(scene: Any) -> tuple[Prepared, float]:
 
 
 def _refinable(ready: Prepared) -> list[Any]:
-    """The pads that smaller elements make more accurate."""
+    """The pads that become more accurate with smaller elements."""
     return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
 
 
 def smallest_mesh_size(ready: Prepared) -> float:
-    """mm, the smallest of all pads; infinite where there are none."""
+    """Smallest mesh size of all pads in mm; infinite if there are none."""
     return min((float(pad.mesh_size or pad.pad.default_mesh_size) for pad in _refinable(ready)), default=math.inf)
 
 
 def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:
-    """Next mesh size in mm; None where the shape is good enough, or its mesh is not to be chosen.
+    """Next mesh size in mm; None if the shape is accurate enough, or the mesh is fixed.
 
     Parameters
     ----------
@@ -242,10 +244,10 @@ def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], 
 
 
 def rungs_to(wanted_error: float, tried: list[tuple[float, float]]) -> int:
-    """How many rungs below the last of the mesh sizes ``tried`` an error is the wanted one or less, so far as is known.
+    """Estimated number of rungs below the last of the mesh sizes ``tried`` at which the error is the wanted one.
 
-    Errors scatter from one mesh to the next: what is expected is the geometric mean of all that were found, each taken
-    to the last size. Of an error that is unknown a finer mesh tells more.
+    Errors scatter from one mesh to the next: the expected one is the geometric mean of all that were found, each scaled
+    to the last size. If the last is unknown, a finer mesh is tried.
     """
     last = tried[-1][0]
     known = [math.log(error) + ORDER * math.log(last / size) for size, error in tried if not math.isnan(error)]
@@ -258,9 +260,9 @@ def rungs_to(wanted_error: float, tried: list[tuple[float, float]]) -> int:
 def points_for(
     ready: Prepared, target_error: float, seed: int, clock: Clock | None = None, first: Run | None = None
 ) -> int:
-    """Points for each taxel and replicate that reach a relative standard error of the light, found by pilot runs.
+    """Points per taxel and replicate for a relative standard error of the light, found by pilot runs.
 
-    ``first`` is the first of them, if it is known already.
+    ``first`` is the first of them, if it exists already.
     """
     points = FIRST_POINTS
     for pilot in range(1, 16):
@@ -271,18 +273,18 @@ def points_for(
         if error <= target_error or points >= MOST_POINTS:
             break
         if clock and not clock.allows(8 * run.seconds):
-            return MOST_POINTS  # out of reach: the clock says when to stop
-        # The error falls at most as the number of points grows: it takes so many doublings, or more.
+            return MOST_POINTS  # out of reach: the clock decides
+        # The error falls at most as 1/points, so at least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))
         points = min(points << doublings, MOST_POINTS)
     return points
 
 
 def _safety(powers: np.ndarray) -> float:
-    """What the error of the worst taxel is multiplied with: the worst of several is too large already.
+    """Safety factor on the error of the worst taxel, less the bias of a maximum.
 
-    Of T numbers with a scatter about one mean, the largest exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times that
-    (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
+    The largest of T numbers that scatter about one mean exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times the
+    scatter (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
     """
     lit = max(int(np.count_nonzero(powers.mean(axis=0) > 0)), 1)
     return _SAFETY - _SCATTER * NormalDist().inv_cdf((lit - 0.375) / (lit + 0.25))

@@ -1,4 +1,4 @@
-"""Which LED is read by which phototransistor."""
+"""Pairing of LEDs and phototransistors."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * n
 
 
 def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
-    """Pairs of LEDs and phototransistors, in the order in which the scene lists them.
+    """Pairs of LEDs and phototransistors, in the order of the scene.
 
     Raises
     ------
     InputError
-        if an emitter is no `annular_led`, a sensor is no `phototransistor`, or their numbers differ.
+        if an emitter is not an `annular_led`, a sensor not a `phototransistor`, or their numbers differ.
     """
     leds = scene.emitters()
     sensors = scene.sensors()
@@ -52,10 +52,10 @@ def refuse_foreign_sensors(scene: mi.Scene) -> None:
 
 
 def refuse_shared_places(scene: mi.Scene) -> None:
-    """Raise an InputError where another surface lies on an LED or a phototransistor, in its plane and facing alike.
+    """Raise an InputError if another surface overlaps an LED or a phototransistor, in its plane and facing alike.
 
-    Nobody could say which of the two a ray hits. One that faces the other way touches it, as a plate may, and light
-    between the two goes nowhere.
+    It would be undefined which of the two a ray hits. One that faces the other way, such as a plate in contact, is
+    allowed: no light passes between the two.
     """
     ends = [(end, end.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
     surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not has_pad(shape)]
@@ -92,7 +92,7 @@ def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
     half = 0.5 * np.array(faces.size, dtype=float).ravel()
     centres = np.array(faces.centres, dtype=float).T @ frame
     furthest = max(vertices.max(initial=0), -vertices.min(initial=0))
-    step = 1e-5 * 2 * np.sqrt(half.prod()) + 3e-6 * furthest  # as far as rays are kept clear
+    step = 1e-5 * 2 * np.sqrt(half.prod()) + 3e-6 * furthest  # the offset of rays
     in_plane = np.abs(vertices @ frame[:, 2] - centres[0, 2]) <= step
     corners = vertices[triangles[in_plane[triangles].all(axis=1)]] @ frame[:, :2]
     low, high = centres.min(axis=0)[:2] - half, centres.max(axis=0)[:2] + half
@@ -100,7 +100,7 @@ def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
     sides = np.roll(corners, -1, axis=1) - corners
     alike = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0] > 0
     corners, sides = corners[alike], sides[alike]
-    # Two convex outlines are apart if they are so along one of the normals of their sides.
+    # Separating axis theorem for two convex outlines.
     normals = np.concatenate([np.broadcast_to(np.eye(2), (len(sides), 2, 2)), sides @ [[0, 1], [-1, 0]]], axis=1)
     spans = np.einsum("kni,kci->knc", normals, corners)
     reach = np.abs(normals) @ half

@@ -1,4 +1,4 @@
-"""What is said of readings and their errors, alike in a terminal, in a notebook and on a page."""
+"""Texts on readings and their errors, common to terminal, notebook and web page."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
 
 
 def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
-    """Columns of a table by heading, a row for each taxel: the derivative by each parameter, and its error."""
+    """Columns of a table by heading, a row for each taxel: the derivative with respect to each parameter, and its
+    error."""
     columns = {"taxel": [str(taxel) for taxel in derivatives.taxel]}
     of_parameters = zip(
         derivatives.parameters, derivatives.units, derivatives.values.T, derivatives.standard_errors.T, strict=True
@@ -44,7 +45,7 @@ def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
 
 
 def light_error_line(readings: Readings) -> str:
-    """What the light error is, and what it comes from."""
+    """The meaning and origin of the light error."""
     runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
     return f"Light error: 1 sigma, from {runs}, seed {readings.seed}."
 

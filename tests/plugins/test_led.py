@@ -314,7 +314,7 @@ TABULATED = '<string name="law" value="tabulated"/> <string name="file" value="l
         ('<string name="law" value="tabulated"/>', "", "file is missing: the name of a CSV file"),
         ('<string name="law" value="tabulated"/> <float name="file" value="1"/>', "", "file = 1.0 is not allowed"),
         (TABULATED, None, "file = 'led.csv' cannot be read .*No such file"),
-        (TABULATED, b"0,1\n90,\xff\xfe", "file = 'led.csv' is no text"),
+        (TABULATED, b"0,1\n90,\xff\xfe", "file = 'led.csv' is not text"),
         (TABULATED, "", "file = 'led.csv' has 0 rows .* from 2 to 4096 rows and 2 columns"),
         (TABULATED, "0,1\n", "has 1 rows"),
         (TABULATED, "0,1,1\n90,0,0\n", "and 3 columns"),

@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
-from mitsuba_taxel.sensing.targets import Settings, aim, points_for
+from mitsuba_taxel.sensing.targets import Settings, points_for, prepare_for
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
@@ -65,7 +65,7 @@ class _Pilot:
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
-            points, self.mesh_size = aim(scene, self.batch.target_error, self.batch.seed, allowed).settings
+            points, self.mesh_size = prepare_for(scene, self.batch.target_error, self.batch.seed, allowed).settings
         if self.batch.time_budget is not None:
             self._seconds.append(self._costs(scene.with_mesh_size(self.mesh_size)))
         self.points.append(points)

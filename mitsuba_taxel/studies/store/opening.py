@@ -11,7 +11,7 @@ from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.electronics.circuit import circuit_of
-from mitsuba_taxel.sensing.scene import hindrance_to, is_file
+from mitsuba_taxel.sensing.scene import is_file, why_unreadable
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import read_study
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
@@ -87,9 +87,9 @@ def read_results(folder: Path) -> dict[str, Any]:
     InputError
         if there is none, or one that no run has written.
     """
-    hindrance = hindrance_to(folder / STUDY)
-    if hindrance:
-        raise InputError(f"study {folder} cannot be read: {hindrance}.")
+    reason = why_unreadable(folder / STUDY)
+    if reason:
+        raise InputError(f"study {folder} cannot be read: {reason}.")
     if not is_file(folder / STUDY):
         raise InputError(
             f"study {folder} is not allowed: the folder that a study was written to, with {STUDY}, is needed."
