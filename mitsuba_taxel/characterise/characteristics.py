@@ -1,4 +1,4 @@
-"""All figures of merit of experiments in one table."""
+"""Table of all figures of merit of experiments."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ if TYPE_CHECKING:
 SLOPES = ("max_slope", "mean_slope", "zero_slope", "relative_slope")
 DEVIATIONS = ("nonlinearity", "hysteresis", "repeatability")
 NOT_RESOLVED = "not resolved"
-"""What is said of numbers that are smaller than their standard error."""
+"""Remark on numbers that are smaller than their standard error."""
 NOT_ABOVE = "as the mean"
-"""What is said of a largest slope that came out below the mean one: the difference is noise."""
+"""Remark on a largest slope below the mean one: the difference is noise."""
 
 
 def characteristics(experiments: Iterable[Experiment], off: Iterable[Iterable[Experiment]] = ()) -> pandas.DataFrame:
-    """Sensitivities, nonlinearity, hysteresis and repeatability, one number a row.
+    """Sensitivities, nonlinearity, hysteresis and repeatability, one number per row.
 
-    Slopes are those of each run of growing force, the relative one being the mean slope over the reading at rest; the
-    nonlinearity is that of each branch of growing force; the hysteresis that of each such branch with the one of
-    falling force that follows; the repeatability that of each such branch with the first one.
+    Slopes are given for each run of growing force, the relative one as the mean slope over the reading at rest;
+    nonlinearity for each branch of growing force; hysteresis for each such branch with the following one of falling
+    force; repeatability for each such branch with the first one.
 
     Parameters
     ----------
     off : Iterable[Iterable[Experiment]]
-        The same experiments with readings off by each error of the shape, which then are in the errors as well.
+        The same experiments with readings changed by each error of the shape, to be included in the errors.
 
     Returns
     -------
-    Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of
-    growing force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N`` and
-    ``to_N``, the forces looked at; ``remark``, what is to be said of the value in place of it, or nothing.
+    Columns: ``figure``; ``force``; the other varied parameters; ``taxel``; ``loading``, which run or branch of growing
+    force, from 1; ``value`` and ``error`` in ``unit``; ``at_N``, the force where it was found; ``from_N`` and ``to_N``,
+    the range of forces; ``remark``, a text that replaces the value, or nothing.
     """
     import pandas
 

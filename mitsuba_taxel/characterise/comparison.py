@@ -1,4 +1,4 @@
-"""Which of several variants of a sensor is first by a figure of merit, and how sure that is."""
+"""Ranking of variants of a sensor by a figure of merit, with probabilities."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ NEEDS = {
     "repeatability": "two cycles",
 }
 DRAWS = 20_000
-"""By which probabilities are found: right to 0.4 percentage points."""
+"""Random draws for the probabilities: accurate to 0.4 percentage points."""
 
 
 class Comparison(NamedTuple):
-    """Variants by rank, and what the table says in words.
+    """Variants by rank.
 
-    ``table`` : ``rank``; what the variants differ in; a column for each figure and its ``_error``; ``allowed``, the
-    probability that the variant meets the limits; ``first``, that it is the best of those that do; ``behind``, by how
-    much the first one is better, and ``behind_error``. ``by`` which figure; ``limits`` of some; ``unit`` of each;
-    ``channel``, what stands for the taxels; ``notes``.
+    ``table`` : ``rank``; the parameters in which the variants differ; a column for each figure and its ``_error``;
+    ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of those that do;
+    ``behind``, the difference from the first one, and ``behind_error``. ``by``, the figure of the ranking; ``limits``
+    of figures; ``unit`` of each; ``channel``, the channel that represents the taxels; ``notes``.
     """
 
     table: pandas.DataFrame
@@ -64,31 +64,31 @@ def compare(
     force: str | None = None,
     up_to: float | None = None,
 ) -> Comparison:
-    """Rank the variants of a sensor that studies hold: one for each combination of what they vary besides the force.
+    """Rank the variants of a sensor in studies: one for each combination of the parameters varied besides the force.
 
-    Of arrays, the channel that stands for all taxels is looked at. Slopes count by their magnitude, the largest
-    first; deviations the smallest first. Errors are those of ``taxel characterise``. Variants of the same seed and
-    points share their random numbers, and what these do to both drops out of a difference, as far as the replicates,
-    left out one by one, say so. So does what the errors of mechanics and geometry do to both, with the sign that their
-    estimates have, where variants differ in numbers alone; those of other shapes or scenes have errors of their own.
+    Arrays are represented by one channel. Slopes are ranked by magnitude, the largest first; deviations the smallest
+    first. Errors are those of ``taxel characterise``. Variants of the same seed and points share their random numbers,
+    whose common effect cancels in differences, as estimated by the jackknife over replicates. So does the common effect
+    of the errors of mechanics and geometry, with their estimated signs, between variants that differ in numerical
+    parameters only; variants of other shapes or scenes have independent errors.
 
     Parameters
     ----------
     studies : Mapping[str, xr.Dataset or xr.DataTree]
-        By a name that tells them apart.
+        Studies by a unique name.
     by : str
         One of max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis and repeatability.
     at_most : Mapping[str, float], optional
-        Limits of some of these in their units: % of deviations, %/N and W/N of slopes.
+        Limits of some of these in their units: % for deviations, %/N and W/N for slopes.
     force : str, optional
-        Along which to compare, where the studies vary several.
+        Force along which to compare, if the studies vary several.
     up_to : float, optional
-        N: only this range of the force counts, and variants that do not reach it are left out.
+        Largest force in N that is used; variants that do not reach it are left out.
 
     Raises
     ------
     InputError
-        if there are not two variants, or they lack a figure.
+        if there are fewer than two variants, or they lack a figure.
     """
     limits = dict(at_most or {})
     for name in (by, *limits):
@@ -132,7 +132,7 @@ def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree]) -> Iterator[_Vari
 
 
 def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
-    """Those of one force."""
+    """The variants along one force."""
     forces = list(dict.fromkeys(variant.reading.force for variant in variants))
     if force is None and len(forces) > 1:
         raise InputError(f"variants along {' and '.join(forces)} cannot be compared: one force has to be named.")
@@ -142,7 +142,7 @@ def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
 
 
 def _in_range(variants: list[_Variant], up_to: float | None, notes: list[str]) -> list[_Variant]:
-    """Variants cut to a range of force; those that do not reach it are noted and left out."""
+    """Variants restricted to a range of force; those that do not reach it are noted and left out."""
     if up_to is None:
         return variants
 
@@ -199,7 +199,8 @@ def _covariance(
     light: np.ndarray,
     shifts: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """Of all figures (figures x variants): the light's as replicates that are left out have it, and the shape's."""
+    """Covariance of all figures (figures x variants): of the light by the jackknife over replicates, and of the
+    shape."""
     left_out = np.array([_found(_without_each(variant.reading), names) for variant in variants])
     spread = left_out - left_out.mean(axis=2, keepdims=True)  # variants, figures, replicates
     spread = spread.transpose(1, 0, 2).reshape(light.size, -1)
@@ -275,13 +276,13 @@ def _in_words(name: str, value: float, error: float, factor: float) -> str:
 
 
 def varied_names(found: Comparison) -> list[str]:
-    """Columns that tell the variants apart."""
+    """Columns in which the variants differ."""
     names = list(found.table.columns)
     return names[1 : names.index(found.by)]
 
 
 def comparison_rows(found: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a comparison, in words."""
+    """Headings and rows of a comparison, as text."""
     table, where = found.table, varied_names(found)
     names = [name for name in table.columns if f"{name}_error" in table.columns]
     units = {**found.unit, "behind": found.unit[found.by]}

@@ -1,8 +1,8 @@
-"""Hysteresis, repeatability and nonlinearity of a taxel: equations 5 to 7 of the paper, made definite.
+"""Hysteresis, repeatability and nonlinearity of a taxel: equations 5 to 7 of the paper.
 
-The paper compares voltage changes dv of two ranges of time and divides by the largest dv of the experiment. Here
-two branches are compared at equal force: each is a straight line between its points, and the largest difference
-over all forces that both have counts. One number comes with each: where it is largest.
+The paper compares voltage changes dv of two ranges of time and divides by the largest dv of the experiment. Here two
+branches, linearly interpolated, are compared at equal force; the largest difference over all common forces counts, and
+is given with the force where it occurs.
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from mitsuba_taxel.characterise.replicates import at_largest
 class Deviation(NamedTuple):
     """A deviation in percent of the largest change, one per channel.
 
-    ``percent`` is free of the bias that the largest of noisy magnitudes has (each half of the replicates is read
-    where, and with the sign that, the other half has it largest), so it may come out below zero where there is
-    no deviation. ``error`` is 1 sigma from the replicates; not a number with only one, and then the bias stays.
-    ``at`` is the force in N.
+    ``percent`` is free of the bias of a maximum of noisy magnitudes (each half of the replicates is evaluated at the
+    place, and with the sign, of the other half's maximum), so it may be negative if there is no deviation. ``error`` is
+    1 sigma from the replicates; NaN with only one, in which case the bias remains. ``at`` is the force in N.
     """
 
     percent: np.ndarray
@@ -31,19 +30,19 @@ class Deviation(NamedTuple):
 
 
 def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarray) -> Deviation:
-    """Equation 5: e_h = max |dv_incr - dv_decr| / v_max, over the forces that both branches have.
+    """Equation 5: e_h = max |dv_incr - dv_decr| / v_max, over the forces common to both branches.
 
     Parameters
     ----------
     increasing, decreasing : Branch
         A branch with the force's magnitude growing, and one with it falling.
     largest_change : ndarray
-        v_max (replicates, channels), as :attr:`Experiment.largest_change`.
+        v_max (replicates, channels), see :attr:`Experiment.largest_change`.
 
     Raises
     ------
     InputError
-        if the branches do not go opposite ways or share no range of force.
+        if the branches do not have opposite directions or share no range of force.
     """
     if not increasing.loading or decreasing.loading:
         raise InputError("hysteresis compares a branch of growing force with one of falling force.")
@@ -51,7 +50,7 @@ def hysteresis(increasing: Branch, decreasing: Branch, largest_change: np.ndarra
 
 
 def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Deviation:
-    """Equation 6: e_r = max |dv_a - dv_b| / v_max, over the forces that both branches have.
+    """Equation 6: e_r = max |dv_a - dv_b| / v_max, over the forces common to both branches.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Dev
     Raises
     ------
     InputError
-        if the branches go opposite ways or share no range of force.
+        if the branches have opposite directions or share no range of force.
     """
     if one.loading != other.loading:
         raise InputError("repeatability compares two branches of growing force, or two of falling force.")
@@ -73,8 +72,8 @@ def repeatability(one: Branch, other: Branch, largest_change: np.ndarray) -> Dev
 def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
     """Equation 7: e_nl = max |dv_incr - dv_nom| / v_max.
 
-    The paper leaves its "ideal linear case" dv_nom open. Here it is the end-point line, from the first point of
-    the branch to its last ("terminal-based" linearity).
+    The paper does not define its "ideal linear case" dv_nom. Here it is the end-point line, from the first point of the
+    branch to its last ("terminal-based" linearity).
 
     Parameters
     ----------
@@ -87,7 +86,7 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
 
 
 def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
-    """Samples of a branch less the end-point line of another one (points, replicates, channels)."""
+    """Samples of a branch minus the end-point line of another one (points, replicates, channels)."""
     first, last = nominal.samples[0], nominal.samples[-1]
     share = (branch.force - nominal.force[0]) / (nominal.force[-1] - nominal.force[0])
     return branch.samples - (first + share[:, None, None] * (last - first))
@@ -106,7 +105,7 @@ def _overlap(one: Branch, other: Branch) -> tuple[float, float]:
 
 
 def _difference(one: Branch, other: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (points,) and how the branches differ there; between them the difference is a straight line."""
+    """Forces (points,) and the difference of the branches there, which is linear in between."""
     low, high = _overlap(one, other)
     if not low < high:
         raise InputError("the two branches share no range of force: nothing can be compared.")

@@ -1,4 +1,4 @@
-"""An experiment: how readings change along one line of load, run by run, simulated or measured."""
+"""Experiments: changes of readings along one line of load, run by run, simulated or measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mitsuba_taxel.characterise.replicates import standard_error
 
 
 class Tangents(NamedTuple):
-    """Readings without noise at points of a branch, and their slopes by its force: cubic curves between the points.
+    """Noise-free readings at points of a branch, and their slopes against its force, for cubic interpolation.
 
     ``value`` (points, channels), ``slope`` in W/N, and ``error``, one standard deviation of the slope.
     """
@@ -23,28 +23,28 @@ class Tangents(NamedTuple):
     error: np.ndarray
 
     def part(self, points: slice | tuple[int, ...] | np.ndarray) -> Tangents:
-        """At some of the points."""
+        """The tangents at some of the points."""
         return Tangents(*(each[points] for each in self))
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A stretch of an experiment along which the force only rises or only falls.
+    """A part of an experiment with monotonic force.
 
     Parameters
     ----------
     force : (points,) ndarray
-        In N, in the order in which the load took these values.
+        In N, in the order of loading.
     samples : (points, replicates, channels) ndarray
-        The change of each channel's reading since the unloaded start in W or V. Replicate r of one branch belongs to
-        replicate r of any other of the same experiment. With one replicate there are no errors.
+        Change of each channel's reading since the unloaded start in W or V. Replicates correspond between branches of
+        the same experiment. With one replicate there are no errors.
     tangents : Tangents, optional
-        Where derivatives by the force are known.
+        If derivatives with respect to the force are known.
 
     Raises
     ------
     InputError
-        if the shapes do not match, a number is not finite, or the force turns or stands still.
+        if the shapes do not match, a number is not finite, or the force is not strictly monotonic.
     """
 
     force: np.ndarray
@@ -70,7 +70,7 @@ class Branch:
 
     @property
     def error(self) -> np.ndarray:
-        """Standard error of :attr:`value` (points, channels); not a number with one replicate."""
+        """Standard error of :attr:`value` (points, channels); NaN with one replicate."""
         return standard_error(self.samples, axis=1)
 
     @property
@@ -84,11 +84,11 @@ class Branch:
         return float(np.sign(self.force[np.abs(self.force).argmax()]))
 
     def part(self, points: slice | np.ndarray) -> Branch:
-        """Some of its points."""
+        """The branch restricted to some of its points."""
         return Branch(self.force[points], self.samples[points], self.tangents and self.tangents.part(points))
 
     def at(self, force: np.ndarray) -> np.ndarray:
-        """Samples (forces, replicates, channels) at forces within the branch, on straight lines between points."""
+        """Samples (forces, replicates, channels) at forces within the branch, linearly interpolated."""
         from scipy.interpolate import make_interp_spline
 
         order = np.argsort(self.force)
@@ -97,14 +97,14 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """The runs of one line of load, all else being equal.
+    """The runs of one line of load, with all other parameters fixed.
 
     Parameters
     ----------
     force : str
-        What the runs' force is: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``.
+        The runs' force: ``fx``, ``fz``, ``0.707 fx + 0.707 fy``.
     direction : (3,) ndarray
-        Unit vector of that force; zero where it is not known.
+        Unit vector of that force; zero if unknown.
     where : dict[str, Any]
         Values of the other varied parameters.
     unit : str
@@ -114,10 +114,10 @@ class Experiment:
     runs : tuple[Branch, ...]
         From one turning point of the force to the next; a run may pass through zero.
     ordered : bool
-        Whether the load took the runs' forces in this order. If not, as where forces are just a set of scenes, every
-        branch counts as one of growing force.
+        Whether the load took the runs' forces in this order. If not, as for forces of independent scenes, every branch
+        counts as one of growing force.
     rest : (replicates, channels) ndarray, optional
-        The readings at the unloaded start in ``unit``, if these are known.
+        Readings at the unloaded start in ``unit``, if known.
     """
 
     force: str
@@ -130,11 +130,11 @@ class Experiment:
     rest: np.ndarray | None = None
 
     def labelled(self, **where: Any) -> Experiment:
-        """The same experiment, told apart from others by more parameters."""
+        """The same experiment with more parameters in ``where``."""
         return replace(self, where={**where, **self.where})
 
     def weighted(self, weights: np.ndarray) -> Experiment:
-        """The same of one channel, a sum of the taxels' with weights (channels,)."""
+        """The same with a single channel, the weighted sum of the taxels; weights are (channels,)."""
 
         def sums(run: Branch) -> Branch:
             tangents = run.tangents and Tangents(
@@ -149,18 +149,18 @@ class Experiment:
 
     @property
     def loading_runs(self) -> list[Branch]:
-        """The runs along which the magnitude of the force grows, at their end at least."""
+        """The runs along which the magnitude of the force grows, at least at their end."""
         return [run for run in self.runs if not self.ordered or any(part.loading for part in split_at_zero(run))]
 
     @property
     def branches(self) -> list[Branch]:
-        """The runs, those that pass through zero parted there, in the order of loading."""
+        """The runs in the order of loading, split where they pass through zero."""
         parts = [part for run in self.runs for part in split_at_zero(run)]
         return [part if self.ordered or part.loading else part.part(slice(None, None, -1)) for part in parts]
 
     @property
     def largest_change(self) -> np.ndarray:
-        """Equations 5 to 7's v_max: the largest magnitude of the change in all runs (replicates, channels)."""
+        """v_max of equations 5 to 7: the largest magnitude of the change in all runs (replicates, channels)."""
         samples = np.concatenate([run.samples for run in self.runs])
         values = samples.mean(axis=1)
         place = np.abs(values).argmax(axis=0)
@@ -175,10 +175,10 @@ def split_at_zero(run: Branch) -> list[Branch]:
 
 
 def parts_at_zero(force: np.ndarray) -> list[slice]:
-    """Where the forces of a run pass through zero it has two parts, which share its point of least force.
+    """Parts of a run, split where its forces pass through zero; they share the point of least force.
 
-    It is not parted where one would be less than a tenth of the other: a reference sensor that is a little off
-    zero does not make a branch.
+    It is not split if one part would be less than a tenth of the other: a small offset of the reference sensor does not
+    make a branch.
     """
     if not len(force) or force[0] * force[-1] >= 0:
         return [slice(None)]
@@ -188,5 +188,5 @@ def parts_at_zero(force: np.ndarray) -> list[slice]:
 
 
 def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
-    """The runs' change since a reading (replicates, channels)."""
+    """The change of runs since a reading (replicates, channels)."""
     return tuple(replace(run, samples=run.samples - start) for run in runs)

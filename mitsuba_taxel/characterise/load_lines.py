@@ -1,4 +1,4 @@
-"""The straight runs of load in a study, and the experiments that they make."""
+"""Straight runs of load in a study, and the experiments that consist of them."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.characterise.experiment import Branch, Experiment, Tangents, parts_at_zero, since
 
 SAME_DIRECTION = 1e-4
-"""One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, the forces being rounded."""
+"""One minus the cosine up to which two steps of a path count as parallel: 0.8 degrees, as forces are rounded."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadLine:
-    """A run along which the force changes in one direction and nothing else changes.
+    """A run along which only the force changes, in one direction.
 
-    ``force`` is the component along ``direction``, a unit vector whose first component that is not 0 is positive;
-    ``name`` says so in words. ``positions`` are those along the dimension ``dim``; ``constant`` holds what else
-    is listed along this dimension.
+    ``force`` is the component along ``direction``, a unit vector whose first non-zero component is positive; ``name``
+    is its name. ``positions`` are those along the dimension ``dim``; ``constant`` has the other values listed along it.
     """
 
     dim: str
@@ -34,12 +33,12 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load took the forces in this order; those of a dimension of their own are just a set."""
+        """Whether the load took the forces in this order; forces along their own dimension are independent scenes."""
         return self.dim not in FORCES
 
     @property
     def loading(self) -> bool:
-        """Whether the force's magnitude grows, at the end of the line at least."""
+        """Whether the force's magnitude grows, at least at the end of the line."""
         parts = (np.abs(self.force[part]) for part in parts_at_zero(self.force))
         return not self.ordered or any(part[-1] > part[0] for part in parts)
 
@@ -47,10 +46,9 @@ class LoadLine:
 def load_lines(study: xr.Dataset) -> list[LoadLine]:
     """All runs of load of a study, in the order of its dimensions and of the load.
 
-    A dimension ``fx``, ``fy`` or ``fz`` of at least two values is one run, from the end
-    of the smaller force to that of the larger. A dimension
-    along which forces are listed is cut wherever the force turns, stands still or another parameter changes; runs of
-    two points are left out unless there is no more than that, as any two points lie on a line.
+    A dimension ``fx``, ``fy`` or ``fz`` of at least two values is one run, from the smaller force to the larger. A
+    dimension along which forces are listed is split wherever the force turns, is constant or another parameter changes;
+    runs of two points are left out unless there are no longer ones, as any two points lie on a line.
     """
     lines: list[LoadLine] = []
     for dim in map(str, study.replicate_power.dims):
@@ -63,7 +61,7 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """The lines of growing force; of a path that goes back and forth along a line, the first run."""
+    """The lines of growing force; for a path back and forth along a line, the first run."""
     first: dict[tuple, LoadLine] = {}
     for line in load_lines(study):
         if line.loading:
@@ -90,13 +88,13 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
 
 
 def _tangents(study: xr.Dataset, line: LoadLine, others: list[Any]) -> Tangents | None:
-    """Slopes along a line (others, points, taxels), None where the study has no derivatives by all of its forces."""
+    """Slopes along a line (others, points, taxels), None without derivatives with respect to all of its forces."""
     parts = {name: share for name, share in zip(FORCES, line.direction.tolist(), strict=True) if share}
     if "derivative" not in study or not set(parts) <= set(study.parameter.values.tolist()):
         return None
     shares = xr.DataArray(list(parts.values()), dims="parameter", coords={"parameter": list(parts)})
     by_force = study[["derivative", "derivative_error"]].sel(parameter=list(parts))
-    # Errors of the components, which all come from the same elements, are taken as fully correlated.
+    # Errors of the components are taken as fully correlated, as they come from the same elements.
     slope = (by_force.derivative * shares).sum("parameter", skipna=False)
     error = (by_force.derivative_error * abs(shares)).sum("parameter", skipna=False)
     order = [*others, line.dim, "taxel"]
@@ -106,12 +104,12 @@ def _tangents(study: xr.Dataset, line: LoadLine, others: list[Any]) -> Tangents 
 
 
 def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
-    """Every line of load of a study, one experiment for each combination of what else it varies.
+    """Every line of load of a study, one experiment for each combination of the other varied parameters.
 
-    Those of a study of several scenes are told apart by ``scene``.
+    Experiments of several scenes are distinguished by ``scene``.
 
-    Runs of a path that go back and forth along one line are one experiment. Those whose readings are all
-    missing are left out. Changes are those since the first of the points of least force.
+    Runs of a path back and forth along one line are one experiment. Runs without any reading are left out. Changes are
+    relative to the first of the points of least force.
     """
     if isinstance(study, xr.DataTree):
         return [
@@ -133,7 +131,7 @@ def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
 
 
 def unit_of(study: xr.Dataset) -> str:
-    """Of its readings: ``W``, or ``V`` where a circuit shows them."""
+    """Unit of its readings: ``W``, or ``V`` behind a circuit."""
     return study.replicate_power.attrs.get("units", "W")
 
 
@@ -199,7 +197,7 @@ def _line(dim: str, positions: np.ndarray, forces: np.ndarray, beside: dict[str,
 
 
 def force_name(direction: np.ndarray) -> str:
-    """``fz`` or, of a force in several components, what its component along ``direction`` is: ``0.6 fx + 0.8 fz``."""
+    """``fz`` or, for a force in several components, its component along ``direction``: ``0.6 fx + 0.8 fz``."""
     parts = [(number, name) for number, name in zip(direction, FORCES, strict=True) if number]
     if len(parts) == 1:
         return parts[0][1]

@@ -24,7 +24,7 @@ FORCE_COLUMNS = ({"force"}, {"fx"}, {"fy"}, {"fz"}, {"fx", "fy", "fz"})
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What a bench has recorded.
+    """A record of a bench.
 
     ``time`` (rows,) in s; ``force`` (rows, 1 or 3) in N, its columns named by ``force_names``; ``voltage``
     (rows, taxels) in V; ``taxel`` (taxels,) their numbers; ``file`` where it comes from, for messages.
@@ -41,12 +41,12 @@ class Measurement:
 def read_measurement(file: str | Path) -> Measurement:
     """Read a table of time, force and one voltage per taxel: ``time_s,force_N,v1_V,v2_V``.
 
-    The first line is the heading; ``#`` starts a comment. Every heading is a name and a unit, as ``v1_V``, ``v1 [V]``
-    or ``v1 (V)``, in capitals or not, the columns in any order:
+    The first line has the headings; ``#`` starts a comment. Every heading is a name and a unit, such as ``v1_V``, ``v1
+    [V]`` or ``v1 (V)``, case-insensitive, in any order:
 
     - ``time`` or ``t`` in s or ms, rising from row to row;
     - ``force`` or ``f``, or one of ``fx``, ``fy``, ``fz``, or all three of these, in N or mN;
-    - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, the number being the taxel's.
+    - ``v1``, ``v2``, ... or ``voltage1``, ... in V or mV, with the number of the taxel.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_measurement(file: str | Path) -> Measurement:
     except OSError as error:
         refuse(f" cannot be read ({error.strerror}): a CSV file is needed.")
     except UnicodeDecodeError:
-        refuse(" is no text: a CSV file is needed.")
+        refuse(" is not text: a CSV file is needed.")
     lines = [(number, line.split("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     numbers = [number for number, line in lines if line]
     head, *rows = [[word.strip() for word in row] for row in csv.reader(line for _, line in lines if line)] or [[]]
@@ -74,7 +74,7 @@ def read_measurement(file: str | Path) -> Measurement:
     forces = tuple(sorted(name for name in names if not isinstance(name, int) and name != "time"))
     taxels = sorted(name for name in names if isinstance(name, int))
     if len(set(names)) < len(names):
-        refuse(f": columns {', '.join(head)} are not allowed: each must be there once.")
+        refuse(f": columns {', '.join(head)} are not allowed: each must occur once.")
     if "time" not in names or set(forces) not in FORCE_COLUMNS or not taxels:
         refuse(
             f": columns {', '.join(head)} are not enough: time_s, force_N (or fx_N, fy_N, fz_N), v1_V, ... are needed."
@@ -118,7 +118,7 @@ def _numbers(words: list[str], head: list[str], line: int, refuse: Callable[[str
         try:
             number = float(word)
         except ValueError:
-            refuse(f", line {line}, column {heading}: {word!r} is no number.")
+            refuse(f", line {line}, column {heading}: {word!r} is not a number.")
         if not math.isfinite(number):
             refuse(f", line {line}, column {heading}: {word!r} is not allowed: a finite number is needed.")
         numbers.append(number)

@@ -1,4 +1,4 @@
-"""From a recorded measurement to an experiment: where the load turns, and each run's curve with its noise."""
+"""From a recorded measurement to an experiment: turning points of the load, and each run's curve with its noise."""
 
 from __future__ import annotations
 
@@ -11,31 +11,30 @@ from mitsuba_taxel.characterise.load_lines import force_name
 from mitsuba_taxel.characterise.measurement import Measurement
 
 POINTS = 40
-"""Most points of a run's curve: straight lines between them are right to 1/1600 of the largest change times the
-curve's bend."""
+"""Most points of a run's curve: linear interpolation is accurate to 1/1600 of the largest change times the
+curvature."""
 FEWEST_POINTS = 5
 REPLICATES = 8
 FEWEST_ROWS = 2 * REPLICATES * POINTS // 2
-"""Rows of a run that give replicates: two rows for each of 20 points and each replicate."""
+"""Rows of a run needed for replicates: two rows for each of 20 points and each replicate."""
 SMALLEST_RUN = 0.1
-"""Part of the whole range of force that a run covers at least; less is noise or a hold."""
+"""Least share of the whole range of force covered by a run; less is noise or a hold."""
 WHITE = 1.5
-"""Von Neumann's ratio of successive differences to the variance: 2 for white noise. Below this, standard errors
+"""Least von Neumann ratio of successive differences to the variance, which is 2 for white noise. Below, standard errors
 would be too small by a quarter or more."""
 
 
 def recorded_experiment(measurement: Measurement) -> Experiment:
     """The runs of a measurement between the turning points of its force.
 
-    Turning points are extrema of the force that stand out from it by a tenth of its range, and by ten standard
-    deviations of its noise. Three components of force must change together along one line, and the component
-    along this line counts.
+    Turning points are extrema of the force with a prominence of a tenth of its range and ten standard deviations of its
+    noise. Three components of force must change together along one line; the component along this line is used.
 
-    Each run becomes a curve of at most 40 points evenly spread over its force, each the mean of the rows around
-    it. The rows of each point are parted, in time, into eight replicates, whose scatter is the noise of the
-    recording. What changes more slowly than these parts is no noise here: drift and creep count as hysteresis and
-    lack of repeatability. If neighbouring parts are alike (correlated noise), or there are too few rows, there is
-    one replicate and no error. Changes are those since the first point, so a recording must begin unloaded.
+    Each run becomes a curve of at most 40 points evenly spread over its force, each the mean of the rows around it. The
+    rows of each point are divided, in time, into eight replicates, whose scatter is the noise of the recording. Slower
+    changes are not noise: drift and creep count as hysteresis and lack of repeatability. If neighbouring parts are
+    correlated, or there are too few rows, there is one replicate and no error. Changes are relative to the first point,
+    so a recording must begin unloaded.
 
     Raises
     ------
@@ -78,7 +77,7 @@ def _along_one_line(measurement: Measurement) -> tuple[np.ndarray, np.ndarray]:
         return np.array([float(name == other) for other in FORCES]), force[:, 0]
     centred = force - force.mean(axis=0)
     direction = np.linalg.svd(centred, full_matrices=False)[2][0]
-    direction[np.abs(direction) < SMALLEST_RUN] = 0  # what the reference sensor feels across the load
+    direction[np.abs(direction) < SMALLEST_RUN] = 0  # cross-axis signal of the reference sensor
     direction /= np.linalg.norm(direction)
     direction *= np.sign(direction[np.flatnonzero(direction)[0]])
     along = centred @ direction
@@ -114,9 +113,8 @@ def _turning_points(force: np.ndarray, noise: float, file: str) -> np.ndarray:
 def _curve(force: np.ndarray, voltage: np.ndarray, noise: float, replicates: int) -> tuple[Branch, bool]:
     """Curve of the voltages of one run, and whether its noise is white.
 
-    Rows within one of evenly spaced ranges of force make a point; which range is told from the nearest force that
-    never turns, so that the rows of a point follow each other. Ranges with too few rows are left out, as between the
-    steps of a staircase.
+    Rows within each of evenly spaced ranges of force make a point; rows are assigned by the nearest monotonic force, so
+    that those of a point are consecutive. Ranges with too few rows, as between the steps of a staircase, are left out.
     """
     from scipy.optimize import isotonic_regression
 
@@ -138,17 +136,17 @@ def _curve(force: np.ndarray, voltage: np.ndarray, noise: float, replicates: int
     jumps = np.square(np.diff(level, axis=1)).sum(axis=(0, 1))
     scatter = np.square(level - value[:, None]).sum(axis=(0, 1))
     white = bool((jumps >= WHITE * scatter).all())
-    # A bend within the ranges would set the first part of each apart from the last: take them in turn.
+    # Curvature within the ranges would separate the first part of each from the last: interleave them.
     x, y = (np.stack([np.roll(part, number, axis=0) for number, part in enumerate(z)]) for z in (x, y))
     ends = node.copy()
-    ends[[0, -1]] = x[0, 0], x[-1, (len(x) - 2) % replicates]  # of the run, not the middles of its end ranges
+    ends[[0, -1]] = x[0, 0], x[-1, (len(x) - 2) % replicates]  # ends of the run, not the middles of its end ranges
     level = y - _tilt(x, ends, value)
-    # The noise of the slopes counts as well: each replicate gets its own.
+    # Each replicate gets its own slope, to include the noise of the slopes.
     slope = np.gradient(level - level.mean(axis=1, keepdims=True), node, axis=0, edge_order=2)
     return Branch(ends, level - slope * (x - ends[:, None])[..., None]), white
 
 
 def _tilt(x: np.ndarray, node: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """How much each part (points, replicates, channels) differs from its point because its force does."""
+    """Difference of each part (points, replicates, channels) from its point due to its different force."""
     slope = np.gradient(value, x.mean(axis=1), axis=0, edge_order=2)
     return slope[:, None] * (x - node[:, None])[..., None]

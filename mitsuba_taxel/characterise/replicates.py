@@ -8,22 +8,22 @@ import numpy as np
 
 HALVES = (slice(0, None, 2), slice(1, None, 2))
 DRAWS = 64
-"""Of the bootstrap: with so many its standard deviation is right to 9 %."""
+"""Samples of the bootstrap, whose standard deviation is then accurate to 9 %."""
 
 
 class Largest(NamedTuple):
-    """What many noisy numbers are where they are largest in magnitude, without the bias of choosing this place.
+    """Largest in magnitude of many noisy numbers, without the bias of choosing the place.
 
     Attributes
     ----------
     magnitude : (replicates, channels) ndarray
-        Each sample where the other half of the replicates is largest, times the sign that this half has there.
+        Each sample where the other half of the replicates is largest, times the sign of that half there.
     sign : (channels,) ndarray
-        Of the mean of all samples at ``place``.
+        Sign of the mean of all samples at ``place``.
     place : (channels,) ndarray
-        Where this mean is largest.
+        Place where this mean is largest.
     choice_error : (channels,) ndarray
-        Standard error that the choice of the place adds to the mean of ``magnitude``.
+        Standard error of the mean of ``magnitude`` due to the choice of the place.
     """
 
     magnitude: np.ndarray
@@ -37,12 +37,12 @@ class Largest(NamedTuple):
         return self.sign * self.magnitude.mean(axis=0)
 
     def error_of(self, samples: np.ndarray) -> np.ndarray:
-        """Standard error (channels,) of the mean of samples (replicates, channels) formed of :attr:`magnitude`."""
+        """Standard error (channels,) of the mean of samples (replicates, channels) computed from :attr:`magnitude`."""
         return np.hypot(standard_error(samples), self.choice_error)
 
 
 def standard_error(samples: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Standard error of the mean over the replicates along ``axis``; not a number where there is only one."""
+    """Standard error of the mean over the replicates along ``axis``; NaN if there is only one."""
     count = samples.shape[axis]
     if count < 2:
         return np.full(np.delete(samples.shape, axis), np.nan)
@@ -52,10 +52,10 @@ def standard_error(samples: np.ndarray, axis: int = 0) -> np.ndarray:
 def at_largest(samples: np.ndarray) -> Largest:
     """Samples (places, replicates, channels) where they are largest; see :class:`Largest`.
 
-    The largest of many noisy numbers is too large. So each half of the replicates is read where the other half
-    is largest, which says nothing about its own noise. Halves that choose places of opposite signs agree in the
-    magnitude. What this leaves is that noise may choose a place that is not the largest: the estimate is low by less
-    than its error. With one replicate there is no other half, and the bias stays.
+    The largest of many noisy numbers is biased upwards. So each half of the replicates is evaluated where the other
+    half is largest, which is independent of its own noise. Halves that choose places of opposite signs agree in the
+    magnitude. As noise may choose a place that is not the largest, the estimate is low by less than its error. With one
+    replicate there is no other half, and the bias remains.
     """
     _, replicates, channels = samples.shape
     mean = samples.mean(axis=1)
@@ -73,11 +73,11 @@ def at_largest(samples: np.ndarray) -> Largest:
 
 
 def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
-    """(channels,) what the choice of the place adds to the standard error of the mean of ``magnitude``.
+    """(channels,) standard error of the mean of ``magnitude`` due to the choice of the place.
 
-    Each half's noise chooses where the other is read, so that the halves are too large, or too small, together. The
-    bootstrap sees that (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6): each half's
-    replicates are drawn anew, with replacement, and the whole is done again. Its variance is (n - 1) / n of that of the
+    Each half's noise chooses where the other is evaluated, so the halves are too large, or too small, together. The
+    bootstrap captures that (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6): each half's
+    replicates are resampled with replacement, and the estimate repeated. Its variance is (n - 1) / n of that of the
     mean of n.
     """
     parts = [samples[:, half] for half in HALVES]
@@ -95,7 +95,7 @@ def _choice_error(samples: np.ndarray, magnitude: np.ndarray) -> np.ndarray:
 
 
 def _read(values: np.ndarray, guide: np.ndarray) -> np.ndarray:
-    """(..., channels) values (..., places, channels) where a guide is largest in magnitude, times its sign there."""
+    """(..., channels) values (..., places, channels) where ``guide`` is largest in magnitude, times its sign there."""
     place = np.abs(guide).argmax(axis=-2)
     return _at(values, place) * np.sign(_at(guide, place))
 

@@ -1,4 +1,4 @@
-"""Sensitivity: the slope of a reading against force, with the error that light, mechanics and geometry give it."""
+"""Sensitivity: the slope of a reading against force, with its error by light, mechanics and geometry."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     """Slopes of the readings along one force.
 
-    All scenes of a study share their random numbers, so slopes are formed replicate by replicate; the scatter of
-    the replicates' slopes gives the error of the light, and slopes of the readings off by their ``deviation`` that of
-    the mechanics, by their ``geometry_error`` that of the geometry. Readings that are missing are left out.
+    All scenes of a study share their random numbers, so slopes are computed replicate by replicate; their scatter gives
+    the error of the light. Slopes of readings changed by their ``deviation`` give that of the mechanics, by their
+    ``geometry_error`` that of the geometry. Missing readings are left out.
 
     Parameters
     ----------
     study : xr.Dataset
-        As ``sweep`` returns it.
+        As returned by ``sweep``.
     force : str
-        ``fx``, ``fy`` or ``fz``, if it changes by itself, along a dimension of its own or in the steps of a path; or
-        the dimension of a path along which a force changes in one direction (its abscissa is then the component along
-        this direction: the resultant, of a diagonal load).
+        ``fx``, ``fy`` or ``fz``, if it is varied alone, along its own dimension or in the steps of a path; or the
+        dimension of a path along which a force changes in one direction (the abscissa is then the component along it:
+        the resultant of a diagonal load).
 
     Returns
     -------
-    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N of
-    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as :class:`Slopes` has them; and
-    ``relative_slope`` in %/N, the mean slope over the reading at the least force, with its error.
+    Over the other varied parameters and ``taxel``: ``max_slope``, ``mean_slope`` and ``zero_slope`` in W/N, or V/N for
+    a study in volts, each with its ``_error``, and ``max_slope_at`` in N, as in :class:`Slopes`; and ``relative_slope``
+    in %/N, the mean slope over the reading at the least force, with its error.
 
     Raises
     ------
     InputError
-        if ``force`` does not change by itself, has one value only, or grows along several runs of a path.
+        if ``force`` is not varied alone, has only one value, or grows along several runs of a path.
     """
     lines = [line for line in load_lines(study) if force in (line.name, line.dim) and line.loading]
     if not lines:
@@ -56,9 +56,9 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
     """:func:`sensitivity` along every line of load of a study, one row per line and taxel.
 
-    Of a path that goes back and forth along a line, this is the first run of growing force. Columns: ``force``,
-    the other varied parameters, ``taxel``, the slopes with their unit in the name, and ``remark``, what is to be said
-    of the largest slope. There is no row if no force is varied.
+    For a path back and forth along a line, this is the first run of growing force. Columns: ``force``, the other varied
+    parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. There is no row
+    if no force is varied.
     """
     import pandas
 

@@ -1,4 +1,4 @@
-"""What a study holds of experiments: lines of load, the same off by the errors of the shape, and tangential maps."""
+"""Experiments of a study: lines of load, the same changed by the errors of the shape, and tangential maps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SLOPES = (
 
 
 class Simulated(NamedTuple):
-    """``experiments``; ``off``, the same as ``characteristics`` takes them; ``maps``; and ``notes``, in words."""
+    """``experiments``; ``off``, the same for ``characteristics``; ``maps``; and ``notes``."""
 
     experiments: list[Experiment]
     off: list[list[Experiment]]
@@ -35,9 +35,9 @@ class Simulated(NamedTuple):
 
 
 def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | None = None) -> Simulated:
-    """The experiments of a study, as ``open_study`` returns it; none where no force is varied.
+    """The experiments of a study, as returned by ``open_study``; none if no force is varied.
 
-    With a circuit, they come in watts and in volts, told apart by ``reading``.
+    With a circuit, they are given in watts and in volts, distinguished by ``reading``.
     """
     scenes = [study] if isinstance(study, xr.Dataset) else [leaf.to_dataset() for leaf in study.leaves]
     notes = [ERROR, *dict.fromkeys(note for scene in scenes for note in scene.attrs.get("notes", "").splitlines())]

@@ -10,26 +10,26 @@ from mitsuba_taxel.characterise.experiment import Branch, Tangents
 from mitsuba_taxel.characterise.replicates import at_largest, standard_error
 
 PLACES = 1001
-"""Of a run, evenly spread, where curves are looked at for their largest slope."""
+"""Evenly spaced points of a run at which the largest slope of curves is searched."""
 
 
 class Slopes(NamedTuple):
-    """Slopes (channels,) in W/N or V/N with their standard errors; not a number where the run has none.
+    """Slopes (channels,) in W/N or V/N with their standard errors; NaN where the run has none.
 
-    Where the run has tangents these are slopes of the cubic curves through values and slopes, with the errors of the
-    slopes. Else they are differences of readings:
+    If the run has tangents these are slopes of the cubic curves through values and slopes, with the errors of the
+    slopes. Otherwise they are differences of readings:
 
-    ``max_slope`` : between those neighbouring points where it is largest in magnitude, which the literature on this
-    kind of sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle
-    between these points in N.
+    ``max_slope`` : between the neighbouring points where it is largest in magnitude, which the literature on this kind
+    of sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between
+    these points in N.
 
-    ``mean_slope`` : between the ends of the run; the paper's sensitivity of a measured taxel (section 3.1) is that
-    of the force-voltage relation.
+    ``mean_slope`` : between the ends of the run; the paper's sensitivity of a measured taxel (section 3.1) is that of
+    the force-voltage relation.
 
-    ``zero_slope`` : at zero force, of the parabola through the three points whose forces are least in magnitude,
-    evenly spaced or not. It is exact for a parabola; its error is of second order in their distances (v'''/6 times
-    the product of those to zero of the two other points, if one lies there). With two points it is the slope
-    between them. Zero must lie in the run, or nearer to it than its neighbouring points are to each other.
+    ``zero_slope`` : at zero force, of the parabola through the three points of least force in magnitude, evenly spaced
+    or not. It is exact for a parabola; its error is of second order in their distances (v'''/6 times the product of the
+    distances of the two other points from zero, if one lies there). With two points it is the slope between them. Zero
+    must lie in the run, or closer to it than the distance of its neighbouring points.
     """
 
     max_slope: np.ndarray
@@ -42,8 +42,8 @@ class Slopes(NamedTuple):
 
 
 def slopes(run: Branch) -> Slopes:
-    """All slopes of a run: those of its tangents, or formed of readings replicate by replicate, so that noise which
-    these share drops out."""
+    """All slopes of a run: those of its tangents, or from readings replicate by replicate, so that common noise
+    cancels."""
     channels = run.samples.shape[2]
     if len(run.force) < 2:
         return Slopes(*np.full((len(Slopes._fields), channels), np.nan))
@@ -68,7 +68,7 @@ def slopes(run: Branch) -> Slopes:
 def relative_slope(run: Branch, found: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean slopes of a run over readings at rest (replicates, channels), in %/N, and their standard errors.
 
-    A ratio of means, with its error to first order; noise that readings and rest share drops out of it.
+    A ratio of means, with its error to first order; common noise of readings and rest cancels.
     """
     level = rest.mean(axis=0)
     level = np.where(level != 0, level, np.nan)
@@ -103,7 +103,7 @@ def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
 
 
 def _between(places: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(places, channels) on straight lines through values (x, channels), and level beyond them."""
+    """(places, channels) linear interpolation of values (x, channels), constant beyond them."""
     return np.stack([np.interp(places, x, column) for column in values.T], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What stands for all taxels of an array, and the slopes of a study in few rows."""
+"""One channel to represent all taxels of an array, and the slopes of a study in few rows."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 class Channel(NamedTuple):
-    """Weights (taxels,) of the taxels, and what their sum is in words; nothing of one taxel."""
+    """Weights (taxels,) of the taxels, and a name for their sum; empty for a single taxel."""
 
     weights: np.ndarray
     words: str
 
 
 def common_channel(compared: Sequence[Experiment]) -> Channel:
-    """One channel by which experiments of equally many taxels along one force are compared.
+    """One channel for comparing experiments with equally many taxels along one force.
 
-    That is the mean of the taxels under a normal force; under a tangential one, where taxels change in opposite ways,
-    the taxel that changes most, on average over the experiments.
+    It is the mean of the taxels under a normal force; under a tangential one, where taxels change in opposite
+    directions, the taxel that changes most, on average over the experiments.
     """
     count = len(compared[0].taxel)
     if count == 1:
@@ -41,10 +41,10 @@ def common_channel(compared: Sequence[Experiment]) -> Channel:
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
-    """Slopes along the first run of each line of load, and of what: a row for each taxel where there is one line.
+    """Slopes along the first run of each line of load, and the name of the channel: a row per taxel for a single line.
 
-    Of several lines of one force there is a row for each, of the channel by which they are compared. The table is as
-    :func:`characteristics` returns it; it has no row if no force is varied.
+    Several lines of one force have a row each, for the channel by which they are compared. The table is that of
+    :func:`characteristics`; it has no row if no force is varied.
     """
     found, off = experiments(study), [experiments(one) for one in off_by_shape(study)]
     words = ""

@@ -1,4 +1,4 @@
-"""The taxels' map under a tangential load, and its symmetric pairs (paper, Fig. 10)."""
+"""Maps of taxels under a tangential load, and their symmetric pairs (paper, Fig. 10)."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     import pandas
 
 MIRRORS = {"across": -1, "along": 1}
-"""``across`` mirrors at the line through the middle across the load: the two taxels lie before and behind it.
+"""``across`` mirrors at the line through the centre perpendicular to the load: the two taxels lie before and behind it.
 ``along`` mirrors at the line of the load: the two lie on either side of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class TangentialMap:
-    """How the taxels' readings change under a tangential load.
+    """Changes of the taxels' readings under a tangential load.
 
-    ``experiment`` : where it comes from; ``direction`` (2,) : of the load in the board's plane; ``force`` : its
-    component along that in N; ``shape`` : rows and columns; ``samples`` (replicates, taxels) : change since the start
-    of the experiment in its unit. Taxels are numbered row by row from (-x, +y), so that a picture of rows and columns
-    shows the board with x to the right and y upwards.
+    ``experiment`` : its origin; ``direction`` (2,) : of the load in the board's plane; ``force`` : its component along
+    that in N; ``shape`` : rows and columns; ``samples`` (replicates, taxels) : change since the start of the experiment
+    in its unit. Taxels are numbered row by row from (-x, +y), so that a picture of rows and columns shows the board
+    with x to the right and y upwards.
     """
 
     experiment: Experiment
@@ -56,7 +56,7 @@ def tangential_maps(study: xr.Dataset | xr.DataTree) -> list[TangentialMap]:
     """A map for each line of tangential load of a study, at the largest of its forces.
 
     The numbers of rows and columns are the study's attributes ``rows`` and ``columns`` or the scene's parameters of
-    these names; without them, a square number of taxels is a square.
+    these names; without them, the taxels are assumed to form a square.
 
     Raises
     ------
@@ -93,18 +93,18 @@ def tangential_map(experiment: Experiment, rows: int, columns: int) -> Tangentia
 
 
 def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
-    """Taxels that mirror each other, and how their changes differ.
+    """Taxels that mirror each other, and the difference of their changes.
 
-    Two mirrors are looked at. Across the load, a pad that is symmetric and linear has opposite changes: along the
-    secondary diagonal of a square of nine (the paper's Fig. 10), 3 and 7 differ most, 2 and 4 as well as 6 and 8
-    less. Along the load, such a pad has equal changes. There are no pairs where the mirror image of the grid is not
-    the grid, as for a diagonal load on rows and columns of different number; the grid counts as square-meshed.
+    There are two mirrors. Across the load, a symmetric and linear pad has opposite changes: along the secondary
+    diagonal of a square of nine (the paper's Fig. 10), 3 and 7 differ most, 2 and 4 as well as 6 and 8 less. Along the
+    load, such a pad has equal changes. There are no pairs if the grid is not symmetric, as for a diagonal load on
+    different numbers of rows and columns; equal pitches are assumed.
 
     Returns
     -------
-    One row per pair: ``force``; the other varied parameters; ``at_N``, the force; ``mirror``; ``taxel`` and
-    ``other``; ``difference``, the change of the one less that of the other, and its ``error`` from the replicates'
-    differences, in ``unit``; ``remark``, as in :func:`characteristics`.
+    One row per pair: ``force``; the other varied parameters; ``at_N``, the force; ``mirror``; ``taxel`` and ``other``;
+    ``difference`` of their changes, and its ``error`` from the replicates' differences, in ``unit``; ``remark``, as in
+    :func:`characteristics`.
     """
     import pandas
 

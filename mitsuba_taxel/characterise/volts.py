@@ -1,4 +1,4 @@
-"""What a circuit shows of a study: volts and counts at rest and per newton, the force that noise hides, saturation."""
+"""A study behind a circuit: volts and counts at rest and per newton, noise-equivalent force, saturation."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit) -> pandas.DataFrame:
-    """One row per line of load and taxel of a study, as a circuit shows it; none where no force is varied.
+    """One row per line of load and taxel of a study behind a circuit; none if no force is varied.
 
     Returns
     -------
-    Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma)
-    at the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
+    Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at
+    the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
     ``mean_slope_counts_per_N``; ``noise_force_N``, the noise as a force at the first step, and ``least_noise_force_N``,
-    the least of all steps; ``saturation_N``, the force where the output reaches the circuit's limit, by straight lines
-    of power between readings, not a number where it does not.
+    the least of all steps; ``saturation_N``, the force where the output reaches the circuit's limit, by linear
+    interpolation of the power, NaN if it does not.
     """
     import pandas
 
@@ -56,7 +56,7 @@ def _rows(study: xr.Dataset, circuit: Circuit) -> Iterator[dict[str, Any]]:
 
 
 def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
-    """Each (channels,), along a run from its least force on."""
+    """Each (channels,), along a run from its least force."""
     order = np.argsort(np.abs(power.force), kind="stable")
     force, light = power.force[order], np.maximum(power.value[order], 0.0)
     shown, noise = respond(circuit, light), total_noise(circuit, light)
@@ -77,7 +77,7 @@ def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarr
 
 
 def _saturation(circuit: Circuit, force: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """(channels,) force where light first is as much as brings the output to the circuit's limit."""
+    """(channels,) least force at which the light brings the output to the circuit's limit."""
     beyond = light - power_at(circuit, np.nextafter(circuit.limit, 0.0))
     found = np.full(light.shape[1], np.nan)
     for channel, excess in enumerate(beyond.T):

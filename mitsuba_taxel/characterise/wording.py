@@ -1,4 +1,4 @@
-"""Figures of merit as words: a value with its error, rows of a table, a LaTeX table."""
+"""Figures of merit as text: a value with its error, rows of a table, a LaTeX table."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ REMARKS = {
 
 
 def with_error(value: float, error: float, latex: bool = False) -> str:
-    """``(1.480 ± 0.031)e-04``: the error with two digits, the value as far as these go; ``-`` where there is none.
+    """``(1.480 ± 0.031)e-04``: the error with two digits, the value to the same place; ``-`` for a missing value.
 
     Without an error, the value has four digits.
     """
@@ -50,8 +50,8 @@ def table_rows(
 ) -> tuple[list[str], list[list[str]]]:
     """Headings and rows, one per taxel and run, of those ``figures`` that are in a table of characteristics.
 
-    Units have the prefix that fits a figure's numbers; where there is a remark, it stands in place of the number.
-    Columns that say the same in every row, other than the force and the taxel, are left out.
+    Units have the prefix that fits a figure's numbers; a remark replaces the number. Constant columns other than the
+    force and the taxel are left out.
     """
     table = table[table.figure.isin(figures)]
     figures = [name for name in figures if name in set(table.figure)]
@@ -80,7 +80,8 @@ def table_rows(
 
 
 def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
-    """A table of characteristics in parts, by the unit of the readings where it has several; else whole, by ``""``."""
+    """A table of characteristics split by the unit of the readings if it has several; else the whole table, by
+    ``""``."""
     if "reading" not in table:
         return {"": table}
     return {unit: table[table.reading == unit] for unit in table.reading.unique()}
@@ -99,7 +100,7 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of what a circuit shows: numbers with four digits."""
+    """Headings and rows of a table of circuit figures, with four digits."""
     table = table.dropna(axis=1, how="all")
     cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
     return list(table.columns), cells.values.tolist()
@@ -115,13 +116,13 @@ def _number(record: dict[Any, Any], column: str, factor: float, latex: bool) -> 
 
 
 def remarks_explained(*tables: pandas.DataFrame) -> list[str]:
-    """A line for each remark that stands in place of numbers in some tables."""
+    """A line for each remark that replaces numbers in some tables."""
     said = {remark for table in tables for remark in table.remark}
     return [f"{remark}: {meaning}." for remark, meaning in REMARKS.items() if remark in said]
 
 
 def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are taken as they are."""
+    """A plain ``tabular``, which needs no package. Cells that start and end with ``$`` are not escaped."""
 
     def line(cells: Sequence[str]) -> str:
         return " & ".join(cell if _is_formula(cell) else escape(cell) for cell in cells) + r" \\"
@@ -132,12 +133,12 @@ def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def escape(text: str) -> str:
-    """Text with the characters that LaTeX reads as commands made plain."""
+    """Text with the special characters of LaTeX escaped."""
     return "".join(LATEX.get(letter, letter) for letter in text)
 
 
 def as_word(value: Any) -> str:
-    """A parameter or a number as a word; ``-`` where there is none."""
+    """A parameter or a number as text; ``-`` if missing."""
     if isinstance(value, float):
         return f"{value:.6g}" if math.isfinite(value) else "-"
     return str(value)

@@ -55,9 +55,9 @@ def write_characteristics(
     Parameters
     ----------
     table, pairs : pandas.DataFrame
-        As ``characteristics(experiments)`` and ``symmetric_pairs(maps)`` return them.
+        As returned by ``characteristics(experiments)`` and ``symmetric_pairs(maps)``.
     volts : pandas.DataFrame, optional
-        As ``volts_table`` returns it.
+        As returned by ``volts_table``.
 
     Returns
     -------
@@ -90,10 +90,10 @@ def write_characteristics(
 def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """Each experiment's first run of growing force: change and slope against force.
 
-    Above, how readings have changed since the start; below, their slopes: between neighbouring points, or where
-    derivatives are known, these. On the right the same in percent of the reading at rest, where that is known. Bars
-    are 1 sigma of the light. A line is a taxel where there is one experiment. Several are compared: a line is an
-    experiment, the mean of its taxels, or under a tangential load, where that says nothing, the one that changes most.
+    Top: change of the readings since the start; bottom: their slopes, between neighbouring points or from derivatives.
+    Right: the same in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, a
+    line is a taxel. For several, a line is an experiment: the mean of its taxels, or under a tangential load the taxel
+    that changes most.
     """
     groups = _groups([one for one in experiments if one.loading_runs])
     relative = all(one.rest is not None for group in groups for one in group.lines.values())
@@ -142,8 +142,8 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
 def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """The mean slope against each varied parameter other than the force.
 
-    Absolute, and in percent of the reading at rest, where that is known; each with a line for every combination of the
-    others, and bars of 1 sigma of the light. Lines are as those of :func:`plot_sensitivity` where it compares.
+    Absolute, and in percent of the reading at rest, if known; each with a line for every combination of the others, and
+    bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several experiments.
     """
     shown = _of_first_unit(experiments)
     names = parameters_of(shown)
@@ -170,7 +170,7 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
 
 
 def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
-    """What experiments along one and the same force differ in; nothing where there are several forces."""
+    """Parameters in which experiments along one force differ; empty for several forces."""
     loaded = _of_first_unit(experiments)
     if len({(one.force, len(one.taxel)) for one in loaded}) != 1:
         return []
@@ -179,7 +179,7 @@ def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
 
 
 def _of_first_unit(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Those with a run of growing force, in watts where they come in volts too."""
+    """Experiments with a run of growing force, in watts if they are given in volts too."""
     return [one for one in experiments if one.loading_runs and one.unit == experiments[0].unit]
 
 
@@ -223,7 +223,7 @@ class _Group(NamedTuple):
 
 
 def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
-    """What is compared in one panel, at most so many panels."""
+    """Groups of experiments, one per panel, up to the largest number of panels."""
     alike: dict[tuple, list[Experiment]] = {}
     for one in experiments:
         alike.setdefault((one.force, one.unit, len(one.taxel)), []).append(one)
@@ -280,8 +280,8 @@ def _draw_run(above: Sequence[Any], below: Sequence[Any], one: Experiment, label
 def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) -> Figure:
     """The taxels' changes under each tangential load, x to the right, y upwards.
 
-    Each field holds the taxel's number, its change and 1 sigma; an arrow shows which way the load pushes. All maps have
-    the same colours.
+    Each field has the taxel's number, its change and 1 sigma; an arrow shows the direction of the load. All maps have
+    the same colour scale.
     """
     count = min(len(maps), MOST_PANELS)
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
@@ -325,7 +325,7 @@ def _explain_lines(ax: Any, words: Iterable[str]) -> None:
 
 
 def _arrow(ax: Any, one: TangentialMap) -> None:
-    """The direction of the push, on a strip beside the map; rows count downwards, y upwards."""
+    """The direction of the load, on a strip beside the map; rows count downwards, y upwards."""
     push = one.direction * np.sign(one.force) * (1, -1)
     middle = np.array([one.shape[1], one.shape[0] / 2 - 0.5])
     ax.annotate("", middle + 0.4 * push, middle - 0.4 * push, arrowprops={"arrowstyle": "-|>", "linewidth": 2})
@@ -334,7 +334,7 @@ def _arrow(ax: Any, one: TangentialMap) -> None:
 
 
 def _first_cycle(branches: Sequence[Branch]) -> dict[str, Branch]:
-    """By what the force does: its first growing branch, and the next falling and growing ones if there are any."""
+    """The first branch of growing force, and the next falling and growing ones if any, by the key of `LINES`."""
     start = next(number for number, branch in enumerate(branches) if branch.loading)
     after = [branch for branch in branches[start + 1 :] if branch.side == branches[start].side]
     cycle = {"force grows": branches[start]}
@@ -352,7 +352,7 @@ def _draw(
     line: str = "-",
     error: np.ndarray | None = None,
 ) -> None:
-    """A line of samples (points, replicates) over force, with bars of their own or a given error, where it is known."""
+    """A line of samples (points, replicates) over force, with bars of their scatter or a given error, if known."""
     errors = standard_error(samples, axis=1) if error is None else error
     look = style(number)
     ax.errorbar(

@@ -1,4 +1,4 @@
-"""Plots of power against what a study varies."""
+"""Plots of power against the curve parameter of a study."""
 
 from __future__ import annotations
 
@@ -25,16 +25,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLACES = 200
-"""At which curves are drawn."""
+"""Points at which cubic curves are drawn."""
 TAXELS = "taxel, row by\nrow from (-x, +y)"
 
 
 class Curve(NamedTuple):
-    """Power of some taxels against the curve parameter, all else being equal.
+    """Power of some taxels against the curve parameter, with all other parameters fixed.
 
-    ``where`` : values of the other parameters; ``x`` (points,); ``samples`` (points, replicates, taxels) and
-    ``error`` (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers,
-    where they are known.
+    ``where`` : values of the other parameters; ``x`` (points,); ``samples`` (points, replicates, taxels) and ``error``
+    (points, taxels), the total one, in W; ``smooth`` and ``slope`` (points, taxels) without random numbers, if known.
     """
 
     where: Mapping[str, Any]
@@ -53,11 +52,11 @@ class Curve(NamedTuple):
 
     @property
     def rest(self) -> int:
-        """The point of least magnitude, the first of words."""
+        """The point of least magnitude, or the first if values are words."""
         return int(np.abs(self.x).argmin()) if self.x.dtype.kind in "fi" else 0
 
     def relative(self) -> Curve:
-        """The change since rest in percent of the mean reading there; noise that readings share drops out of it."""
+        """The change since rest in percent of the mean reading there; common noise cancels."""
         rest = self.samples[self.rest]
         level = rest.mean(axis=0)
         level = np.where(level > 0, level, np.nan)
@@ -98,14 +97,14 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
 def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
     """Power against the study's curve parameter.
 
-    Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or where derivatives by
-    the parameter are known, the cubic curves that these make of readings without random numbers.
+    Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or with derivatives the
+    cubic curves through readings without random numbers.
 
-    Of one curve, there is a line for each taxel and, where there are several, a second panel below shows how each
-    differs from their mean, with the error of that difference. Several curves are compared: a line for each is
-    the mean of its taxels, and the panel below shows its change in percent of the reading at rest. There are more
-    panels, of the same axes, where one would hold more than :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines.
-    A ``narrow`` picture, for a phone, has its panels below each other and the legend below them.
+    A single curve has a line for each taxel and, if there are several, a second panel with the difference of each from
+    their mean, and the error of that difference. Of several curves, each is a line, the mean of its taxels, with a
+    panel below for its change in percent of the reading at rest. More than
+    :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
+    picture, for a phone, has all panels and the legend in one column.
     """
     curves = curves_of(study)
     return _plot_taxels(study, curves[0], narrow) if len(curves) == 1 else _plot_compared(study, curves, narrow)
@@ -172,7 +171,8 @@ def _since(study: xr.Dataset, curve: Curve) -> str:
 
 
 def _blocks(count: int, lines: int, narrow: bool) -> Any:
-    """Axes (blocks, lines): blocks beside each other, the panels of each below each other, of one range in a line."""
+    """Axes (blocks, lines): blocks side by side, with the panels of each below each other, and common ranges in a
+    row."""
     across = 1 if narrow else min(math.ceil(math.sqrt(count)), 3)
     down = math.ceil(count / across)
     axes = panel_axes(lines * down, across, narrow=narrow)
@@ -197,7 +197,7 @@ def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
 
 
 def _draw_lines(ax: Any, curve: Curve, labels: list[Any], first: int = 0) -> None:
-    """Readings of each line with error bars of the light, joined or with the curve through them, and bands."""
+    """Readings of each line with error bars of the light, joined by lines or cubic curves, and bands."""
     replicates = curve.samples.shape[1]
     values = curve.samples.mean(axis=1)
     errors = curve.samples.std(axis=1, ddof=1) / math.sqrt(replicates) if replicates > 1 else 0 * values

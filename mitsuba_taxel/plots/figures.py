@@ -1,4 +1,4 @@
-"""What all plots share: panels, colours, SI prefixes, force from 0 to the right, and which curves lie in one panel."""
+"""Common to all plots: panels, colours, SI prefixes, force axes, and the distribution of curves over panels."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ if TYPE_CHECKING:
 
 FORMS = ("png", "svg")
 COLOURS = ("#332288", "#CC6677", "#117733", "#DDAA33", "#88CCEE", "#882255", "#44AA99", "#999933", "#AA4499")
-"""After Paul Tol's "muted" scheme, told apart with any colour vision; markers differ too."""
+"""Paul Tol's "muted" scheme, distinguishable with any colour vision; markers differ too."""
 MARKERS = "osD^v<>Px"
 MOST_LINES = len(COLOURS)
-"""Of one panel, where they are compared."""
+"""Most lines in one panel."""
 MOST_PANELS = 12
 NARROW = 4.2
-"""Inches in width of a figure for a phone: letters of 10 points are then as large as those around it."""
+"""Width in inches of a figure for a phone: text of 10 points then matches its surroundings."""
 
 Case = TypeVar("Case")
 
 
 class Panel(NamedTuple):
-    """Cases that are compared in one panel: what sets it apart from others, in words, and the cases by their names."""
+    """Cases compared in one panel: its title, and the cases by name."""
 
     title: str
     cases: dict[str, Any]
 
 
 def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, Any]]) -> tuple[list[Panel], int]:
-    """Panels of cases that differ in parameters, and how many cases find no place.
+    """Panels of cases that differ in parameters, and the number of cases left out.
 
-    All lie in one panel if they are few. Else a panel holds those that differ in one parameter, the one with most
-    values that still are few; where there is none, some, evenly chosen, lie in one panel.
+    A few cases share one panel. Otherwise a panel has the cases that differ in one parameter, the one with most values
+    that still fit; if there is none, one panel has an even selection.
     """
     values: dict[str, dict[str, None]] = {}
     for case in cases:
@@ -85,7 +85,7 @@ def panel_axes(
 ) -> Any:
     """Axes (rows, columns) of ``size`` in inches, with a grid, of a new figure.
 
-    A narrow one, for a phone, has them all in one column, and its legend below.
+    A narrow figure, for a phone, has them all in one column, with the legend below.
     """
     inches = (size[0] * columns + 1.2, size[1] * rows + 0.6)
     shape = (rows, columns)
@@ -116,7 +116,7 @@ def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
 
 
 def label_below(figure: Figure, last: Any, words: str) -> None:
-    """Label the x axis that all panels share: below them all, or in one column below the last."""
+    """Label the common x axis of all panels: below them all, or in one column below the last."""
     if figure.get_figwidth() > NARROW:
         figure.supxlabel(words)
     else:
@@ -124,14 +124,14 @@ def label_below(figure: Figure, last: Any, words: str) -> None:
 
 
 def force_to_the_right(ax: Any, name: str, values: np.ndarray) -> None:
-    """Let an axis of forces start at 0 on the left, also where they are negative, as compression is."""
+    """Let an axis of forces start at 0 on the left, also for negative ones, as in compression."""
     numbers = np.asarray(values)
     if numbers.dtype.kind in "fi" and any(force in name for force in FORCES) and numbers.max(initial=0) <= 0:
         ax.xaxis.set_inverted(True)
 
 
 def style(number: int) -> dict[str, str]:
-    """Colour, marker and kind of line of the curve with a number, from 0."""
+    """Colour, marker and line style of a curve by its number, from 0."""
     return {
         "color": COLOURS[number % len(COLOURS)],
         "marker": MARKERS[(number + number // len(COLOURS)) % len(MARKERS)],
@@ -140,8 +140,8 @@ def style(number: int) -> dict[str, str]:
 
 
 def legend_beside(figure: Figure, axes: Sequence[Any], title: str | None = None) -> None:
-    """The legend of the lines, which are the same in all panels: to the right of these; of a narrow figure below them,
-    or where they fill more than a screen, in each."""
+    """The common legend of all panels: to their right; in a narrow figure below them, or in each if they fill more than
+    a screen."""
     handles, labels = axes[0].get_legend_handles_labels()
     if not any(labels):
         return

@@ -1,4 +1,4 @@
-"""Plots of an optimisation: its course, figures and variables before and after, and trade-offs."""
+"""Plots of an optimisation: its history, figures and variables before and after, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def plot_optimum(
     Parameters
     ----------
     figures, variables, history : pandas.DataFrame
-        As an ``Optimum`` has them.
+        Those of an ``Optimum``.
     """
     axes = panel_axes(1, 3, size=(4.6, 3.4), sharex=False)
     _draw_course(axes[0, 0], history, figures.iloc[0])
@@ -72,7 +72,7 @@ def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
     Parameters
     ----------
     front : pandas.DataFrame
-        As an ``Optimum`` has it.
+        That of an ``Optimum``.
     units : Sequence[str]
         Of the two objectives.
     """

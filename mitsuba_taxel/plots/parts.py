@@ -1,4 +1,4 @@
-"""Drawings of photo-reflectors: from above, and what comes back from a mirror."""
+"""Drawings of photo-reflectors from above, and their current under a mirror."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plots of rankings: a row for each variant, the best above."""
+"""Plots of rankings: a row for each variant, the best on top."""
 
 from __future__ import annotations
 

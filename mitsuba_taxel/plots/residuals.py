@@ -1,4 +1,4 @@
-"""Plots of fits: measured and modelled readings, what is left, and which unknowns go together."""
+"""Plots of fits: measured and modelled readings, residuals, and correlations of the unknowns."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -
     Parameters
     ----------
     residuals, correlation : pandas.DataFrame
-        As a ``FitResult`` has them.
+        Those of a ``FitResult``.
     """
     from matplotlib.figure import Figure
 
@@ -53,7 +53,7 @@ def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -
 
 
 def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:
-    """The setting with most different values, or the row, and its values."""
+    """The setting with most distinct values, or the row number, and its values."""
     settings = [name for name in residuals.columns if name not in NOT_SETTINGS]
     name = max(settings, key=lambda one: residuals[one].nunique(), default="")
     try:

@@ -1,4 +1,4 @@
-"""Plots of what tolerances do: spreads of each taxel, and which parameter they come from."""
+"""Plots of tolerances: spread of each taxel, and the parameters that cause it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     """A tolerance study, a row for each figure.
 
     Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
-    standard deviation of the samples beside that from derivatives. Right: total Sobol' indices of the parameters.
+    standard deviation of the samples and from derivatives. Right: total Sobol' indices of the parameters.
 
     Parameters
     ----------
     spread, parameters : pandas.DataFrame
-        As a ``Tolerance`` has them.
+        Those of a ``Tolerance``.
     """
     names = list(dict.fromkeys(spread.figure))
     grid = axes_of((10.5, 2.6 * len(names) + 0.5), len(names), 2)
