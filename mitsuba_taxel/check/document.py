@@ -1,4 +1,4 @@
-"""The XML of a scene, with the line on which each element stands."""
+"""The XML of a scene, with the line of each element."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KINDS = (
     "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",
     "volume",
 )  # fmt: skip
-"""Elements of a Mitsuba scene that stand for an object of a plugin."""
+"""Elements of a Mitsuba scene that are objects of plugins."""
 
 ELEMENTS = {
     "float": ("float", "integer"),
@@ -36,11 +36,11 @@ class Element:
     tag, attributes : str and dict[str, str]
         As written.
     file, line : Path and int
-        Where it stands.
+        Its place.
     offset : int
         Bytes before its ``<``.
     children : list of Element
-        Elements in it; those of an included file stand in its ``include``.
+        Nested elements; those of an included file are children of the ``include``.
     """
 
     tag: str
@@ -51,7 +51,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def walk(self) -> Iterator[Element]:
-        """This element and all in it, in the order of the file."""
+        """This element and all nested ones, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.walk()
@@ -62,7 +62,7 @@ class Element:
 
 
 class Unreadable(Exception):
-    """A document that is no XML, or no scene can be made of; it holds what there is to say."""
+    """A document that is not XML, or not a scene; it carries the finding."""
 
     def __init__(self, finding: Finding) -> None:
         super().__init__(finding.message)
@@ -70,12 +70,12 @@ class Unreadable(Exception):
 
 
 def read_document(path: Path, around: tuple[Path, ...] = ()) -> Element:
-    """The root of an XML file, with what it includes; ``around`` are files that include it.
+    """The root of an XML file, with included files; ``around`` are the files including it.
 
     Raises
     ------
     Unreadable
-        if a file does not exist, is no XML, is nested deeper than Mitsuba takes it, or includes itself.
+        if a file does not exist, is not XML, is nested too deeply for Mitsuba, or includes itself.
     """
     reader = _Reader(path)
     parser = expat.ParserCreate()
@@ -114,7 +114,7 @@ def filled_in(value: str, parameters: Mapping[str, str]) -> str:
 
 
 class _Reader:
-    """Builds the tree; the parser is set once there is one."""
+    """Builds the tree of elements; ``parser`` is set afterwards."""
 
     parser: expat.XMLParserType
 

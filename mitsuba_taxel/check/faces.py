@@ -1,4 +1,4 @@
-"""Where the LEDs and phototransistors of a scene lie, and the boxes that may hide them."""
+"""Positions of the LEDs and phototransistors of a scene, and the boxes that may hide them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Faces:
     centres : (N, 3) ndarray
         In mm, in the world.
     normal : (3,) ndarray
-        The way they look.
+        The direction that they face.
     side : float
         Shorter side, mm.
     """
@@ -41,7 +41,7 @@ class Faces:
 
 
 def faces_of(parts: Parts) -> tuple[list[Faces], list[Finding]]:
-    """All LEDs and phototransistors, and why some are nowhere."""
+    """All LEDs and phototransistors, and findings on those without a valid position."""
     found, findings = [], []
     for carrier in parts.shapes():
         for part in carrier.children.values():
@@ -69,7 +69,7 @@ class Boxes:
     to_world : ndarray
         (4, 4).
     centre, half : (3,) ndarray
-        Of the box in the middle, or of the place where it would be, before ``to_world``.
+        Of the central box, or of its place if there is none, before ``to_world``.
     rows, columns, pitch : int and float
         The grid.
     """
@@ -95,7 +95,7 @@ class Boxes:
         return apply(self.to_world, self.centres()[:, None] + CORNERS * self.half)
 
     def relative(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) places of points of the world in the nearest box, whose faces are at -1 and 1."""
+        """(N, 3) positions of world points relative to the nearest box, whose faces are at -1 and 1."""
         local = apply(np.linalg.inv(self.to_world), points) - self.centre
         for axis, count in ((0, self.columns), (1, self.rows)):
             if count > 1:

@@ -1,16 +1,16 @@
-"""What a check says of a scene."""
+"""Findings of a check."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 SEVERITIES = ("error", "warning", "note")
-"""Error: the scene cannot be read, or reads wrongly. Warning: it hardly means what it says. Note: good to know."""
+"""Error: the scene cannot be read, or gives wrong readings. Warning: probably unintended. Note: for information."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know of a scene, in one sentence.
+    """One finding on a scene, in one sentence.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class Finding:
     message : str
         What is wrong, and what to do.
     file, line : str and int
-        Where; line 0 stands for the scene as a whole.
+        Its place; line 0 is the scene as a whole.
     """
 
     severity: str

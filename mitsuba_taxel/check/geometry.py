@@ -1,4 +1,4 @@
-"""Parts that are where they cannot work: LEDs in a body or looking away, packages in the silicone, gaps."""
+"""Misplaced parts: LEDs inside a body or facing away, packages in the silicone, gaps."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.pads import Pad
 
 GAP = 1e-3
-"""mm between pad and board that count as none."""
+"""Negligible distance in mm between pad and board."""
 _ROUNDING = 1e-5
-"""Of lengths in single precision, relative."""
+"""Relative error of lengths in single precision."""
 _ON_SURFACE = 1e-4
-"""Distance from the surface of a box, relative to its half, that is none."""
+"""Negligible distance from the surface of a box, relative to its half side."""
 
 
 def check_geometry(parts: Parts) -> Iterator[Finding]:
-    """What can be seen of a scene's geometry with its pads undeformed."""
+    """Findings on a scene's geometry, with its pads undeformed."""
     faces, nowhere = faces_of(parts)
     yield from nowhere
     boxes = boxes_of(parts)
@@ -40,7 +40,7 @@ def check_geometry(parts: Parts) -> Iterator[Finding]:
 
 
 def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
-    """An LED or phototransistor inside a box, or on one of its faces and looking into it."""
+    """An LED or phototransistor inside a box, or on one of its faces and facing into it."""
     what, where = face.part.plugin, f"the {box.part.plugin} of line {box.part.element.line}"
     places = box.relative(face.centres)
     turn = (box.relative(face.centres[:1] + 1e-3 * face.side * face.normal) - places[:1])[0]
@@ -54,7 +54,7 @@ def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
 
 
 def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
-    """LEDs and phototransistors that see no other shape."""
+    """LEDs and phototransistors with no other shape in front."""
     extents = [(part, _corners(part)) for part in parts.shapes()]
     if any(corners is None for _, corners in extents):
         return
@@ -67,7 +67,7 @@ def _nothing_in_front(faces: list[Faces], parts: Parts) -> Iterator[Finding]:
 
 
 def _corners(part: ScenePart) -> np.ndarray | None:
-    """(8, 3) corners of a box in the world that holds a shape; None where they are not known."""
+    """(8, 3) corners of a bounding box of a shape in the world; None if unknown."""
     if part.plugin == PAD:
         if not isinstance(part.made.pad, Pad):
             return None
@@ -81,7 +81,7 @@ def _corners(part: ScenePart) -> np.ndarray | None:
 
 
 def _board(pad: ScenePart, faces: list[Faces], parts: Parts) -> Iterator[Finding]:
-    """A board that is not in the plane of the pad's bottom, or covers what should shine."""
+    """A board that is not in the plane of the pad's bottom, or covers LEDs or phototransistors."""
     from_world = np.linalg.inv(pad.made.to_world)
     highest = 0.5 * pad.made.pad.top_of_cell if isinstance(pad.made.pad, Pad) else 0.2
     candidates = [
@@ -119,7 +119,7 @@ def _board(pad: ScenePart, faces: list[Faces], parts: Parts) -> Iterator[Finding
 
 
 def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.ndarray] | None:
-    """Height of a rectangle's plane or a cube's top, and the corners (2,) of what it covers; None if it is tilted."""
+    """Height of a rectangle's plane or a cube's top, and the corners (2,) of its area; None if it is tilted."""
     axes, centre = matrix[:3, :3], matrix[:3, 3]
     normal = np.cross(axes[:, 0], axes[:, 1])
     if not np.hypot(*normal[:2]) <= 1e-3 * np.abs(normal[2]):
@@ -129,7 +129,7 @@ def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.
 
 
 def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
-    """Packages in the silicone or beside the pad, or in other cells than those that are read."""
+    """Packages in the silicone, beside the pad, or in cells that are not read."""
     stand = np.zeros(body.rows * body.columns, dtype=bool)
     for pad in pads:
         shape = pad.made.pad
@@ -155,14 +155,14 @@ def _in_cells(body: Boxes, pads: list[ScenePart]) -> Iterator[Finding]:
 
 
 def _nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
-    """(N,) index of the cell nearest to each place (N, 2) on the pad's bottom."""
+    """(N,) index of the cell nearest to each point (N, 2) on the pad's bottom."""
     last = np.array([pad.columns - 1, pad.rows - 1])
     column, row = np.clip(np.round(places / pad.pitch * [1, -1] + last / 2), 0, last).astype(int).T
     return row * pad.columns + column
 
 
 def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """(N,) whether all of some points (N, M, 3), given from the centre of a cell's opening, lie in the cell."""
+    """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
     slack = _ROUNDING * pad.cell_size
     radius = 0.5 * pad.cell_size - slack
     across = np.hypot(points[..., 0], points[..., 1])
@@ -200,7 +200,7 @@ def _other_pitch(body: Boxes, pad: ScenePart) -> Iterator[Finding]:
 
 
 def _cells_not_read(body: Boxes, pad: ScenePart, numbers: np.ndarray) -> Iterator[Finding]:
-    """Packages in cells whose surface is cut coarsely."""
+    """Packages in cells whose surface is coarsely triangulated."""
     left_out = sorted(set(numbers.tolist()) - set(pad.made.read_cells or numbers.tolist()))
     if left_out:
         coarse = f"read_cells leaves out cell {', '.join(map(str, left_out))}, where a photo_reflector stands"

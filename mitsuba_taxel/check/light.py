@@ -1,4 +1,4 @@
-"""Light that cannot be read: no LED or phototransistor, walls that return nothing, paths from the wrong end."""
+"""Findings on light: no LED or phototransistor, walls that reflect nothing, paths from the wrong end."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 
 _FROM_THE_LIGHT = ("ptracer",)
-"""Those of Mitsuba's integrators whose paths start at the light."""
+"""Mitsuba's integrators whose paths start at the light."""
 
 
 def check_light(parts: Parts) -> Iterator[Finding]:
-    """What can be known of the light before any is traced."""
+    """Findings on the light without tracing."""
     for shape in parts.shapes():
         yield from _walls(shape)
     yield from _nothing_comes_back(parts)
@@ -38,7 +38,7 @@ def check_light(parts: Parts) -> Iterator[Finding]:
 
 
 def check_modelled(parts: Parts) -> Iterator[Finding]:
-    """What `measure` refuses of a scene all of whose parts were made."""
+    """What `measure` refuses in a scene whose parts were all made."""
     if not parts.sound:
         return
     integrators = [part for part in parts.roots if part.kind == "integrator"]
@@ -52,7 +52,7 @@ def check_modelled(parts: Parts) -> Iterator[Finding]:
 
 @dataclass
 class _Contents:
-    """The shapes of a scene, of which nothing can be traced: as much of a scene as `refuse_unmodelled` asks."""
+    """The shapes of a scene without ray tracing: the part of a scene that `refuse_unmodelled` needs."""
 
     parts: Parts
 
@@ -70,13 +70,13 @@ class _Contents:
         for part in self.parts.roots:
             given = [part] if part.kind == kind else part.nested(kind)
             found += [one.made for one in given]
-            if not given and part.plugin == "photo_reflector" and part.made is not None:  # a part brings its own
+            if not given and part.plugin == "photo_reflector" and part.made is not None:  # a part has its own
                 found.append(part.made.emitter() if kind == "emitter" else part.made.sensor())
         return found
 
 
 def _walls(shape: ScenePart) -> Iterator[Finding]:
-    """What covers a shape by default, and regions that it does not have."""
+    """Shapes with a default BSDF, and regions that a shape does not have."""
     covers = shape.nested("bsdf")
     ours = shape.plugin in (PAD, "photo_reflector")
     if not covers and not ours and shape.made.bsdf() is not None:
@@ -102,7 +102,7 @@ def _walls(shape: ScenePart) -> Iterator[Finding]:
 
 
 def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
-    """Roofs that absorb, and scenes in which everything does."""
+    """Absorbing roofs, and scenes in which everything absorbs."""
     if not parts.sound:
         return
     pads = [part for part in parts.shapes() if part.plugin == PAD]
@@ -121,7 +121,7 @@ def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
 
 
 def _cover(shape: ScenePart, region: str) -> Any:
-    """The BSDF of a region; ``wall`` by default is None, and Mitsuba's own default is the shape's."""
+    """The BSDF of a region; None for the default of a ``wall``, or Mitsuba's default for the shape."""
     covers = shape.nested("bsdf")
     if not covers:
         return None if shape.plugin == PAD else shape.made.bsdf()
@@ -135,7 +135,7 @@ def _absorbs(wall: Any) -> bool:
 
 
 def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:
-    """Mitsuba's integrators that start at the phototransistor, where that scatters without bound."""
+    """Mitsuba's integrators that start at the phototransistor, if weights from there are unbounded."""
     made, plugin = integrator.made, integrator.plugin
     if plugin in _FROM_THE_LIGHT or traces_taxels(made):
         return
@@ -151,7 +151,7 @@ def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:
 
 
 def _tables(parts: Parts) -> Iterator[Finding]:
-    """Tables of reflectance that do not reach the wavelength of an LED."""
+    """Tables of reflectance that do not cover the wavelength of an LED."""
     wavelengths = sorted({led.made.wavelength for led in parts.of("annular_led")})
     for wall in parts.of("wall"):
         for nm in wavelengths if wall.made.needs_wavelength else ():

@@ -1,4 +1,4 @@
-"""Pads that cannot be meshed, or only with more elements or triangles than there is room for."""
+"""Pads that cannot be meshed, or only with more elements or triangles than fit into memory."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from mitsuba_taxel.pads import Pad, PadFile
 
 
 def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
-    """How many cells the pad in a file has.
+    """Number of cells of the pad in a file.
 
-    A surface is read, repaired and told apart into regions; only a STEP file has to be meshed for that.
+    A surface is read, repaired and divided into regions; only a STEP file has to be meshed for that.
 
     Raises
     ------
@@ -38,9 +38,9 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
 
 
 def refuse_finish(pad: Pad, mesh_size: float | None, finish: Any, subdivision: int) -> None:
-    """Raise an InputError for a finish that a pad cannot have; only its mesh tells how many triangles that would take.
+    """Raise an InputError for a finish that a pad cannot have; its number of triangles is known only from the mesh.
 
-    A pad that cannot be meshed is not for a check to say.
+    Failures of meshing itself are not reported here.
     """
     from mitsuba_taxel.mechanics import check_finish
 

@@ -1,4 +1,4 @@
-"""Names that nothing knows, and values in the wrong element: found in the file as it is written."""
+"""Unknown names, and values in the wrong element, found in the file as written."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Findin
 
 
 def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    """What stands for no value."""
+    """References without a value."""
     for value in element.attributes.values():
         for name in re.findall(r"\$(\w+)", value):
             if name not in parameters:
@@ -44,7 +44,7 @@ def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Fin
 
 
 def defaults_given_twice(root: Element) -> Iterator[Finding]:
-    """Defaults that stand twice in one file; one that an including file gives anew is meant so."""
+    """Defaults given twice in one file; an including file may override those of an included one."""
     seen = set()
     for element in root.walk():
         place = (element.file, element.attributes.get("name", ""))
@@ -55,7 +55,7 @@ def defaults_given_twice(root: Element) -> Iterator[Finding]:
 
 def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
     used = used_names(root)
-    if used - set(parameters):  # then one of them is meant by what is misspelt
+    if used - set(parameters):  # a misspelt reference may mean one of them
         return
     for element in root.walk():
         name = element.attributes.get("name", "")
@@ -65,12 +65,12 @@ def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[F
 
 
 def used_names(root: Element) -> set[str]:
-    """The names that stand as ``$name`` anywhere in a file."""
+    """The names used as ``$name`` anywhere in a file."""
     return {name for e in root.walk() for value in e.attributes.values() for name in re.findall(r"\$(\w+)", value)}
 
 
 def _given_twice(element: Element) -> Iterator[Finding]:
-    """Parameters of one object, which Mitsuba refuses, and objects in it, of which it takes one."""
+    """Duplicate parameters of one object, which Mitsuba refuses, and duplicate nested objects, of which it uses one."""
     seen: set[str] = set()
     for child in element.children:
         name = child.attributes.get("name", "") if child.tag != "default" else ""
@@ -90,7 +90,7 @@ def _of_object(element: Element, parameters: Mapping[str, str]) -> Iterator[Find
 
 
 def error_in_plugin(element: Element, parameters: Mapping[str, str]) -> str:
-    """What is wrong with the type of an object; empty if it is a plugin, and one for such an element."""
+    """Error in the type of an object; empty if it is a plugin of the right kind for its element."""
     plugin = filled_in(element.attributes.get("type", ""), parameters)
     kind = plugin_kind(plugin) if plugin in specifications() else _kind_of(plugin)
     if kind not in ("", element.tag):
@@ -109,9 +109,9 @@ def _of_plugin(element: Element, words: type[Specification], parameters: Mapping
 
 
 def error_in(child: Element, words: type[Specification], parameters: Mapping[str, str]) -> str:
-    """What is wrong with the name or the element of something that a plugin of this package is told; empty if nothing.
+    """Error in the name or the element of a parameter of one of our plugins; empty if there is none.
 
-    Objects nested in the plugin are not looked at.
+    Nested objects are not checked.
     """
     name = filled_in(child.attributes.get("name", ""), parameters)
     if child.tag not in _VALUES or not name:
@@ -127,7 +127,7 @@ def error_in(child: Element, words: type[Specification], parameters: Mapping[str
 
 
 def _kind_of(plugin: str) -> str:
-    """The element that stands for a plugin of Mitsuba's own; empty where that is not known."""
+    """The element of a plugin of Mitsuba's own; empty if unknown."""
     kind = mi.PluginManager.instance().plugin_type(plugin).name if plugin else "Unknown"
     name = {"PhaseFunction": "phase", "ReconstructionFilter": "rfilter"}.get(kind, kind.lower())
     return name if name in KINDS else ""
@@ -151,6 +151,6 @@ def _mitsuba_plugins() -> tuple[str, ...]:
 
 
 def _meant(name: str, known: Iterable[str]) -> str:
-    """A question after the name that may have been meant, if there is one."""
+    """A suggestion of the name that may have been meant, if there is one."""
     close = get_close_matches(name, list(known), n=1)
     return f" (did you mean {close[0]}?)" if close else ""

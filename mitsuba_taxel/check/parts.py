@@ -1,4 +1,4 @@
-"""The parts of a scene, made one by one, so that each can say what it refuses; pads are read, but not deformed."""
+"""The parts of a scene, created one by one to collect the errors of each; pads are read, but not deformed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PAD = "deformable_pad"
 
 
 class UndeformedPad:
-    """What a scene says of a pad.
+    """A pad as described by a scene.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class UndeformedPad:
     to_world
         (4, 4).
     objects
-        What is nested in it, by name.
+        Nested objects, by name.
     """
 
     def __init__(self, props: Any) -> None:
@@ -55,7 +55,7 @@ class UndeformedPad:
         self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
         self.objects = dict(props.objects())
 
-    # What `refuse_unmodelled` asks of the shapes of a scene
+    # Interface of shapes for `refuse_unmodelled`
 
     def bsdf(self) -> Any:
         return next((made for made in self.objects.values() if isinstance(made, mi.BSDF)), None)
@@ -76,15 +76,15 @@ class ScenePart:
     plugin, kind : str
         Its plugin's name, and the name of the element.
     element : Element
-        Where it stands in the file.
+        Its element in the file.
     props : Any
-        What the scene says to the plugin, objects aside.
+        Parameters of the plugin, without nested objects.
     children : dict[str, ScenePart]
         Objects nested in it, by name.
     made : Any
-        The object, an `UndeformedPad` for a pad; None where it cannot be made.
+        The object, an `UndeformedPad` for a pad; None if it cannot be made.
     sound : bool
-        Whether it was made just as the scene describes it.
+        Whether it was made exactly as described.
     """
 
     plugin: str
@@ -96,7 +96,7 @@ class ScenePart:
     sound: bool = False
 
     def finding(self, severity: str, message: str, name: str = "") -> Finding:
-        """A finding at the parameter of a name, or at the object itself."""
+        """A finding at a parameter, or at the object itself."""
         for child in self.element.children:
             if name and child.attributes.get("name") == name:
                 return child.finding(severity, message)
@@ -109,7 +109,7 @@ class ScenePart:
 
 @dataclass
 class Parts:
-    """All objects of a scene, in a file of this name: those that stand in it directly, and all of them."""
+    """All objects of a scene file: those at top level, and all including nested ones."""
 
     file: str
     roots: list[ScenePart]
@@ -126,12 +126,12 @@ class Parts:
         return [part for part in self.all if part.sound and part.plugin in plugins]
 
     def shapes(self) -> list[ScenePart]:
-        """Sound shapes that stand in the scene directly."""
+        """Sound shapes at the top level of the scene."""
         return [part for part in self.roots if part.sound and part.kind == "shape"]
 
 
 def make_parts(state: Any, root: Element, parameters: Mapping[str, str]) -> Parts:
-    """Make the objects of a scene that Mitsuba has parsed, and collect what their plugins refuse."""
+    """Make the objects of a scene that Mitsuba has parsed, and collect the errors of their plugins."""
     maker = _Maker(state, root, parameters)
     scene = maker.part(0)
     everything = [part for part in maker.parts.values() if part is not scene]
@@ -139,7 +139,7 @@ def make_parts(state: Any, root: Element, parameters: Mapping[str, str]) -> Part
 
 
 class _Maker:
-    """Makes each object once, those that are nested in it first."""
+    """Makes each object once, nested ones first."""
 
     def __init__(self, state: Any, root: Element, parameters: Mapping[str, str]) -> None:
         self.state, self.root, self.parameters = state, root, parameters
@@ -148,7 +148,7 @@ class _Maker:
         self.parts: dict[int, ScenePart] = {}
 
     def part(self, index: int) -> ScenePart:
-        """The part that stands for a node of what Mitsuba has parsed."""
+        """The part of a node of Mitsuba's parser."""
         if index in self.parts:
             return self.parts[index]
         node = self.state.nodes[index]
@@ -170,7 +170,7 @@ class _Maker:
         return part
 
     def _make(self, part: ScenePart) -> bool:
-        """Make the object of a part, if it can be; whether that left out something that is refused already."""
+        """Make the object of a part, if possible; returns whether parameters already refused were left out."""
         for child in part.children.values():
             if child.plugin == PAD:
                 message = f"{PAD} stands in a {part.plugin}: take it out, into the scene itself."
@@ -194,7 +194,7 @@ class _Maker:
         return dropped
 
     def _drop_what_is_refused_already(self, part: ScenePart, props: Any) -> bool:
-        """Remove parameters that `check_names` refuses, and transformations to nowhere."""
+        """Remove parameters that `check_names` refuses, and invalid transformations."""
         words = specifications().get(part.plugin)
         refused = []
         if words is not None:
@@ -209,14 +209,14 @@ class _Maker:
         return bool(refused)
 
     def _retry(self, part: ScenePart, props: Any, make: Callable[[Any], Any]) -> Any:
-        """What ``make`` makes of the properties, less those that it refuses; None where it makes nothing."""
+        """The result of ``make`` on the properties, without those that it refuses; None if it fails."""
         dropped: set[str] = set()
         while True:
             try:
                 return make(props)
             except (InputError, RuntimeError, TypeError, ValueError) as error:
                 message = _one_sentence(error, part.plugin)
-            if dropped & set(re.findall(r"\w+", message)):  # it may follow from what was left out
+            if dropped & set(re.findall(r"\w+", message)):  # it may be a consequence of parameters left out
                 return None
             culprit = _culprit(message, props)
             self.findings.append(part.finding("error", message, culprit))
@@ -226,14 +226,14 @@ class _Maker:
             dropped.add(culprit)
 
     def _read_pad(self, part: ScenePart, props: Any) -> UndeformedPad | None:
-        """Read a pad as its plugin does before it solves for the deformation."""
+        """Read a pad as its plugin does before solving for the deformation."""
         pad = self._retry(part, props, UndeformedPad)
         if pad is not None:
             self._check_cells(part, pad)
         return pad
 
     def _check_cells(self, part: ScenePart, pad: UndeformedPad) -> None:
-        """What is said only once the pad is solved for: no room for its mesh, or cells that it does not have."""
+        """Errors otherwise found only when solving: a mesh that is too large, or missing cells."""
         numbers, stated = pad.read_cells or (), pad.specification
         finish = stated.build_finish()
         if numbers and finish is not None:
@@ -265,7 +265,7 @@ class _Maker:
 
 
 def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: int) -> int:
-    """How many cells a pad has; raises `InputError` where it cannot be meshed, or is cut into too many triangles."""
+    """Number of cells of a pad; raises `InputError` if it cannot be meshed, or has too many triangles."""
     if isinstance(pad, PadFile):
         return cells_of_file(pad, mesh_size)
     check_triangles(subdivision, LEAST_FACES * (read or pad.rows * pad.columns))
@@ -274,7 +274,7 @@ def _cells_with_room(pad: Any, mesh_size: float | None, subdivision: int, read: 
 
 
 def _one_sentence(error: Exception, plugin: str) -> str:
-    """What a plugin says of what it refuses, without traceback or place in the source."""
+    """The error message of a plugin, without traceback or place in the source."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     if lines[-1].startswith("KeyboardInterrupt"):
         raise KeyboardInterrupt
@@ -285,6 +285,6 @@ def _one_sentence(error: Exception, plugin: str) -> str:
 
 
 def _culprit(message: str, props: Any) -> str:
-    """The parameter that a message begins with, if it is among the properties."""
+    """The parameter with which a message begins, if it is among the properties."""
     names = set(props.keys())
     return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

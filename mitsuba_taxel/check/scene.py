@@ -1,4 +1,4 @@
-"""A scene, looked over before it is rendered."""
+"""Check of a scene before rendering."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
 
 @in_turn
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
-    """Look a scene over: nothing is traced, and no pad is deformed.
+    """Check a scene without tracing light or deforming pads.
 
     A pad is meshed only if it has a finish or is a STEP file.
 
@@ -35,7 +35,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
 
     Returns
     -------
-    All that was found, in the order of the file; empty for a scene of which nothing is to be said.
+    All findings, in the order of the file.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
 
 
 def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> Any:
-    """What Mitsuba's parser makes of a scene; None, and findings, where it makes nothing."""
+    """The scene parsed by Mitsuba; None, and findings, if that fails."""
     used = used_names(root)
-    # Mitsuba stops at a parameter that is not used, of which `check_names` has spoken already.
+    # Mitsuba stops at an unused parameter, which `check_names` has reported already.
     given = {name: value for name, value in scene.parameters.items() if name in used}
     config = parser_config(mi.variant())
     try:
@@ -84,7 +84,7 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
 
 
 def _of_parser(said: str, path: Path) -> Finding:
-    """What Mitsuba's parser says, at the place that it names."""
+    """The message of Mitsuba's parser, at the place that it names."""
     text = re.sub(r"^\[[^\]]*\] ", "", " ".join(said.split()))
     place = re.search(r"(?:^|\s)\"?([^\s\"]*)\"? \(line (\d+), col \d+\): (.*)", text)
     if place is None:

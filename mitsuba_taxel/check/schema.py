@@ -1,4 +1,4 @@
-"""A schema of scenes (RELAX NG), made from the plugins' parameter tables: editors complete and check with it."""
+"""RELAX NG schema of scenes from the plugins' parameter tables, for completion and validation in editors."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _PATTERNS = {
     "number": rf"\s*{_NUMBER}\s*",
     "vector_text": rf"[\s,]*{_NUMBER}(([\s,]+{_NUMBER}){{2}})?[\s,]*",
 }
-"""Texts of attributes, as Mitsuba reads them; a reference holds the name of a <default>, as $name."""
+"""Patterns of attributes, as Mitsuba reads them; a reference is the name of a <default>, as $name."""
 _TEXTS = {"int": "integer_text", "float": "number", "vector": "vector_text"}
 _VALUE_ELEMENTS = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum")
 _TRANSFORMATIONS = ("translate", "rotate", "scale", "lookat", "matrix")
 _HEADER = """
-  Scenes of mitsuba_taxel, made from the plugins' tables by taxel check, option schema.
-  Put it beside a scene, and let its first line be
+  Schema of scenes of mitsuba_taxel, written by taxel check, option schema, from the plugins' tables.
+  Put it beside a scene whose first line is
   <?xml-model href="taxel.rng" schematypens="http://relaxng.org/ns/structure/1.0"?>
-  VS Code (extension XML) and oXygen take it so; Emacs takes the compact form that trang makes of it.
+  VS Code (extension XML) and oXygen use it directly; for Emacs convert it to compact form by trang.
 """
 
 
 def schema() -> str:
     """The schema as text, in RELAX NG's XML syntax.
 
-    Parameters of this package's plugins are held to their tables; what Mitsuba's own plugins are told may be anything.
-    Wherever a value stands, ``$name`` may stand too.
+    Parameters of this package's plugins must match their tables; those of Mitsuba's own plugins are unrestricted. Every
+    value may be a ``$name``.
     """
     grammar = Element(
         "grammar",
@@ -65,7 +65,7 @@ def schema() -> str:
 
 
 def write_schema(file: str | Path) -> None:
-    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` where that cannot be."""
+    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` for other names."""
     file = Path(file)
     if file.suffix != ".rng":
         raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")
@@ -113,7 +113,7 @@ def _define_texts(grammar: Element) -> None:
 
 
 def _define_declarations(grammar: Element) -> None:
-    """What says nothing of an object itself."""
+    """Declarations that are not objects."""
     contents = {"default": ("name", "value"), "include": ("filename",), "path": ("value",), "alias": ("id", "as")}
     choice = SubElement(_define(grammar, "declaration"), "choice")
     for tag, attributes in contents.items():
@@ -126,7 +126,7 @@ def _define_declarations(grammar: Element) -> None:
 
 
 def _define_values(grammar: Element) -> None:
-    """What Mitsuba's own plugins may be told: any parameter."""
+    """Parameters of Mitsuba's own plugins: any."""
     choice = SubElement(_define(grammar, "value"), "choice")
     for tag in _VALUE_ELEMENTS:
         _ref(SubElement(choice, "element", name=tag), "any_attributes")
@@ -146,7 +146,7 @@ def _transform(parent: Element, name: str | None = None, text: str = "") -> None
 
 
 def _define_kind(grammar: Element, kind: str) -> None:
-    """An object of one kind: of a plugin of this package, or of one of Mitsuba's own."""
+    """An object of one kind, of a plugin of this package or of Mitsuba's own."""
     ours = [name for name in plugin_names() if plugin_kind(name) == kind]
     element = SubElement(_define(grammar, kind), "element", name=kind)
     _optional_attributes(element, ("name", "id"))

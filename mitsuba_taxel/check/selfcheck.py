@@ -1,4 +1,4 @@
-"""A quick look whether this installation computes right: one known reading, one known deformation."""
+"""Quick check of an installation: one known reading, one known deformation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Check(NamedTuple):
-    """Outcome of one check; ``detail`` says what was compared with what."""
+    """Outcome of one check; ``detail`` states what was compared."""
 
     name: str
     passed: bool
@@ -17,7 +17,7 @@ class Check(NamedTuple):
 
 
 def run_checks() -> list[Check]:
-    """Run all checks, about a second in all; one that breaks off has failed."""
+    """Run all checks, in about a second; a check that raises has failed."""
     return [_guarded("optics", check_optics), _guarded("mechanics", check_mechanics)]
 
 
@@ -31,8 +31,8 @@ def _guarded(name: str, check: Callable[[], Check]) -> Check:
 def check_optics() -> Check:
     """Lambertian plate at 0.7 mm over a Lambertian LED and a phototransistor, 0.7 mm apart.
 
-    The reference is a deterministic quadrature of the single reflection, good to 8 digits. The check fails by
-    chance once in a million times.
+    The reference is a deterministic quadrature of the single reflection, accurate to 8 digits. The check fails by
+    chance once in a million runs.
     """
     from scipy import stats
 

@@ -1,4 +1,4 @@
-"""Numbers that are likely in another unit than that of the parameter: mm, N, MPa, nm and degrees are needed."""
+"""Numbers that are probably in the wrong unit: mm, N, MPa, nm and degrees are needed."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _OTHERS = {
     "MPa": {"Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3},
     "nm": {"µm": 1e3, "m": 1e9, "Å": 0.1},
 }
-"""What one of other units is in that of a parameter."""
+"""Other units in terms of that of a parameter."""
 LARGEST_STRAIN = 3.0
-"""Stress of a load on the top of a pad, over Young's modulus: beyond, no pad stands it."""
+"""Largest stress of a load on the top of a pad, relative to Young's modulus, that a pad can bear."""
 PLACES_LOOKED_AT = 41
-"""Along each side of a pad's top, at which an indenter may touch it."""
+"""Points along each side of a pad's top at which contact with an indenter is tested."""
 SMALLEST_STRAIN = 2e-5
-"""Below, no reading shows the load."""
+"""Least relative stress that shows in a reading."""
 
 
 def doubt(parameter: Parameter, value: float) -> str:
-    """What is odd about a number; empty if nothing is."""
+    """Why a number is unusual; empty if it is not."""
     least, most = getattr(parameter, "common", None) or (0.0, math.inf)
     if value == 0 or not math.isfinite(value) or least <= abs(value) <= most:
         return ""
@@ -41,7 +41,7 @@ def doubt(parameter: Parameter, value: float) -> str:
 
 
 def check_units(parts: Parts) -> Iterator[Finding]:
-    """Numbers so far from the common that another unit must be meant, and loads that pull."""
+    """Numbers so unusual that another unit must be meant, and loads that pull."""
     for part in parts.all:
         stated = specifications()[part.plugin].values() if part.plugin in specifications() else {}
         for name, parameter in stated.items():
@@ -74,7 +74,7 @@ def _radians(part: ScenePart) -> Iterator[Finding]:
 
 
 def _of_load(part: ScenePart) -> Iterator[Finding]:
-    """Loads that pull, and loads far beyond or below what a pad shows."""
+    """Loads that pull, and loads far too large or too small for a pad."""
     pad = part.made
     if not np.any(pad.load[1]):
         return
@@ -92,7 +92,7 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
-    """Whether an indenter touches nothing of a pad's top on its way."""
+    """A message if an indenter never touches a pad's top on its way."""
     if not isinstance(load, IndenterDisplacement) or not isinstance(pad.pad, Pad) or value[2] > 0:
         return ""
     half = np.array(pad.pad.extent[:2]) / 2

@@ -1,4 +1,4 @@
-"""Values that Mitsuba's parser refuses; it stops at the first one, and is asked of each alone for that."""
+"""Values that Mitsuba's parser refuses, each tested alone since the parser stops at the first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TAGS = ("integer", "float", "boolean", "string", "vector", "point")
 
 
 def refused_values(root: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
-    """What is wrong with each number, word and vector of a file."""
+    """Errors in the numbers, words and vectors of a file."""
     for element in root.walk():
         if element.tag not in _TAGS:
             continue
@@ -27,7 +27,7 @@ def refused_values(root: Element, parameters: Mapping[str, str]) -> Iterator[Fin
 
 
 def _refusal(tag: str, attributes: Mapping[str, str]) -> str:
-    """What Mitsuba says of one value; empty if it takes it."""
+    """Mitsuba's message for one value; empty if it accepts it."""
     words = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
     scene = f'<scene version="{mi.__version__}"><shape type="rectangle"><{tag} {words}/></shape></scene>'
     try:

@@ -18,7 +18,7 @@ SETTING_UNITS = re.compile(r"_(N|mm|MPa|W|degrees|nm)$")
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """A table of what was measured.
+    """A table of measurements.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class Data:
         Numbers of the taxels.
     readings : (rows, taxels) ndarray
     errors : (rows, taxels) ndarray or None
-        Standard deviations of the readings, where they are known.
+        Standard deviations of the readings, if known.
     """
 
     settings: dict[str, list[str]]
@@ -46,13 +46,13 @@ class Data:
 
 
 def read_data(file: Path) -> Data:
-    """Read a table with a heading: settings as ``fz`` or ``fz_N``, readings as ``v1_V`` (volts) or ``p1_W`` (watts) of
-    taxel 1, and their standard deviations as ``v1_error_V``, for all readings or for none.
+    """Read a table with headings: settings such as ``fz`` or ``fz_N``, readings of taxel 1 as ``v1_V`` or ``p1_W``, and
+    their standard deviations as ``v1_error_V``, for all readings or for none.
 
     Raises
     ------
     InputError
-        if the file cannot be read, or is no such table.
+        if the file cannot be read, or is not such a table.
     """
     given = f"data {file.name!r}"
     columns = columns_of(file)

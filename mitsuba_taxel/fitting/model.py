@@ -1,4 +1,4 @@
-"""What a scene with some values of its unknowns would have read, and how that changes with them."""
+"""Readings of a scene as a function of its unknowns, with derivatives."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mitsuba_taxel.studies.run.pool import Pool
 from mitsuba_taxel.studies.run.study import run_batch
 
 STEP_SHARE = 0.02
-"""Of an unknown, for differences of readings, which have noise."""
+"""Relative step of an unknown, for differences of noisy readings."""
 SMALL = 1e-6
-"""The same where there is no noise."""
+"""The same without noise."""
 
 
 class Model:
     """Readings (rows, taxels) of the data's settings, and derivatives (rows, taxels, unknowns).
 
-    Derivatives by parameters of the scene come with readings without random numbers where there are such; else they are
-    differences of readings that share their random numbers.
+    Derivatives with respect to parameters of the scene come with readings without random numbers where available;
+    otherwise they are differences of readings that share their random numbers.
     """
 
     def __init__(self, plan: Plan, pool: Pool) -> None:
@@ -56,7 +56,7 @@ class Model:
         return shown[self._place], jacobian[self._place]
 
     def _light(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Power (settings, taxels) in W, and derivatives by the unknowns of the scene."""
+        """Power (settings, taxels) in W, and derivatives with respect to the unknowns of the scene."""
         study = self._read(unknowns, self._by)
         if self._by and "smooth_power" not in study:
             self.refused |= dict.fromkeys(self._by, "; ".join(study.attrs["notes"].splitlines()))
@@ -97,7 +97,7 @@ class Model:
         return replace(batch, bare=True)
 
     def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
-        """(settings, taxels) of those that there are data of."""
+        """(settings, taxels) for the taxels with data."""
         values = study[name].mean("replicate") if "replicate" in study[name].dims else study[name]
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
@@ -105,7 +105,7 @@ class Model:
         return values.sel(taxel=self._plan.data.taxels).transpose(STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What is read of a power, in the data's unit, and its derivative by the power."""
+        """Readings of a power, in the data's unit, and their derivative with respect to the power."""
         own = dict(zip(self._names, unknowns.tolist(), strict=True))
         if self._plan.circuit is None:
             gain = own.get("gain", 1.0)
@@ -116,7 +116,7 @@ class Model:
 
 
 def _distinct(plan: Plan) -> tuple[dict[str, list[str]], np.ndarray]:
-    """The distinct settings of the data, and which of them each row has."""
+    """The distinct settings of the data, and their index for each row."""
     rows = list(zip(*plan.data.settings.values(), strict=True)) or [()] * plan.data.rows
     distinct = list(dict.fromkeys(rows))
     columns = zip(*distinct, strict=True)

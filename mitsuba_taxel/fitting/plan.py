@@ -1,4 +1,4 @@
-"""What is to be fitted: a study file with a table ``[fit]``."""
+"""Plan of a fit: a study file with a table ``[fit]``."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from mitsuba_taxel.fitting.data import Data, read_data
 from mitsuba_taxel.studies.plan.batch import read_study
 
 OWN = ("gain", "offset")
-"""Unknowns of the electronics where there is no circuit: volts per watt, and volts without light."""
+"""Unknowns of the electronics without a circuit: volts per watt, and volts without light."""
 CIRCUIT = "circuit."
-"""Before the name of an unknown of the circuit."""
+"""Prefix of the name of an unknown of the circuit."""
 READ_KEYS = ("points", "mesh_size", "seed")
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number to be found: where to begin, and the range that it is in."""
+    """An unknown number: initial value and range."""
 
     name: str
     start: float
@@ -38,7 +38,7 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A fit: the scene as `make_batch` takes it, the circuit, what is unknown, and the data."""
+    """A fit: the scene as for `make_batch`, the circuit, the unknowns, and the data."""
 
     scene: str
     folder: Path
@@ -55,7 +55,7 @@ def read_plan(file: Path) -> Plan:
     Raises
     ------
     InputError
-        if it is no such study, its data cannot be read, or they are too few.
+        if it is not such a study, its data cannot be read, or they are too few.
     """
     content = read_study(file, besides=("fit",))
     table = content.pop("fit", None)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """What a fit found.
+    """Result of a fit.
 
     Attributes
     ----------
@@ -33,17 +33,17 @@ class FitResult:
         One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
         ``high`` of its 95 % confidence interval.
     correlation : DataFrame
-        Of the unknowns' errors.
+        Correlation of the unknowns' errors.
     residuals : DataFrame
         One row per row of the data and taxel: its settings, ``measured``, ``model`` and ``residual``, in ``unit``, and
         ``in_errors``, the residual over the error of the data, or over the root mean square of the residuals.
     misfit : float
-        Mean square of ``in_errors``, by degree of freedom: 1 where model and errors are right. Not a number where
-        the errors of the data are not known.
+        Mean square of ``in_errors`` per degree of freedom: 1 if model and errors are right. NaN if the errors of the
+        data are unknown.
     warnings : list[str]
-        What the data do not tell, in words.
+        What the data do not determine.
     notes : list[str]
-        What else the reader of the numbers must know.
+        Further notes for the reader.
     """
 
     unknowns: pandas.DataFrame
@@ -62,7 +62,7 @@ def run_fit(
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> FitResult:
-    """Find unknowns of a scene from measured readings.
+    """Estimate unknowns of a scene from measured readings.
 
     Parameters
     ----------
@@ -73,14 +73,14 @@ def run_fit(
     workers, scheduler : int and str, optional
         As for :func:`sweep`.
     progress : Callable[[int], None], optional
-        Called with the number of times that the model was computed.
+        Called with the number of model evaluations.
 
     Raises
     ------
     InputError
         if the study, its data or the folder is refused.
     ComputationError
-        if the scene cannot be read somewhere on the way.
+        if the scene cannot be read for some values of the unknowns.
     """
     file, folder = path_of("file", file), path_of("output", output)
     check_progress(progress)

@@ -1,4 +1,4 @@
-"""Weighted least squares with bounds, confidence intervals, and what data cannot tell apart."""
+"""Weighted least squares with bounds, confidence intervals, and detection of undetermined unknowns."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ import numpy as np
 from mitsuba_taxel.fitting.plan import Unknown
 
 ALIKE = 0.98
-"""Correlation from which two unknowns count as not told apart."""
+"""Correlation above which two unknowns count as indistinguishable."""
 RANK = 1e-7
-"""Singular value, relative to the largest, below which data say nothing."""
+"""Singular value, relative to the largest, below which a direction is undetermined."""
 CONFIDENCE = 0.95
 MOST_STEPS = 25
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What least squares found.
+    """Solution of least squares.
 
     Attributes
     ----------
     values, errors : (unknowns,) ndarray
-        The unknowns, and one standard deviation of each; infinite where the data say nothing.
+        The unknowns, and one standard deviation of each; infinite if undetermined.
     half_width : (unknowns,) ndarray
-        Of the 95 % confidence interval, by Student's distribution where errors come from the residuals.
+        Of the 95 % confidence interval, by Student's distribution if errors come from the residuals.
     correlation : (unknowns, unknowns) ndarray
     model : (N,) ndarray
     misfit : float
-        Sum of squares over degrees of freedom, of residuals over their errors: 1 where the model and the errors are
-        right. Without errors of the data, the mean square itself.
+        Sum of squared residuals over their errors, per degree of freedom: 1 if the model and the errors are right.
+        Without errors of the data, the mean square itself.
     degrees_of_freedom : int
     warnings : list[str]
     """
@@ -53,18 +53,19 @@ def solve(
     errors: np.ndarray | None,
     unknowns: Sequence[Unknown],
 ) -> Solution:
-    """Find the unknowns of a model.
+    """Estimate the unknowns of a model.
 
     Parameters
     ----------
     model : Callable
-        Of the unknowns: readings (N,) and their derivatives (N, unknowns).
+        From unknowns to readings (N,) and their derivatives (N, unknowns).
     data : (N,) ndarray
         Measured readings.
     errors : (N,) ndarray, optional
-        Their standard deviations. Without, all readings weigh the same, and the residuals tell the error.
+        Their standard deviations. Without, all readings have equal weight, and the error is estimated from the
+        residuals.
     unknowns : Sequence[Unknown]
-        Where to begin, and bounds.
+        Initial values and bounds.
     """
     from scipy.optimize import least_squares
     from scipy.stats import norm, t
@@ -110,8 +111,8 @@ def solve(
 
 
 def _covariance(jacobian: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
-    """(unknowns, unknowns), infinite on the diagonal of unknowns that go into a direction of which the data say
-    nothing; and these directions (K, unknowns), in units that make all unknowns equally effective."""
+    """(unknowns, unknowns), infinite on the diagonal of unknowns with a component in an undetermined direction; and
+    these directions (K, unknowns), in units that make all unknowns equally effective."""
     size = np.linalg.norm(jacobian, axis=0)
     unit = np.where(size > 0, size, 1.0)
     _, singular, directions = np.linalg.svd(jacobian / unit, full_matrices=False)

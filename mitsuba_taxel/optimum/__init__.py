@@ -1,4 +1,4 @@
-"""The best sensor within bounds: objectives and constraints in a designer's words, and gradients of the whole chain."""
+"""Design optimisation within bounds and constraints, with gradients of the whole chain."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The course of an optimisation: every design that was looked at, judged by what is asked for, and the best so far."""
+"""The course of an optimisation: every evaluated design with its objective and constraints, and the best so far."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
 from mitsuba_taxel.optimum.search import Judged, descend
 
 QUANTILE = 1.2816
-"""Standard deviations that 90 % of all sensors are not worse by."""
+"""Quantile of 90 % of a normal distribution, in standard deviations."""
 ROUNDS = 3
-"""Descents one after the other, where tolerances are known at their starts."""
+"""Most successive descents with tolerances, which are evaluated at the start of each."""
 SAME = 1e-6
-"""Of the bounds' width: designs that differ by less are one, as another mesh makes more of a difference."""
+"""Relative to the bounds' width: designs that differ by less count as equal, as another mesh makes more difference."""
 HELD = 1e-3
-"""By how much of its bound a constraint may be violated."""
+"""Allowed violation of a constraint, relative to its bound."""
 
 
 class Progress(NamedTuple):
-    """How far an optimisation is.
+    """Progress of an optimisation.
 
     Attributes
     ----------
     designs, failed : int
-        That were looked at, and those of them that could not be read.
+        Numbers of evaluated designs, and of those that failed.
     best : str
-        The best so far, in words; empty where none is within all constraints yet.
+        The best so far; empty if none meets all constraints yet.
     """
 
     designs: int
@@ -39,11 +39,11 @@ class Progress(NamedTuple):
 
 
 class Enough(Exception):
-    """A descent has had all evaluations that it may have."""
+    """A descent has used all of its evaluations."""
 
 
 class Course:
-    """Looks at designs, and keeps what it saw in ``history``, in order."""
+    """Evaluates designs, and keeps them in ``history``, in order."""
 
     def __init__(self, plan: Plan, designs: Designs, progress: Callable[[Progress], None] | None) -> None:
         self.plan, self.designs, self._progress = plan, designs, progress
@@ -51,7 +51,7 @@ class Course:
         self._read: dict[Design, Read | None] = {}
 
     def look(self, designs: Sequence[Design]) -> list[Read | None]:
-        """Read designs, all at once."""
+        """Evaluate designs, all at once."""
         for design, read in zip(designs, self.designs.read(designs), strict=True):
             if design not in self._read:
                 self._read[design] = read
@@ -75,12 +75,12 @@ class Course:
         return found
 
     def judged(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
-        """A design beside what is asked for: goals relative to the worst of `before`, limits to their bounds."""
+        """Goals of a design relative to the worst of `before`, and limits relative to their bounds."""
         (read,) = self.look([design])
         return None if read is None else self._judge(read, read, goal, limits)
 
     def _judge(self, read: Read, spread: Read, goal: Goal, limits: Sequence[Limit]) -> Judged | None:
-        """What was read, each figure worse by what tolerances of the design ``spread`` make of it."""
+        """The same, with each figure worse by its spread due to tolerances of the design ``spread``."""
         scale = abs(worst_of(goal, self.read(self.before))) or 1.0
         goals, goal_rates = _loss(goal, read, spread)
         none = np.zeros((0, len(read.by)))
@@ -94,10 +94,10 @@ class Course:
         return found if all(np.isfinite(each).all() for each in vars(found).values()) else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
-        """Go down from a design; what is seen on the way is in the history.
+        """Descend from a design; all evaluated designs are in the history.
 
-        What tolerances make of figures is that of the start all the way. Where there are tolerances, further descents
-        begin where the last one ended.
+        The spread due to tolerances is held at that of the start. With tolerances, further descents begin where the
+        last one ended.
         """
         before = len(self.history)
 
@@ -120,12 +120,12 @@ class Course:
             start = end
 
     def _alike(self, design: Design) -> Design:
-        """A design that was looked at and is next to the same, or else this one."""
+        """An evaluated design that is nearly equal, or else this one."""
         known = (one for one in self.history if one.choice == design.choice)
         return next((one for one in known if np.abs(np.subtract(one.x, design.x)).max() <= SAME), design)
 
     def best(self, goal: Goal, limits: Sequence[Limit]) -> Design | None:
-        """The best design so far of those that keep all constraints; None if there is none."""
+        """The best design so far that meets all constraints; None if there is none."""
         kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
 
@@ -158,19 +158,19 @@ class Course:
 
 
 def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) of a figure, and derivatives (N, V) by variables in the unit cube."""
+    """Components (N,) of a figure, and derivatives (N, V) with respect to variables in the unit cube."""
     rates = [figure.components(each).imag / TINY for each in read.by]
     return figure.components(read.values).real, np.stack(rates, axis=1)
 
 
 def worst_of(asked: Goal | Limit, read: Read) -> float:
-    """The component of a figure that counts: the least where it should be large, as most sensors have it."""
+    """The worst component of a figure, with tolerances: the largest of what should be small, else the least."""
     return asked.sign * float(_loss(asked, read, read)[0].max())
 
 
 def _loss(asked: Goal | Limit, read: Read, spread: Read) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) that should be small, as all but the worst sensors have them, and derivatives (N, V) of those of
-    the design as it is drawn."""
+    """Components (N,) to be minimised, including their spread, and derivatives (N, V) of those of the nominal
+    design."""
     values, rates = with_rates(asked.figure, read)
     shifts = [asked.figure.components(each).imag / TINY for each in spread.off]
     return asked.sign * values + QUANTILE * np.sqrt(np.square(shifts).sum(axis=0)), asked.sign * rates

@@ -1,4 +1,4 @@
-"""Designs, read: every load of each is a job of one study that grows, so that nothing is computed twice."""
+"""Evaluation of designs: every load of each is a job of one growing study, so that nothing is computed twice."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from mitsuba_taxel.studies.store.folder import Store
 from mitsuba_taxel.studies.store.opening import stored_study
 
 SHIFT = 0.01
-"""Of the bounds' width: how far a variable is moved to each side for a difference of readings."""
+"""Step of a variable for central differences of readings, relative to the bounds' width."""
 SMALL = 1e-4
-"""The same for thicknesses, which are no matter of computation."""
+"""The same for thicknesses, which are exact."""
 
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """A design that was read.
+    """An evaluated design.
 
     Attributes
     ----------
     values : Seen
     by : list[Seen]
-        The same with derivatives by each variable, in the unit cube, times `TINY` as imaginary parts.
+        The same with derivatives with respect to each variable, in the unit cube, times `TINY` as imaginary parts.
     off : list[Seen]
-        The same by each parameter that has a tolerance, in its standard deviation. That walls vary is left out.
+        The same for each parameter with a tolerance, per standard deviation. Variation of walls is neglected.
     """
 
     values: Seen
@@ -49,16 +49,16 @@ class Read:
 
 
 class Designs:
-    """Reads designs, in ``folder``, by derivatives where there are such, else by differences.
+    """Evaluates designs, in ``folder``, by derivatives where available, else by differences.
 
     Attributes
     ----------
     loads : int
-        Load steps that were asked for, each once.
+        Distinct load steps.
     seconds : float
-        Those of their jobs, whenever these were done.
+        Time of their jobs, including earlier runs.
     failures : dict[Design, str]
-        Why a design could not be read.
+        Why a design failed.
     notes : list[str]
     """
 
@@ -81,7 +81,7 @@ class Designs:
         self._known: dict[Design, Read] = {}
 
     def read(self, designs: Sequence[Design]) -> list[Read | None]:
-        """Each design as it was read; None if it cannot be."""
+        """Each design evaluated; None if it failed."""
         new = [design for design in dict.fromkeys(designs) if design not in self._known | self.failures]
         for design in new:
             refusal = self._plan.refusal(design)
@@ -124,7 +124,7 @@ class Designs:
         return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
 
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
-        """Designs to both sides of one, by the number of the variable that has no derivative, and the sign."""
+        """Neighbours of a design for differences, by the number of the variable without derivative, and the sign."""
         found = {}
         for number, name in enumerate(self._names):
             for sign in (1, -1) if name not in self._by else ():
@@ -133,7 +133,7 @@ class Designs:
         return found
 
     def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, list[int]]]:
-        """The study with these designs, and where in it the loads of each are."""
+        """The study with these designs, and the rows of each design's loads."""
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
         base = self._plan.base
         stored = stored_study(self._place).get("together", {})
@@ -158,7 +158,7 @@ class Designs:
     def _rates(
         self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
     ) -> np.ndarray:
-        """(variables, loads, taxels), by variables in the unit cube."""
+        """(variables, loads, taxels), derivatives with respect to variables in the unit cube."""
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, one in enumerate(self._plan.variables):
             if one.name in self._by:
@@ -170,7 +170,7 @@ class Designs:
         return rates
 
     def _off(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
-        """What each tolerance makes of the readings (loads, taxels), as one standard deviation."""
+        """Change of the readings (loads, taxels) by one standard deviation of each tolerance."""
         widths = {one.name: one.high - one.low for one in self._plan.variables}
         own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
         given = self._plan.tolerances.items()
@@ -209,31 +209,31 @@ class Designs:
 
 
 def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
-    """(loads, taxels), of readings by a parameter."""
+    """(loads, taxels) derivatives of readings with respect to a parameter."""
     return study.derivative.sel(parameter=name).transpose(STEP, "taxel").values[rows]
 
 
 def _moved(design: Design, number: int, step: float) -> Design:
-    """A design with one variable a little larger or smaller, within its bounds."""
+    """A design with one variable slightly larger or smaller, within its bounds."""
     x = list(design.x)
     x[number] = min(max(x[number] + step, 0.0), 1.0)
     return Design(design.choice, tuple(x))
 
 
 def parts_of(scene: Scene) -> list[DeformablePad]:
-    """The pads of a scene, as it describes them."""
+    """The specifications of the pads of a scene."""
     with scene.files_beside_it():
         nodes = scene.parsed(parser_config(activate_variant())).nodes
         return [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]
 
 
 def pads_of(scene: Scene) -> list[Pad]:
-    """The undeformed pads of a scene, but for those from files."""
+    """The undeformed pads of a scene, except those from files."""
     built = (part.build_pad() for part in parts_of(scene) if part.filename is None)
     return [pad for pad in built if isinstance(pad, Pad)]
 
 
 def thicknesses(pad: Pad) -> list[float]:
-    """In mm: around the outer cells, above all, and between neighbours."""
+    """Thicknesses in mm: around the outer cells, above all cells, and between neighbours."""
     between = [pad.pitch - pad.cell_size] if pad.rows * pad.columns > 1 else []
     return [pad.wall, pad.height - pad.top_of_cell, *between]

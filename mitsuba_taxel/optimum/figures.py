@@ -1,8 +1,8 @@
-"""Figures of merit of a design, in a designer's words, each with its gradient.
+"""Figures of merit of a design, each with its gradient.
 
-A figure is a row of components, such as the sensitivities of all taxels, the worst of which counts. They are analytic
-functions of readings and dimensions, which are handed in as complex numbers. Their imaginary parts are derivatives by
-one variable; those of the components come out to the last digit (Squire and Trapp, SIAM Review 40, 1998).
+A figure has components, such as the sensitivities of all taxels, the worst of which counts. They are analytic functions
+of readings and dimensions, given as complex numbers whose imaginary parts are derivatives with respect to one variable:
+the complex step gives the derivatives of the components to the last digit (Squire and Trapp, SIAM Review 40, 1998).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import numpy as np
 from mitsuba_taxel.electronics import Circuit, respond, total_noise
 
 SMALL = 1e-6
-"""Relative step of a difference of noise, which is smooth in the power."""
+"""Relative step of differences of the noise, which is smooth in the power."""
 TINY = 1e-150
-"""By what derivatives are multiplied: their squares vanish."""
+"""Complex step: factor of derivatives, whose squares vanish."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Readings along loads one after the other.
+    """Readings along a sequence of loads.
 
     Attributes
     ----------
     values : (K,) ndarray
-        Of the parameter that changes along it, as a force in N.
+        Values of the parameter that changes along it, such as a force in N.
     power : (K, T) ndarray of complex
         Readings in W.
     """
@@ -39,16 +39,16 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a design is seen to do.
+    """Readings and dimensions of a design, from which figures are computed.
 
     Attributes
     ----------
     lines : Mapping[str, Line]
-        Of loads, by name.
+        Lines of loads, by name.
     walls : (N,) ndarray of complex
         Thicknesses of the silicone between cells and around them, in mm.
     circuit : Circuit or None
-        That shows volts in place of watts.
+        Converts watts to volts.
     """
 
     lines: Mapping[str, Line]
@@ -85,7 +85,7 @@ def _magnitude(values: np.ndarray) -> np.ndarray:
 
 
 def _both_signs(values: np.ndarray) -> np.ndarray:
-    """Of a row whose largest magnitude counts, what is smooth."""
+    """Values and their negatives, whose maximum is the largest magnitude, but smooth in each component."""
     return np.concatenate([values.ravel(), -values.ravel()])
 
 
@@ -116,8 +116,8 @@ def cross_talk(seen: Seen, along: str, taxel: int) -> np.ndarray:
 
 
 def cross_sensitivity(seen: Seen, along: str, by: str) -> np.ndarray:
-    """How many N along ``along`` a force of 1 N along ``by`` is taken for, where the change of all readings is matched
-    with that by a force along ``along`` alone."""
+    """Force in N along ``along`` for which 1 N along ``by`` is mistaken, if the change of all readings is matched with
+    that by a force along ``along`` alone."""
     own, other = seen.slopes(along), seen.slopes(by)
     return _both_signs(np.atleast_1d(own @ other / (own @ own)))
 
@@ -133,7 +133,7 @@ def largest_reading(seen: Seen, along: str) -> np.ndarray:
 
 
 def saturation(seen: Seen, along: str) -> np.ndarray:
-    """All voltages over that from which the circuit counts as saturated."""
+    """All voltages over that at which the circuit counts as saturated."""
     assert seen.circuit is not None
     return seen.readings(along).ravel() / seen.circuit.limit
 
@@ -144,10 +144,10 @@ def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -
 
 
 def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -> np.ndarray:
-    """One standard deviation of each force where all are told from all readings at once.
+    """One standard deviation of each force if all are estimated from all readings at once.
 
-    They are the roots of the diagonal of the inverse of the Fisher information, of mean slopes and of the noise of the
-    first readings.
+    They are the roots of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
+    readings.
     """
     slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
     return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
@@ -165,13 +165,13 @@ class Kind:
     Attributes
     ----------
     components : Callable
-        Of what is seen, and what the figure is told.
+        Function of a `Seen` and the figure's parameters.
     unit : str
-        With ``{u}`` for that of readings, and ``{f}`` for that of what changes along its line.
+        With ``{u}`` for that of readings, and ``{f}`` for that of the parameter along its line.
     takes : tuple[str, ...]
-        What it is told besides its lines.
+        Parameters besides its lines.
     steps, lines : int
-        How many of both it needs; without lines, it is none of readings.
+        Numbers of loads and lines needed; without lines, it does not depend on readings.
     """
 
     components: Callable[..., np.ndarray]
@@ -198,7 +198,7 @@ KINDS: dict[str, Kind] = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a study: its kind, what that is told, and its unit."""
+    """A figure of a study: its kind, parameters, and unit."""
 
     kind: str
     told: dict[str, Any]
@@ -206,7 +206,7 @@ class Figure:
 
     @property
     def words(self) -> str:
-        """As ``nonlinearity along normal``."""
+        """Such as ``nonlinearity along normal``."""
         along = self.told.get("along", ())
         lines = along if isinstance(along, str) else ", ".join(along)
         return " ".join(filter(None, [self.kind.replace("_", " "), f"along {lines}" if lines else ""]))

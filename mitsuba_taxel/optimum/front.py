@@ -1,4 +1,4 @@
-"""Trade-offs of two objectives: the best by one while the other is at least so good."""
+"""Pareto fronts of two objectives, by the epsilon-constraint method."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def front(course: Course, other: Goal, points: int) -> pandas.DataFrame:
-    """Designs from the best by the study's objective to the best by ``other``, none better by both than another.
+    """Non-dominated designs from the best by the study's objective to the best by ``other``.
 
-    The worth of the other one is bounded at even steps between the two (epsilon-constraint), and each descent begins at
-    the best design that keeps the bound already.
+    The other objective is bounded at even steps between the two (epsilon-constraint), and each descent begins at the
+    best design that already meets the bound.
 
     Returns
     -------

@@ -39,7 +39,7 @@ def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
 
 
 def page(result: Optimum) -> str:
-    """The result in words and tables, in Markdown."""
+    """The result as a page in Markdown."""
     title = result.figures.figure[0]
     lines = [gain_line(result), *cost_lines(result), *result.warnings, *result.notes]
     return "\n\n".join(
@@ -57,14 +57,14 @@ def page(result: Optimum) -> str:
 
 
 def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
-    """Parameters that the best design has other values of: both values, and the bound that holds it."""
+    """Parameters changed in the best design: both values, and the bound that it is at."""
     at = dict(zip(result.variables.variable, result.variables["at"], strict=True))
     pairs = ((name, result.before[name], word) for name, word in result.best.items())
     return [(name, old, f"{at_best(word)}", at.get(name, "")) for name, old, word in pairs if word != old]
 
 
 def at_best(word: str) -> str:
-    """A value with digits enough to make it."""
+    """A value with enough digits for manufacturing."""
     try:
         return f"{float(word):.6g}"
     except ValueError:
@@ -78,7 +78,7 @@ def as_markdown(table: pandas.DataFrame) -> str:
 
 
 def gain_line(result: Optimum) -> str:
-    """How much better the best design is, and how certain that is."""
+    """The improvement of the best design, and its certainty."""
     if result.gain_error != result.gain_error:
         return f"Improvement: {result.gain:.1%}, not judged again."
     return (
@@ -88,7 +88,7 @@ def gain_line(result: Optimum) -> str:
 
 
 def cost_lines(result: Optimum) -> list[str]:
-    """What it took, and what is left."""
+    """Cost, and remaining slope."""
     return [
         f"{len(result.history)} designs, {result.load_steps} load steps. Slope of the objective that neither "
         f"constraints nor bounds hold: {result.unbalanced:.1%} of it over the width of the bounds.",

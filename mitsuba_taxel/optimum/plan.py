@@ -1,4 +1,4 @@
-"""What is to be optimised: a study file with a table ``[optimise]``."""
+"""Plan of an optimisation: a study file with a table ``[optimise]``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mitsuba_taxel.sensing.parsed_parts import refusal_of
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study
 
 POINTS = 16
-"""Of readings that are taken without random numbers besides."""
+"""Points of the random readings that accompany those without random numbers."""
 READ_KEYS = ("points", "mesh_size", "seed")
 KEYS = (
     "maximise",
@@ -37,14 +37,14 @@ KEYS = (
 FRONT = 5
 """Trade-offs of two objectives."""
 TRIED = 256
-"""Points within the bounds of which a pad is looked for."""
+"""Most points within the bounds at which a valid pad is searched."""
 AT_REST = ""
-"""The line of a study without loads: the scene as it is."""
+"""The line of a study without loads: the scene itself."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of the scene, its bounds, and where it begins."""
+    """A number of the scene, its bounds, and its initial value."""
 
     name: str
     low: float
@@ -61,7 +61,7 @@ class Goal:
 
     @property
     def words(self) -> str:
-        """As ``maximise sensitivity along normal``."""
+        """Such as ``maximise sensitivity along normal``."""
         return f"{'maximise' if self.sign < 0 else 'minimise'} {self.figure.words}"
 
 
@@ -75,7 +75,7 @@ class Limit:
 
     @property
     def words(self) -> str:
-        """As ``nonlinearity along normal <= 0.03``."""
+        """Such as ``nonlinearity along normal <= 0.03``."""
         return f"{self.figure.words} {'>=' if self.sign < 0 else '<='} {self.bound:g}"
 
 
@@ -94,7 +94,7 @@ class Plan:
     Attributes
     ----------
     batch : Batch
-        The scene, and how it is read; its one row is the scene as it is.
+        The scene, and the settings of its readings; its one row is the original scene.
     circuit : Circuit or None
     variables : list[Variable]
     choices : dict[str, list[str]]
@@ -108,7 +108,7 @@ class Plan:
     tolerances : dict[str, float]
         Standard deviations of parameters.
     front : tuple[Goal, int] or None
-        Another objective, and how many trade-offs with it are wanted.
+        Another objective, and the number of points of the front.
     """
 
     batch: Batch
@@ -135,34 +135,34 @@ class Plan:
 
     @property
     def base(self) -> dict[str, str]:
-        """Parameters of the scene as it is."""
+        """Parameters of the original scene."""
         return self.batch.scene({}).parameters
 
     @property
     def loads(self) -> list[dict[str, str]]:
-        """All loads of all lines, each once."""
+        """All distinct loads of all lines."""
         rows = [tuple(sorted(row.items())) for _, rows in self.lines.values() for row in rows]
         return [dict(row) for row in dict.fromkeys(rows)]
 
     @property
     def before(self) -> Design:
-        """The scene as it is, as far as its words are among the choices."""
+        """The original scene, or the first choices if its own are not among them."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
         return Design(choice, tuple((one.start - one.low) / (one.high - one.low) for one in self.variables))
 
     def values(self, design: Design) -> dict[str, float]:
-        """The variables of a design, as they are written."""
+        """The variables of a design, rounded as written."""
         pairs = zip(self.variables, design.x, strict=True)
         return {one.name: float(f"{one.low + x * (one.high - one.low):.12g}") for one, x in pairs}
 
     def parameters(self, design: Design) -> dict[str, str]:
-        """What a scene is told of a design."""
+        """Parameters of the scene of a design."""
         numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
         return {**dict(zip(self.choices, design.choice, strict=True)), **numbers}
 
     def refusal(self, design: Design) -> InputError | None:
-        """Why there is no such sensor, as far as its description tells."""
+        """Why a design is invalid, as far as its description tells; None if it is valid."""
         return refusal_of(self.scene(design))
 
     def scene(self, design: Design) -> Scene:
@@ -170,12 +170,12 @@ class Plan:
         return self.batch.scene(self.parameters(design))
 
     def begun(self) -> list[Design]:
-        """For each choice where to begin: where the scene is, if it can be there, and at points of a Sobol' set.
+        """Initial designs for each choice: the scene's own values if valid, and points of a Sobol' set.
 
         Raises
         ------
         InputError
-            if no point of the bounds is allowed, saying why one is not.
+            if no point within the bounds is valid, with the reason for one of them.
         """
         found: list[Design] = []
         for choice in product(*self.choices.values()):
@@ -200,7 +200,7 @@ def read_plan(file: Path) -> Plan:
     Raises
     ------
     InputError
-        if it is no such study, or asks for what its scene does not have.
+        if it is not such a study, or does not fit its scene.
     """
     content = read_study(file, besides=("optimise",))
     table = content.pop("optimise", None)
@@ -318,7 +318,7 @@ def _refuse_twice(
 
 @dataclass(frozen=True)
 class _Asked:
-    """Reads figures of a study with these lines, circuit, and units of parameters."""
+    """Parses figures of a study with these lines, circuit, and units of parameters."""
 
     lines: Mapping[str, tuple[str, list[dict[str, str]]]]
     circuit: Circuit | None

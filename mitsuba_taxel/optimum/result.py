@@ -1,4 +1,4 @@
-"""What an optimisation found, put together."""
+"""Result of an optimisation."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """What an optimisation found.
+    """Result of an optimisation.
 
     Attributes
     ----------
     before, best : dict[str, str]
-        Parameters of the scene as it is, and of the best design.
+        Parameters of the original scene, and of the best design.
     figures : DataFrame
         One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
-        ``before_finer`` and ``best_finer``, the same judged again on a finer mesh; ``multiplier``, by how much of
-        itself the objective would gain if the bound were wider by its own size: above 0 where the constraint binds.
+        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``multiplier``, the relative gain of the
+        objective if the bound were relaxed by its own size: above 0 if the constraint binds.
     variables : DataFrame
-        One row per variable: ``low``, ``high``, ``before``, ``best``, and the bound that holds it, ``at``.
+        One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``.
     slopes : DataFrame
         Derivatives of the worst components at the best design, one row per figure and variable.
     history : DataFrame
         One row per design, in order, with the ``best`` value of the objective so far.
     front : DataFrame
-        Trade-offs of the objective and another one, with their parameters; empty where none is asked for.
+        Pareto front of the objective and another one, with parameters; empty if not requested.
     gain, gain_error, probability : float
-        Relative improvement of the objective as judged again, what the finer mesh changed of it, and the probability
-        that there is one, were that change a standard deviation.
+        Relative improvement of the objective on the finer mesh, the change by that mesh, and the probability of an
+        improvement with that change as standard deviation.
     unbalanced : float
-        Slope of the objective that neither constraints nor bounds hold, over the width of the bounds and relative to
-        the objective; 0 at an optimum.
+        Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
+        objective; 0 at an optimum.
     load_steps : int
-        That were computed for all designs, judging apart.
+        Computed for all designs, without the finer mesh.
     seconds : float
-        Those of their jobs.
+        Time of their jobs.
     warnings, notes : list[str]
     """
 
@@ -68,7 +68,7 @@ class Optimum:
 
 
 def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas.DataFrame | None) -> Optimum:
-    """The best design beside the first, and what holds it; ``again`` has both on a finer mesh."""
+    """Comparison of the best design with the first, and its multipliers; ``again`` has both on a finer mesh."""
     import pandas
 
     plan, before, notes = course.plan, course.before, list(course.designs.notes)
@@ -120,7 +120,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
 
 
 def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
-    """Relative improvement, its error, and the probability that it is one."""
+    """Relative improvement, its error, and its probability to be positive."""
     from scipy.stats import norm
 
     goal = figures.iloc[0]

@@ -1,4 +1,4 @@
-"""Optimisations: a study file with variables, an objective and constraints in, the best design with its proof out."""
+"""Optimisations: from a study file with variables, objective and constraints to the best design with verification."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 
 FINER = 0.75
-"""Of the mesh size, where a design is judged again; and as many times the points."""
+"""Factors on mesh size and points for the verification of a design."""
 MORE_POINTS = 4
 SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
@@ -38,17 +38,16 @@ def optimise(
 ) -> Optimum:
     """Find the best design of a scene within bounds and constraints.
 
-    Every load step of every design is a job of a study in ``output``: the same call goes on where one before was
-    stopped.
+    Every load step of every design is a job of a study in ``output``: the same call resumes an interrupted one.
 
     Parameters
     ----------
     file : str or Path
         A study file of one scene with a table ``[optimise]``.
     output : str or Path
-        Folder for the results; new, empty, or that of the same scene, with what was computed of it.
+        Folder for the results; new, empty, or that of the same scene, whose readings are reused.
     progress : Callable[[Progress], None], optional
-        Called when a design has been looked at.
+        Called after each design.
 
     The others are those of :func:`sweep`.
 
@@ -58,7 +57,7 @@ def optimise(
         if the study or the folder is refused, no pad is possible within the bounds, or constraints contradict each
         other.
     ComputationError
-        if no design could be read.
+        if all designs failed.
     """
     file, folder = path_of("file", file), path_of("output", output)
     check_flags(retry_failed=retry_failed)
@@ -82,7 +81,7 @@ def optimise(
 
 
 def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:
-    """Read where to begin, and raise where a figure of the study is not one of this scene."""
+    """Evaluate the initial designs, and raise if a figure of the study cannot be computed for this scene."""
     first = next((read for read in course.look(begun) if read is not None), None)
     if first is None:
         raise ComputationError(f"no design can be read to begin with: {next(iter(course.designs.failures.values()))}")
@@ -98,7 +97,7 @@ def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:
 
 
 def _no_design(course: Course) -> InputError:
-    """Which constraints contradict each other."""
+    """The error for contradictory constraints."""
     plan = course.plan
     nearest, judged = course.nearest(plan.goal, plan.limits)
     weights = in_conflict(np.array(nearest.x), judged)
@@ -112,7 +111,7 @@ def _no_design(course: Course) -> InputError:
 
 
 def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -> Designs | None:
-    """Designs read anew, on a finer mesh, with more points and another seed; None where one cannot be."""
+    """Designs evaluated on a finer mesh, with more points and another seed; None if one fails."""
     scene = plan.scene(designs[-1])
     parts, pads = parts_of(scene), pads_of(scene)
     size = plan.batch.mesh_size or min((pad.default_mesh_size for pad in pads), default=None)

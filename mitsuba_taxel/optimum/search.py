@@ -1,4 +1,4 @@
-"""Descent to a best point within bounds and constraints, and what holds it there."""
+"""Descent to an optimum within bounds and constraints, and its Lagrange multipliers."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 FIRST_STEP = 0.3
-"""Of the bounds' width: how far a descent goes that knows no curvature yet, at most."""
+"""Largest first step of a descent, without curvature information, relative to the bounds' width."""
 ACTIVE = 0.02
-"""Margin, relative to the limit or to the bounds' width, below which it may hold a point."""
+"""Margin, relative to the limit or to the bounds' width, below which a constraint counts as active."""
 TOLERANCE = 1e-4
 BALANCED = 0.05
-"""Slope that may be left where a point counts as an optimum."""
+"""Largest remaining slope of an optimum."""
 TINY = np.finfo(float).tiny
 
 
@@ -25,10 +25,10 @@ class Judged:
     Attributes
     ----------
     goals : (N,) ndarray
-        The largest of which is to be as small as possible.
+        Their maximum is minimised.
     goal_rates : (N, V) ndarray
     limits : (M,) ndarray
-        At least 0 where constraints hold.
+        At least 0 if constraints are met.
     limit_rates : (M, V) ndarray
     """
 
@@ -39,25 +39,24 @@ class Judged:
 
     @property
     def worst(self) -> float:
-        """The goal that counts."""
+        """The largest goal."""
         return float(self.goals.max())
 
     @property
     def violation(self) -> float:
-        """Of the constraint that is violated most; 0 where all hold."""
+        """Largest violation of a constraint; 0 if all are met."""
         return float(np.maximum(-self.limits, 0.0).max(initial=0.0))
 
 
 At = Callable[[np.ndarray], "Judged | None"]
-"""What is judged at a point; None where it cannot be computed."""
+"""Evaluation at a point; None if it fails."""
 
 
 def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, iterations: int = 100) -> Any:
-    """Sequential quadratic programming (scipy's SLSQP) from a start that can be computed; returns scipy's result.
+    """Sequential quadratic programming (scipy's SLSQP) from a valid start; returns scipy's result.
 
-    Several goals are below one more variable, which is made as small as possible: so the largest of them is smooth. A
-    point that cannot be computed counts as one that is no better than the last that could: the search for a step then
-    halves it.
+    Several goals are minimised through one more variable that bounds them all, which makes their maximum smooth. A
+    point that fails counts as no better than the last valid one, so that the line search halves the step.
     """
     from scipy.optimize import minimize
 
@@ -107,17 +106,16 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, iterations:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """What holds a point: the conditions of Karush, Kuhn and Tucker.
+    """Conditions of Karush, Kuhn and Tucker at a point.
 
     Attributes
     ----------
     left : float
-        Slope of the worst goal that nothing balances, over the width of the bounds and relative to that goal; 0 at an
-        optimum.
+        Unbalanced slope of the worst goal, over the width of the bounds and relative to that goal; 0 at an optimum.
     limits : (M,) ndarray
-        Multipliers of the limits: by how much the worst goal would fall if one were lower by 1.
+        Multipliers of the limits: decrease of the worst goal if a limit were lower by 1.
     bounds : (V,) ndarray
-        Those of the bounds, below 0 of a lower one.
+        Multipliers of the bounds, negative for lower ones.
     """
 
     left: float
@@ -126,7 +124,7 @@ class Balance:
 
 
 def balance(x: np.ndarray, found: Judged) -> Balance:
-    """Multipliers of what is active at a point, by least squares without negative ones."""
+    """Multipliers of active limits and bounds at a point, by non-negative least squares."""
     from scipy.optimize import nnls
 
     worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * abs(found.worst))
@@ -135,7 +133,7 @@ def balance(x: np.ndarray, found: Judged) -> Balance:
     unit = np.eye(len(x))
     size = max(float(np.linalg.norm(found.goal_rates[worst], axis=1).max()), TINY)
     columns = np.concatenate([found.goal_rates[worst] / size, -found.limit_rates[held], -unit[low], unit[high]])
-    heavy = 1e3  # weights of the worst goals add up to 1
+    heavy = 1e3  # enforces that weights of the worst goals sum to 1
     weights = np.where(np.arange(len(columns)) < len(worst), heavy, 0.0)
     multipliers, _ = nnls(np.vstack([columns.T, weights]), np.append(np.zeros(len(x)), heavy))
     left = size / max(abs(found.worst), TINY) * float(np.linalg.norm(columns.T @ multipliers))
@@ -148,7 +146,7 @@ def balance(x: np.ndarray, found: Judged) -> Balance:
 
 
 def in_conflict(x: np.ndarray, found: Judged) -> np.ndarray:
-    """(M,) weights of the limits that cannot hold at once, to first order from a point: the multipliers of the least
+    """(M,) weights of limits that cannot be met together, to first order from a point: the multipliers of the least
     violation within the bounds."""
     from scipy.optimize import linprog
 

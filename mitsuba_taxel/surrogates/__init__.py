@@ -1,4 +1,4 @@
-"""Fast models of a sensor for simulators: readings as polynomials of what a study varies, as ONNX files."""
+"""Surrogate models of a sensor for simulators: readings as polynomials of the varied parameters, as ONNX files."""
 
 import lazy_loader
 

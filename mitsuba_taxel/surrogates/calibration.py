@@ -1,7 +1,7 @@
-"""Forces from readings: a polynomial with intervals that cover, fitted and tested by whole paths.
+"""Forces from readings: a polynomial with prediction intervals, cross-validated on whole paths.
 
 Intervals are conformal (R. Barber et al., Predictive inference with the jackknife+, Annals of Statistics 49, 2021):
-their half width is what the wanted share of forces, on paths that a fit has not seen, is missed by at most.
+their half width is the quantile, at the wanted coverage, of the errors on paths that a fit has not seen.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
 
 FOLDS = 5
-"""Parts of the paths, of which one is left out at a time: to test, and within the rest, to choose."""
+"""Folds of the paths, left out in turn: for tests and, within the rest, for model selection."""
 COPIES = 8
-"""Noisy ones of each reading of a study."""
+"""Noisy copies of each reading of a study."""
 DEGREES, STRENGTHS = (1, 2, 3), (1e-10, 1e-7, 1e-5, 1e-3)
-"""Of polynomials, and of the penalty on their weights, from which the paths that were left out choose."""
+"""Degrees of polynomials, and penalties on their weights, chosen by cross-validation."""
 MOST_TERMS = 300
 
 
 class Calibration(NamedTuple):
-    """``polynomial`` : of readings, giving forces in N; ``forces`` : their names; ``half_width`` (forces,) in N, of the
-    intervals that hold a share ``coverage`` of the forces; ``covered`` : the share of those on paths that were left
-    out, when the others choose the width; ``unit`` of the readings; ``tested``, in words."""
+    """``polynomial`` : from readings to forces in N; ``forces`` : their names; ``half_width`` (forces,) in N, of the
+    intervals that contain a share ``coverage`` of the forces; ``covered`` : the share contained on left-out paths, with
+    the width from the others; ``unit`` of the readings; ``tested``, a description of the test."""
 
     polynomial: Polynomial
     forces: tuple[str, ...]
@@ -59,19 +59,19 @@ def calibrate(
     Parameters
     ----------
     source : xr.Dataset or Measurement
-        A study whose forces are varied, in which a path is one curve; or a measurement along one line, in which it is a
-        run from one turning point of the force to the next.
+        A study with varied forces, in which a path is one curve; or a measurement along one line, in which it is a run
+        between turning points of the force.
     coverage : float
-        Share of forces that the intervals should hold, on paths like those that there are.
+        Share of forces that the intervals should contain, on paths like those given.
     noise : float
-        Relative standard deviation that is added to the readings of a study.
+        Relative standard deviation of the noise added to the readings of a study.
     seed : int
-        Of this noise.
+        Seed of this noise.
 
     Raises
     ------
     InputError
-        if scikit-learn is not installed, or if fewer than three paths, or no force, are varied.
+        if scikit-learn is not installed, no force is varied, or there are fewer than three paths.
     """
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
@@ -92,7 +92,7 @@ def calibrate(
 
 
 def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
-    """By how much (rows, forces) fits and choices without a row's paths miss its forces, and the part it was in."""
+    """Errors (rows, forces) of fits and model selections without a row's paths, and the fold of each row."""
     from sklearn.model_selection import GroupKFold
 
     missed, fold = np.empty_like(rows.forces), np.empty(len(rows.path), dtype=int)
@@ -105,7 +105,7 @@ def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fit(rows: _Rows) -> Pipeline:
-    """The polynomial of the degree and the penalty that predict paths best which were left out of these rows."""
+    """The polynomial of the degree and the penalty that best predict left-out paths of these rows."""
     from sklearn.linear_model import Ridge
     from sklearn.model_selection import GridSearchCV, GroupKFold
     from sklearn.pipeline import make_pipeline
@@ -122,7 +122,7 @@ def _fit(rows: _Rows) -> Pipeline:
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
-    """Of readings in their unit, giving forces in N, from one that gives them relative to their range."""
+    """From readings in their unit to forces in N, given a fit of forces relative to their range."""
     scaler, features, ridge = (step for _, step in fitted.steps)
     inputs = len(scaler.data_min_)
     labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))
@@ -134,13 +134,13 @@ def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarra
 
 
 def _quantile(sizes: np.ndarray, coverage: float) -> np.ndarray:
-    """The least that a share of the sizes (rows, forces), and of one more, is at most."""
+    """Conformal quantile: the least bound on a share of the sizes (rows, forces) and one more."""
     rank = min(math.ceil((len(sizes) + 1) * coverage), len(sizes))
     return np.sort(sizes, axis=0)[rank - 1]
 
 
 def _covered(missed: np.ndarray, folds: np.ndarray, coverage: float) -> float:
-    """Share of the forces on each fold's paths that intervals by the other folds hold."""
+    """Share of the forces on each fold's paths contained in intervals from the other folds."""
     inside = [
         np.abs(missed[folds == fold]) <= _quantile(np.abs(missed[folds != fold]), coverage) for fold in np.unique(folds)
     ]

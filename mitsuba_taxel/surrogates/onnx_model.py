@@ -1,4 +1,4 @@
-"""A polynomial as an ONNX graph of a few operations, with its box, units and error inside."""
+"""A polynomial as an ONNX graph of a few operations, with its box, units and error as metadata."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial, polynomial_of
 
 OPSET, IR = 18, 8
-"""Versions of ONNX that runtimes since 2023 read."""
+"""Versions of ONNX supported by runtimes since 2023."""
 TARGET = 0.01
-"""Of full scale: a larger error is told."""
+"""Relative to full scale: a larger error gives a note."""
 
 
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
     """Write a model of a study's readings that needs nothing but an ONNX runtime.
 
-    Its input ``inputs`` (rows, inputs) takes what the study varies; its outputs are ``readings`` (rows, taxels) in W
-    and ``inside`` (rows,), whether the inputs lie in the box that the study covers. Beyond it the readings are those at
-    its edge. The metadata hold names, units and ranges of the inputs, the test error, scene, parameters and versions.
+    Its input ``inputs`` (rows, inputs) has the varied parameters; its outputs are ``readings`` (rows, taxels) in W and
+    ``inside`` (rows,), whether the inputs lie in the box covered by the study. Beyond it the readings are those at its
+    edge. The metadata contain names, units and ranges of the inputs, the test error, scene, parameters and versions.
 
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As ``open_study`` returns it, of one scene.
+        As returned by ``open_study``, of one scene.
     file : str or Path
-        Ends in ``.onnx``.
+        Must end in ``.onnx``.
 
     Returns
     -------
-    The polynomial that the model holds, and notes in words.
+    The polynomial of the model, and notes.
 
     Raises
     ------
     InputError
-        if onnx is not installed, or the study holds several scenes, varied words or too few values.
+        if onnx is not installed, or the study has several scenes, varied words or too few values.
     """
     check_onnx()
     if isinstance(study, xr.DataTree):
@@ -66,9 +66,9 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
 
 
 def write_calibration(found: Calibration, file: str | Path) -> None:
-    """Write a calibration as a model: ``inputs`` (rows, taxels) are readings in its unit; its outputs are ``force``
-    (rows, forces) and ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie
-    in the ranges of those that it was fitted to.
+    """Write a calibration as a model: ``inputs`` (rows, taxels) are readings in its unit; outputs are ``force`` (rows,
+    forces) and ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie within
+    the ranges of the fit.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
 
 
 def check_onnx() -> None:
-    """Raise `InputError` if models cannot be written here."""
+    """Raise `InputError` if onnx is not installed."""
     if find_spec("onnx") is None:
         raise InputError("models need onnx: install mitsuba_taxel[export].")
 

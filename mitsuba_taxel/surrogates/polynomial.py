@@ -1,4 +1,4 @@
-"""Readings of a study as polynomials of its varied numbers, tested on whole paths that the fit has not seen."""
+"""Readings of a study as polynomials of its varied numbers, cross-validated on whole paths."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mitsuba_taxel.base.errors import InputError
 
 MOST_DEGREE = 8
 MOST_TESTS = 24
-"""Paths that are left out, one by one, spread evenly over those that may be."""
+"""Most paths that are left out in turn, spread evenly over the candidates."""
 
 
 class Polynomial(NamedTuple):
     """Readings (rows, taxels) in W as a polynomial of inputs (rows, inputs), within a box.
 
     ``names`` and ``units`` (inputs,); ``low`` and ``high`` (inputs,), the box; ``exponents`` (terms, inputs) of inputs
-    scaled to -1 ... 1; ``weights`` (terms, taxels) in W; ``rms`` and ``worst``, error of readings that the fit has not
-    seen, root mean square of the worst taxel and largest of all, relative to the taxel's full scale, the range of its
-    readings; ``tested``, on what, in words.
+    scaled to -1 ... 1; ``weights`` (terms, taxels) in W; ``rms`` and ``worst``, error of readings unseen by the fit,
+    root mean square of the worst taxel and largest of all, relative to the taxel's full scale, the range of its
+    readings; ``tested``, a description of the test.
     """
 
     names: tuple[str, ...]
@@ -36,7 +36,7 @@ class Polynomial(NamedTuple):
     tested: str
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
-        """Readings (rows, taxels) at inputs (rows, inputs); beyond the box those at its edge."""
+        """Readings (rows, taxels) at inputs (rows, inputs), which are clipped to the box."""
         span = np.where(self.high > self.low, self.high - self.low, 1.0)
         scaled = 2 * (np.clip(inputs, self.low, self.high) - self.low) / span - 1
         return terms(scaled, self.exponents) @ self.weights
@@ -45,13 +45,13 @@ class Polynomial(NamedTuple):
 def polynomial_of(study: xr.Dataset) -> Polynomial:
     """The polynomial of the degree that predicts left-out paths best.
 
-    A path is all that lies along the study's curve at one combination of the other parameters. Those in the middle are
-    left out, so that the rest spans the same box; of a study of one path, points in the middle are.
+    A path is one curve of the study, at one combination of the other parameters. Inner paths are left out, so that the
+    rest spans the same box; for a study of one path, inner points.
 
     Raises
     ------
     InputError
-        if words are varied, or fewer than three values of every number.
+        if words are varied, or no number has three values.
     """
     names, inputs, readings, path = _rows(study)
     low, high = inputs.min(axis=0), inputs.max(axis=0)
@@ -98,7 +98,7 @@ def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, n
 
 
 def _left_out(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
-    """Rows (rows,) of each test, and what they are in words: paths without which the box stays the same."""
+    """Rows (rows,) of each test, and a description: paths without which the box is unchanged."""
     paths = [path == number for number in np.unique(path)]
     inside = [rows for rows in paths if not rows.all() and _spans(scaled[~rows])]
     words = "path"
@@ -118,7 +118,7 @@ def _spans(scaled: np.ndarray) -> bool:
 def _misses(
     scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """(rows, taxels) W, by how much fits without each group miss it."""
+    """(rows, taxels) W, errors on each group of fits without it."""
     columns, misses = terms(scaled, exponents), []
     for rows in groups:
         weights = np.linalg.lstsq(columns[~rows], readings[~rows], rcond=None)[0]

@@ -1,4 +1,4 @@
-"""What tolerances of a sensor's parts do to its readings: distributions, samples, shares of the spread."""
+"""Effect of tolerances on readings: distributions, samples, shares of the spread."""
 
 import lazy_loader
 

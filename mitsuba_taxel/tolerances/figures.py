@@ -1,4 +1,4 @@
-"""Figures of a sensor that tolerances spread: reading at rest, sensitivity, cross-talk."""
+"""Figures of a sensor for tolerance studies: reading at rest, sensitivity, cross-talk."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ def figures(readings: np.ndarray, force: np.ndarray, loaded: int | None = None) 
     """Figures of readings (..., forces, taxels), each (..., taxels).
 
     ``rest``: at the least force. ``sensitivity``: mean slope from there to the largest force. ``crosstalk``: the change
-    in between, relative to the reading at rest, over that of the taxel ``loaded`` (an index), for which it is not a
-    number; of several taxels alone.
+    in between, relative to the reading at rest, over that of the taxel ``loaded`` (an index), for which it is NaN; only
+    for several taxels.
     """
     first, last = np.abs(force).argmin(), np.abs(force).argmax()
     rest = readings[..., first, :]
@@ -38,8 +38,8 @@ def loaded_taxel(readings: np.ndarray, force: np.ndarray) -> int:
 def figure_rates(
     readings: np.ndarray, rates: np.ndarray, force: np.ndarray, loaded: int | None
 ) -> dict[str, np.ndarray]:
-    """Derivatives (taxels, parameters) of the figures, of readings (forces, taxels) that change so with parameters
-    (forces, taxels, parameters)."""
+    """Derivatives (taxels, parameters) of the figures, from readings (forces, taxels) and their derivatives (forces,
+    taxels, parameters)."""
     largest = np.nanmax(np.abs(rates), initial=0.0)
     step = 1e-4 * np.abs(readings).max() / (largest if largest > 0 else 1.0)
     moved = [figures(readings + sign * step * np.moveaxis(rates, -1, 0), force, loaded) for sign in (1.0, -1.0)]

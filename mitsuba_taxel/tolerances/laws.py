@@ -15,7 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """How a parameter is distributed.
+    """Distribution of a parameter.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Law:
 
     @property
     def mean(self) -> float:
-        """Where derivatives are taken."""
+        """Mean, at which derivatives are taken."""
         return float(self.distribution.mean())
 
     @property
@@ -42,11 +42,11 @@ class Law:
         return float(self.distribution.std())
 
     def values(self, shares: np.ndarray) -> np.ndarray:
-        """Values below which shares of all lie."""
+        """Quantiles."""
         return self.distribution.ppf(np.clip(shares, 1e-12, 1 - 1e-12))
 
     def standardised(self, shares: np.ndarray) -> np.ndarray:
-        """The same, from the mean and in standard deviations."""
+        """Quantiles relative to the mean, in standard deviations."""
         return (self.values(shares) - self.mean) / self.deviation
 
 
@@ -80,16 +80,16 @@ LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
     "truncated_normal": (_truncated_normal, ("mean", "sd", "low", "high")),
     "triangular": (_triangular, ("low", "peak", "high")),
 }
-"""Those that have words of their own; any other continuous one of ``scipy.stats`` goes by its name there."""
+"""Distributions with names of our own; any other continuous one of ``scipy.stats`` has its name there."""
 
 
 def law_of(name: str, table: object) -> Law:
-    """The distribution that a study file states for a parameter, as ``{law = "normal", mean = 0.9, sd = 0.02}``.
+    """The distribution of a parameter in a study file, such as ``{law = "normal", mean = 0.9, sd = 0.02}``.
 
     Raises
     ------
     InputError
-        if there is no such law, a number of it is missing or not allowed, or it has no spread.
+        if there is no such law, one of its numbers is missing or not allowed, or it has no spread.
     """
     if not isinstance(table, Mapping) or not isinstance(table.get("law"), str):
         raise InputError(f'tolerance of {name} = {table!r} is not allowed: {{law = "normal", mean = ..., sd = ...}}.')

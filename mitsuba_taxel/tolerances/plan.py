@@ -1,4 +1,4 @@
-"""What a tolerance study computes: the sensor with all parameters at their mean, and samples of their distributions."""
+"""Plan of a tolerance study: the sensor with all parameters at their mean, and samples of their distributions."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Plan:
     Attributes
     ----------
     laws : list[Law]
-        Of the parameters that are not exact.
+        Distributions of the parameters with tolerances.
     force : str
-        Which is varied; empty if none is.
+        The varied force; empty if none is.
     shares : (samples, parameters) ndarray
-        Shares of the distributions that lie below each sample.
+        Cumulative probabilities of the samples.
     batch : Batch
-        With all parameters at their mean.
+        The sensor with all parameters at their mean.
     """
 
     laws: list[Law]
@@ -46,12 +46,12 @@ class Plan:
 
     @property
     def standardised(self) -> np.ndarray:
-        """(samples, parameters) from the mean, in standard deviations, as far as digits that are written go."""
+        """(samples, parameters) relative to the mean, in standard deviations, with values rounded as written."""
         values = np.array([[float(word) for word in column] for column in self._words().values()]).T
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 
     def samples(self, points: int, mesh_size: float | None) -> Batch:
-        """The batch of the samples, read with as many points and on the mesh that the mean ones were read with."""
+        """The batch of the samples, with the points and the mesh of the mean sensor."""
         axes = tuple(axis._replace(values=self._words()) if axis.dim == STEP else axis for axis in self.batch.axes)
         batch = replace(self.batch, name="samples", axes=axes, bare=True)
         return replace(batch, points=points, mesh_size=mesh_size, target_error=None, time_budget=None)
@@ -67,7 +67,7 @@ def read_plan(file: Path) -> Plan:
     Raises
     ------
     InputError
-        if it is no such study, or a distribution leaves the range of its parameter.
+        if it is not such a study, or a distribution exceeds the range of its parameter.
     """
     content = read_study(file, besides=("tolerance",))
     table = content.pop("tolerance", None)
@@ -106,7 +106,7 @@ def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarr
 
 
 def _force(batch: Batch) -> str:
-    """The force that is varied: nothing else may be, and it has two values at least."""
+    """The varied force: nothing else may be varied, and it has at least two values."""
     axes = [axis for axis in batch.axes if axis.dim != STEP]
     if not axes:
         return ""
@@ -120,7 +120,7 @@ def _force(batch: Batch) -> str:
 
 
 def _check_range(batch: Batch, law: Law) -> None:
-    """Refuse a distribution that leaves what its parameter may be, others being at their mean."""
+    """Refuse a distribution that exceeds the range of its parameter, with others at their mean."""
     mean = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     for end in (BEYOND, 1 - BEYOND):
         value = float(law.values(np.array(end)))

@@ -1,4 +1,4 @@
-"""Tolerance studies: samples of a sensor through the whole chain, and the linear answer beside them."""
+"""Tolerance studies: samples of a sensor through the whole chain, and the linear estimate."""
 
 from __future__ import annotations
 
@@ -32,32 +32,32 @@ if TYPE_CHECKING:
     import pandas
 
 FEW_POINTS = 16
-"""Of samples that are read without random numbers besides."""
+"""Points of the random readings that accompany those without random numbers."""
 NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
 
 
 @dataclass(frozen=True, eq=False)
 class Tolerance:
-    """What tolerances make of a sensor.
+    """Result of a tolerance study.
 
     Attributes
     ----------
     spread : DataFrame
         One row per figure (``rest``, ``sensitivity``, ``crosstalk``) and taxel: ``unit``; ``nominal``, with all
         parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
-        samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square of what these predict each
-        sample wrong by, over ``sd``; ``explained``, the share of the variance that the polynomial behind the
-        indices predicts of samples that it does not know.
+        samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
+        prediction over the samples, relative to ``sd``; ``explained``, the cross-validated share of the variance
+        predicted by the polynomial behind the indices.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
         the variance; the ``first`` and ``total`` Sobol' indices.
     parameters : DataFrame
-        One row per parameter: its ``law``, ``mean`` and ``sd``, and by figure its ``total`` index, the mean of all
-        taxels, weighted by their variances.
+        One row per parameter: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the mean of
+        all taxels, weighted by their variances.
     samples : DataFrame
         One row per sample: its parameters, and the figures of all taxels.
     notes : list[str]
-        What the reader of the numbers must know, in words.
+        Notes for the reader.
     """
 
     spread: pandas.DataFrame
@@ -76,9 +76,9 @@ def run_tolerance(
     retry_failed: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Tolerance:
-    """Spread the parameters of a scene, and tell what that does to its readings.
+    """Propagate distributions of parameters of a scene to its readings.
 
-    Every sample is a job of a study in ``output``: the same call goes on where one before was stopped.
+    Every sample is a job of a study in ``output``: the same call resumes an interrupted one.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def run_tolerance(
     Raises
     ------
     InputError
-        if the study or the folder is refused, or a distribution leaves the range of its parameter.
+        if the study or the folder is refused, or a distribution exceeds the range of its parameter.
     ComputationError
         if too few samples could be computed.
     """
@@ -113,7 +113,7 @@ def run_tolerance(
 
 
 def _like(mean: xr.Dataset, plan: Plan) -> Batch:
-    """The samples, read as the mean sensor was: without random numbers where that was possible."""
+    """The samples, read like the mean sensor: without random numbers if possible."""
     smooth = "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
     points = min(int(mean.attrs["points"]), FEW_POINTS) if smooth else int(mean.attrs["points"])
     batch = plan.samples(points, mean.attrs.get("mesh_size"))
@@ -131,7 +131,7 @@ def _as_tree(plan: Plan) -> dict[str, Any]:
 
 
 def _with_derivatives(plan: Plan) -> tuple[Batch, list[str]]:
-    """The mean batch with derivatives by all parameters that have one, and a line for each that has none."""
+    """The mean batch with derivatives with respect to all parameters that have one, and a note for each other one."""
     values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
     names = [law.name for law in plan.laws]
     refused = without_derivative(plan.batch.scene(values), names)
@@ -183,7 +183,7 @@ def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
-    """(forces, taxels, parameters), not a number where there is no derivative."""
+    """(forces, taxels, parameters), NaN where there is no derivative."""
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
         shown = mean if plan.batch.circuit is None else in_volts(mean, plan.batch.circuit)
@@ -233,8 +233,8 @@ def _of_figure(
 
 
 def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of samples (N, T), and their standard errors from the fourth moment, as of random samples:
-    those of Latin hypercubes and Sobol' points are better."""
+    """Standard deviations of samples (N, T), and their standard errors from the fourth moment, valid for random samples
+    and conservative for Latin hypercubes and Sobol' points."""
     count = len(exact)
     off = exact - exact.mean(axis=0)
     variance = np.square(off).sum(axis=0) / (count - 1)

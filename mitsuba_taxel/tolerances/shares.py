@@ -1,4 +1,4 @@
-"""Which parameter the spread of a figure comes from: Sobol' indices of a polynomial through the samples."""
+"""Shares of parameters in the spread of a figure: Sobol' indices of a polynomial fitted to the samples."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import numpy as np
 from mitsuba_taxel.tolerances.laws import Law
 
 DRAWS = 2**12
-"""Of the polynomial; indices are right to about 0.01."""
+"""Evaluations of the polynomial; indices are accurate to about 0.01."""
 SPARE = 1.5
-"""Samples for each coefficient, at least."""
+"""Least samples per coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseSurface:
-    """Least squares through samples of several outputs.
+    """Polynomial least-squares fit to samples of several outputs.
 
     Attributes
     ----------
     powers : (terms, parameters) ndarray
     coefficients : (terms, outputs) ndarray
     explained : (outputs,) ndarray
-        Share of the variance that the polynomial predicts of samples that it was not fitted to, left out one by one.
+        Share of the variance predicted for samples left out one by one.
     """
 
     powers: np.ndarray
@@ -39,14 +39,14 @@ class ResponseSurface:
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """The polynomial through samples (N, parameters) and their outputs (N, outputs) that predicts best: of first
-    degree, with squares, or of second degree. None where there are too few samples."""
+    """The polynomial fit to samples (N, parameters) and their outputs (N, outputs) that predicts best: of first degree,
+    with squares, or of second degree. None if there are too few samples."""
     found = [_least_squares(z, outputs, powers) for powers in _degrees(z.shape[1]) if len(z) >= SPARE * len(powers)]
     return max(found, key=lambda one: float(np.mean(one.explained)), default=None)
 
 
 def indices(polynomial: ResponseSurface, laws: Sequence[Law], seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """First and total Sobol' indices (outputs, parameters) of the polynomial; not a number where nothing varies."""
+    """First and total Sobol' indices (outputs, parameters) of the polynomial; NaN if nothing varies."""
     from scipy.stats import qmc, sobol_indices
 
     count = len(laws)
@@ -58,7 +58,7 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law], seed: int) -> tupl
     a, b, *ab = (polynomial(each).T for each in (one, other, *mixed))
     varies = a.var(axis=1) > 1e-20 * np.mean(a**2, axis=1)
     first, total = np.full((2, len(a), count), np.nan)
-    if count == 1:  # scipy 1.17 does without
+    if count == 1:  # scipy 1.17 fails for one
         first[varies] = total[varies] = 1.0
     elif varies.any():
         parts: Any = {"f_A": a[varies], "f_B": b[varies], "f_AB": np.stack(ab)[:, varies]}
@@ -68,7 +68,7 @@ def indices(polynomial: ResponseSurface, laws: Sequence[Law], seed: int) -> tupl
 
 
 def _degrees(parameters: int) -> Iterator[np.ndarray]:
-    """Powers (terms, parameters) of polynomials, one after the other with more terms."""
+    """Powers (terms, parameters) of polynomials with increasing numbers of terms."""
     unit = np.eye(parameters, dtype=int)
     linear = [np.zeros(parameters, dtype=int), *unit]
     yield np.array(linear)
