@@ -1,7 +1,7 @@
 """The `taxel` program: one small module per subcommand, imported when it is called.
 
-It is installed as the package ``taxel_cli``, beside ``mitsuba_taxel`` and not inside it: importing anything
-from ``mitsuba_taxel`` loads mitsuba, and help and error messages must come where that is slow or fails.
+It is installed as the package ``taxel_cli``, beside ``mitsuba_taxel`` and not inside it: importing anything from
+``mitsuba_taxel`` loads mitsuba, but help and error messages must work even if that is slow or fails.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 class _Ended(Exception):
-    """A signal has ended the program."""
+    """A signal has terminated the program."""
 
     def __init__(self, signal: signal.Signals) -> None:
         self.signal = signal
@@ -46,7 +46,7 @@ class _Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
-        except BaseException as error:  # an interrupt may have been wrapped in another error on its way
+        except BaseException as error:  # an interrupt may be wrapped in another error
             if ctx.obj.ended:
                 raise _Ended(ctx.obj.ended[0]) from error
             raise
@@ -67,8 +67,8 @@ def taxel() -> None:
 def main() -> None:
     """Run the program.
 
-    Exit codes: 0 done, 1 a computation failed, 2 the request cannot be met, 3 done, but beyond the target error, 130
-    interrupted, 128 + n ended by signal n.
+    Exit codes: 0 done, 1 failed computation, 2 bad input, 3 done but beyond the target error, 130 interrupted, 128 + n
+    terminated by signal n.
     """
     _keep_stdout_for_results()
     warnings.showwarning = _show_warning
@@ -77,7 +77,7 @@ def main() -> None:
         status = taxel.main(obj=settings, prog_name="taxel", standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has closed the pipe
         status = 1
     except click.exceptions.NoArgsIsHelpError as request:
         request.show()
@@ -94,11 +94,11 @@ def main() -> None:
 
 
 def _signals_as_interrupts() -> list[signal.Signals]:
-    """Let what ends a program end this one as an interrupt does: with its children, and with nothing lost.
+    """Treat terminating signals as interrupts: children are ended, and nothing is lost.
 
     Returns
     -------
-    The signals that came, as they come; more of them are left without an answer.
+    A list to which the received signals are added; further ones are ignored.
     """
     came: list[signal.Signals] = []
 
@@ -127,7 +127,7 @@ def _describe(error: Exception) -> tuple[str, int]:
         return str(error), 2
     if kinds is not None and isinstance(error, kinds.ComputationError):
         return str(error), 1
-    if type(error) is ImportError and error.name is None:  # our own word on what is installed
+    if type(error) is ImportError and error.name is None:  # our own messages on the installation
         return str(error), 1
     if isinstance(error, MemoryError):
         return "there is not enough memory for it: fewer or smaller pads, points or workers need less.", 1
@@ -141,7 +141,7 @@ def _describe(error: Exception) -> tuple[str, int]:
 
 
 def _where_to_look(error: click.ClickException) -> str:
-    """A hint after what is missing or not known, as against a value that is refused."""
+    """A hint for missing or unknown arguments, as opposed to refused values."""
     if not isinstance(error, click.UsageError) or type(error) is click.BadParameter or error.ctx is None:
         return ""
     return f" (see {error.ctx.command_path} --help)"
@@ -152,7 +152,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _keep_stdout_for_results() -> None:
-    """Send what compiled libraries print to stderr, so that stdout carries nothing but our own output."""
+    """Redirect output of compiled libraries to stderr, so that stdout carries only our own output."""
     sys.stdout.flush()
     ours = os.dup(1)
     os.dup2(2, 1)

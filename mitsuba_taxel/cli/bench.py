@@ -1,4 +1,4 @@
-"""`taxel bench`: tables that say how the program does, made anew."""
+"""`taxel bench`: benchmarks of robustness, accuracy and speed."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from .bench_peers import peers
 from .options import debug_option, defines_option, folder_option
 
 
-@click.group(short_help="How the program does: extremes, errors stated and true, error against time.")
+@click.group(short_help="Benchmarks: extreme cases, stated and true errors, error against time.")
 @debug_option
 def command() -> None:
-    """Measure how the program does: at the extremes, what its errors are worth, and error against time."""
+    """Measure robustness in extreme cases, the coverage of stated errors, and error against time."""
 
 
 command.add_command(peers)
 
 
 @command.command("stability", short_help="Pads, loads and readings at the extremes.")
-@click.option("--only", metavar="PATTERN", help="Part of the names of the rows wanted; * and ? stand for anything.")
+@click.option("--only", metavar="PATTERN", help="Only rows whose name contains this; * and ? are wildcards.")
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows, all digits.")
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def stability_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Load pads and read sensors at the extremes, and say what became of each.
+    """Load pads and read sensors in extreme cases, and report the outcome of each.
 
-    Rows are measured one by one, each in a process of its own; files hold those measured so far.
+    Rows are measured one by one, each in its own process; files contain those measured so far.
     """
     from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
     from mitsuba_taxel.bench.row import HEADINGS, Row, cells
@@ -53,20 +53,20 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 
 
 @command.command("coverage", short_help="Stated against true errors of readings.")
-@click.option("--only", metavar="PATTERN", help="Part of the names of the settings wanted; * and ? for anything.")
+@click.option("--only", metavar="PATTERN", help="Only settings whose name contains this; * and ? are wildcards.")
 @click.option(
     "--csv",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Also write the rows, all digits; those that are there already are not measured again.",
+    help="Also write the rows with all digits; rows already in the file are not measured again.",
 )
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare the errors that readings state for the finite elements with those that they have.
+    """Compare the stated errors of readings by the finite elements with the true ones.
 
-    Settings of pads and loads are read one by one, each in a process of its own, the quickest first; files hold those
-    read so far.
+    Settings of pads and loads are read one by one, each in its own process, the fastest first; files contain those read
+    so far.
     """
     from mitsuba_taxel.bench.coverage import coverage, summary
     from mitsuba_taxel.bench.coverage_row import HEADINGS, coverage_cells
@@ -82,11 +82,11 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
         click.echo(summary(rows))
 
 
-@command.command("domes", short_help="Domed cells beside spheres and small elements.")
+@command.command("domes", short_help="Domed cells against spheres and fine meshes.")
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def domes_command(markdown: Path | None) -> None:
-    """Read domed cells whose truth is known otherwise: unloaded ones are spheres, loaded ones take small elements."""
+    """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
     from mitsuba_taxel.bench.domes import HEADINGS, dome_cells, domes, write_page
     from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -104,11 +104,12 @@ def domes_command(markdown: Path | None) -> None:
         print_text_table(HEADINGS, map(dome_cells, rows))
 
 
-@command.command("slopes", short_help="Derivatives of readings beside those on small elements.")
+@command.command("slopes", short_help="Derivatives of readings against those on fine meshes.")
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def slopes_command(markdown: Path | None) -> None:
-    """Differentiate readings of all cell shapes by force, material and dimensions, on default and on small elements."""
+    """Compare derivatives with respect to force, material and dimensions on default and fine meshes, for all cell
+    shapes."""
     from mitsuba_taxel.bench.slopes import HEADINGS, slope_cells, slopes, summary, write_page
     from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -127,7 +128,7 @@ def slopes_command(markdown: Path | None) -> None:
         click.echo(summary(rows))
 
 
-@command.command("accuracy", short_help="Error against time of every way to read a scene.")
+@command.command("accuracy", short_help="Error against time of every method.")
 @click.argument("scene")
 @defines_option
 @folder_option
@@ -136,15 +137,15 @@ def slopes_command(markdown: Path | None) -> None:
     type=click.FloatRange(min=0, min_open=True),
     default=5.0,
     show_default=True,
-    help="Time in s for each way to compute the light, and for the longest solution of the mechanics; references "
+    help="Time in s for each method of light transport, and for the longest solution of the mechanics; references "
     "take longer.",
 )
 @debug_option
 def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds: float) -> None:
-    """Measure what error every way to read SCENE has after how much time, as table, CSV and diagram.
+    """Measure the error against time of every method to read SCENE, as table, CSV and diagram.
 
-    Light: each integrator, judged by one of another family. Mechanics: element sizes and load steps, judged by much
-    smaller ones. Chain: readings and slopes to a target error, judged by small elements with long light.
+    Light: each integrator, against one of another family. Mechanics: element sizes and load steps, against much smaller
+    ones. Chain: readings and slopes to a target error, against a fine mesh with many paths.
     """
     from mitsuba_taxel.bench.accuracy import accuracy
     from mitsuba_taxel.bench.accuracy_mechanics import ELEMENTS
@@ -161,29 +162,30 @@ def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds:
     click.echo(PEERS)
 
 
-@command.command("speed", short_help="Times as a user meets them, and rays per second.")
+@command.command("speed", short_help="Run times, and rays per second.")
 @click.option(
     "--target-error",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=1e-3,
     show_default=True,
-    help="Relative, of the worst of nine taxels.",
+    help="Relative error of the worst of nine taxels.",
 )
 @debug_option
 def speed_command(target_error: float) -> None:
-    """Time readings of all cell shapes, the first answer of a new process, and the tracer beside bare intersections."""
+    """Time readings of all cell shapes, the first reading of a new process, and the tracer against bare
+    intersections."""
     from mitsuba_taxel.bench.speed import speed
 
     for line in speed(target_error):
         click.echo(line)
 
 
-@command.command("omitted-work", short_help="What leaving out saves.")
+@command.command("omitted-work", short_help="Savings by omitted work.")
 @click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Which scenes; all by default.")
 @click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
-    """Read shipped scenes as they are, and with what they do not need done all the same."""
+    """Read shipped scenes as they are, and with unneeded work added."""
     from mitsuba_taxel.bench.omitted_work import HEADINGS, page, table
 
     rows = []

@@ -1,4 +1,4 @@
-"""`taxel bench peers`: other programs on the same cases, side by side with this one."""
+"""`taxel bench peers`: comparison with other programs on the same cases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ csv_option = click.option(
 @click.group("peers", short_help="Other programs on the same cases.")
 @debug_option
 def peers() -> None:
-    """Run other programs on the same cases, those of them that are installed.
+    """Run other programs, as far as installed, on the same cases.
 
     Nothing else should run meanwhile: times are wall times.
     """
@@ -30,7 +30,7 @@ def peers() -> None:
 @click.option("--peer", "systems", multiple=True, metavar="NAME", help="Which programs; all by default, or none.")
 @click.option("--runs", type=click.IntRange(min=16), default=32, show_default=True, help="Independent seeds.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True, help="Of one run, about."
+    "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True, help="Length of a run."
 )
 @csv_option
 @debug_option
@@ -57,20 +57,20 @@ def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
         _show(next(rows), rows, file and file.with_stem(f"{file.stem}-{name}"))
 
 
-@peers.command("elements", short_help="Nodes beside the same element of CalculiX.")
+@peers.command("elements", short_help="Node-by-node comparison with CalculiX.")
 @click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be given again.")
 @click.option("--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU", help="May be given again.")
 @csv_option
 @debug_option
 def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: Path | None) -> None:
-    """Compare CalculiX node by node with the same element of ours, on the same mesh."""
+    """Compare CalculiX node by node with our implementation of the same element, on the same mesh."""
     from mitsuba_taxel.bench.peers.elements import COLUMNS, MESH_SIZES, POISSON_RATIOS, table
 
     _show(COLUMNS, table(sizes or MESH_SIZES, ratios or POISSON_RATIOS), file)
 
 
 def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Path | None) -> None:
-    """Print rows as they come, and write them in the end."""
+    """Print rows as they come, and write them at the end."""
     kept = []
     for row in chain([columns], rows):
         click.echo("  ".join(f"{cell!s:16}" for cell in row).rstrip())

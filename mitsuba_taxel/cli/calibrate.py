@@ -9,26 +9,26 @@ import click
 from .options import Share, debug_option, json_option
 
 
-@click.command(short_help="Forces from readings, with intervals that cover (ONNX).")
+@click.command(short_help="Forces from readings, with prediction intervals (ONNX).")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), default=Path("calibration.onnx"), show_default=True,
     metavar="FILE.onnx", help="The calibration.",
 )  # fmt: skip
 @click.option(
-    "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should hold."
+    "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should contain."
 )
 @click.option(
     "--noise", type=Share(), default="0.5%", show_default=True,
-    help="Noise that is added to each reading of a study, relative; a measurement has its own.",
+    help="Relative noise added to each reading of a study; a measurement has its own.",
 )  # fmt: skip
 @json_option
 @debug_option
 def command(source: Path, output: Path, coverage: float, noise: float, as_json: bool) -> None:
     """Fit forces to the readings of the study in DIR, or of a bench.
 
-    A polynomial of the readings, fitted and tested by whole paths: curves of a study, runs of a measurement. Intervals
-    are as wide as forces on paths that a fit has not seen need.
+    The model is a polynomial of the readings, cross-validated on whole paths: curves of a study, or runs of a
+    measurement. Intervals are calibrated on paths that a fit has not seen.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError

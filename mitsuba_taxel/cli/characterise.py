@@ -14,16 +14,16 @@ from .options import circuit_option, debug_option, json_option
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
 @click.option(
     "-o", "--output", "folder", type=click.Path(path_type=Path), metavar="DIR",
-    help="Folder for the results, in place of the study's or the file's.",
+    help="Folder for the results, instead of that of the study or file.",
 )  # fmt: skip
 @circuit_option
 @json_option
 @debug_option
 def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bool) -> None:
-    """Characterise the study in DIR, or what a bench has measured.
+    """Characterise the study in DIR, or a bench measurement.
 
-    FILE.csv holds time, force and one voltage per taxel, under headings such as time_s,force_N,v1_V,v2_V. Tables and
-    plots go beside it, or into DIR.
+    FILE.csv has time, force and one voltage per taxel, with headings such as time_s,force_N,v1_V,v2_V. Tables and plots
+    are written beside it, or into DIR.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError

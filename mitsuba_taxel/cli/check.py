@@ -1,4 +1,4 @@
-"""`taxel check`: what is wrong with a scene, without rendering it."""
+"""`taxel check`: problems of a scene, without rendering it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from .options import debug_option, defines_option, json_option
 
 
-@click.command(short_help="Look a scene over without rendering it; write the schema for editors.")
+@click.command(short_help="Check a scene without rendering it; write the schema for editors.")
 @click.argument("scene", required=False)
 @defines_option
 @click.option(
@@ -20,11 +20,11 @@ from .options import debug_option, defines_option, json_option
 @debug_option
 @click.pass_context
 def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
-    """List what is wrong or odd with SCENE, with its line; nothing is traced, and no pad is deformed.
+    """List what is wrong or odd in SCENE, line by line; nothing is traced, and no pad is deformed.
 
-    The exit code is 2 if the scene cannot be read as it is (an error), and 0 if there are warnings and notes at most.
+    The exit code is 2 if there are errors, and 0 if there are only warnings and notes.
 
-    An editor that knows RELAX NG completes and checks a scene that has this as its first line and the schema beside it:
+    Editors with RELAX NG support complete and validate a scene with this first line, and the schema beside it:
 
     \b
     <?xml-model href="taxel.rng" schematypens="http://relaxng.org/ns/structure/1.0"?>

@@ -1,4 +1,4 @@
-"""`taxel compare`: which variant is first, and how sure that is."""
+"""`taxel compare`: ranking of variants, with probabilities."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ FIGURES = (
 )  # fmt: skip
 
 
-@click.command(short_help="Variants ranked by a figure of merit, and how sure that is.")
+@click.command(short_help="Variants ranked by a figure of merit, with probabilities.")
 @click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--by", type=click.Choice(FIGURES), default="relative_slope", show_default=True, help="The figure.")
+@click.option("--by", type=click.Choice(FIGURES), default="relative_slope", show_default=True, help="Figure of merit.")
 @click.option(
     "--at-most", multiple=True, metavar="FIGURE=LIMIT", callback=assignments,
-    help="A limit that variants must meet, as nonlinearity=3; in % of deviations and %/N or W/N of slopes.",
+    help="A limit that variants must meet, such as nonlinearity=3; in % for deviations and %/N or W/N for slopes.",
 )  # fmt: skip
-@click.option("--force", metavar="NAME", help="Along which force, where several are varied.")
-@click.option("--up-to", type=click.FloatRange(min=0, min_open=True), metavar="N", help="Only forces up to so many N.")
+@click.option("--force", metavar="NAME", help="Force along which to compare, if several are varied.")
+@click.option("--up-to", type=click.FloatRange(min=0, min_open=True), metavar="N", help="Only forces up to N newtons.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Also write comparison.csv and a plot."
 )
@@ -36,11 +36,10 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> None:
-    """Rank the variants in one study, or in several: shapes, dimensions, whatever is varied besides the force.
+    """Rank the variants in one or several studies: shapes, dimensions, whatever is varied besides the force.
 
-    Slopes count by their magnitude. Beside the ranking stand the probability that a variant is the first of those that
-    meet the limits, and how far it is behind, with the error of that difference: random numbers that variants share
-    drop out of it.
+    Slopes are ranked by magnitude. The table gives the probability that a variant is the best of those that meet the
+    limits, and its difference from the first, with an error in which common random numbers cancel.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import compare, comparison_rows

@@ -1,4 +1,4 @@
-"""`taxel dataset`: a finished study as tables to train a calibration model on."""
+"""`taxel dataset`: a finished study as tables for training a calibration model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[flo
 @folder_option
 @click.option(
     "--noise", default="0", show_default=True, metavar="SIGMA",
-    help="Gaussian noise of every reading: 1 sigma in W, or as 0.5% of the reading.",
+    help="Gaussian noise of every reading: 1 sigma in W, or relative to the reading, such as 0.5%.",
 )  # fmt: skip
 @click.option(
     "--copies", type=click.IntRange(min=1), default=1, show_default=True, help="Noisy copies of each job of the study."

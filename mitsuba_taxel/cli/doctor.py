@@ -1,4 +1,4 @@
-"""`taxel doctor`: what this installation stands on, and whether it computes what it should."""
+"""`taxel doctor`: versions of this installation, and a check of known results."""
 
 from __future__ import annotations
 

@@ -18,10 +18,10 @@ from .options import debug_option, json_option
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
-    """Write readings as a function of what the study in DIR varies, for any ONNX runtime.
+    """Write readings as a function of the parameters varied by the study in DIR, for any ONNX runtime.
 
-    A polynomial, tested on whole paths that its fit has not seen. The model says whether inputs lie within what the
-    study covers, and holds their units and its error.
+    The model is a polynomial, cross-validated on whole paths. It flags inputs outside the range of the study, and
+    contains their units and its error.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.studies.plan.files import check_new_file

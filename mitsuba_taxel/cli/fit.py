@@ -23,10 +23,11 @@ from .options import (
 @json_option
 @debug_option
 def command(source: Path, folder: Path, workers: int | None, scheduler: str | None, as_json: bool) -> None:
-    """Find the unknowns that the table [fit] of STUDY.toml names, by weighted least squares.
+    """Estimate the unknowns in the table [fit] of STUDY.toml, by weighted least squares.
 
-    Its data are a CSV file with columns for settings, as fz, and readings, as v1_V. Values, confidence intervals,
-    correlations, residuals and a plot go into DIR; what the data do not tell is said.
+    Its data are a CSV file with columns for settings, such as fz, and readings, such as v1_V. Values, confidence
+    intervals, correlations, residuals and a plot are written to DIR. Unknowns that the data do not determine are
+    reported.
     """
     from mitsuba_taxel.fitting import run_fit
 

@@ -1,4 +1,4 @@
-"""`taxel new`: files to start from."""
+"""`taxel new`: commented templates."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import click
 from .options import debug_option
 
 
-@click.command(short_help="A commented scene, study, table of steps or circuit to start from.")
+@click.command(short_help="A commented template of a scene, study, table of steps or circuit.")
 @click.argument("kind", type=click.Choice(["scene", "study", "steps", "circuit"]))
 @click.argument("file", type=click.Path(path_type=Path), required=False)
 @debug_option
 def command(kind: str, file: Path | None) -> None:
-    """Write a commented file to start from: scene.xml, study.toml, steps.csv or circuit.toml, or FILE.
+    """Write a commented template: scene.xml, study.toml, steps.csv or circuit.toml, or FILE.
 
-    A file that is there already is left as it is, and refused.
+    Existing files are not overwritten.
     """
     from mitsuba_taxel.studies.plan.templates import SUFFIXES, write_template
 

@@ -29,10 +29,10 @@ from .options import (
 def command(
     source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
 ) -> None:
-    """Find the design that the table [optimise] of STUDY.toml asks for, by gradients of the whole chain.
+    """Find the best design as defined by the table [optimise] of STUDY.toml, by gradients of the whole chain.
 
-    Each load of each design is in DIR as soon as it is there; the same command goes on where it was stopped. Tables, a
-    plot, a page optimum.md, the best design as a scene, and drawings of its pad and mould go into DIR.
+    Each load of each design is stored in DIR as soon as it is computed; the same command resumes an interrupted run.
+    Tables, a plot, a page optimum.md, the best design as a scene, and drawings of its pad and mould are written to DIR.
     """
     from mitsuba_taxel.optimum import optimise
 
@@ -51,7 +51,7 @@ def command(
 
 @contextmanager
 def _best_so_far() -> Iterator[Callable]:
-    """A function of an optimisation's ``Progress`` that shows it on a terminal."""
+    """A function that shows an optimisation's ``Progress`` on a terminal."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -26,7 +26,7 @@ class Share(click.ParamType):
 
 
 class _Duration(click.ParamType):
-    """A time above 0, in s: plain seconds, or with a unit as 500ms, 60s, 2min."""
+    """A time above 0, in s: plain seconds, or with a unit such as 500ms, 60s, 2min."""
 
     name = "time"
     units = {"ms": 1e-3, "min": 60.0, "s": 1.0, "": 1.0}
@@ -76,8 +76,8 @@ defines_option = click.option(
 target_error_option = click.option(
     "--target-error",
     type=Share(),
-    help="Relative error for the worst taxel, as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
-    "Where it is not reached, the exit code is 3.",
+    help="Relative error of the worst taxel, such as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
+    "If it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
 )
 seed_option = click.option(
@@ -90,37 +90,37 @@ seed_option = click.option(
 target_slope_option = click.option(
     "--target-slope",
     type=Share(),
-    help="Error of slopes by the forces that are varied, as 1% or 0.01, relative to the steepest taxel's: takes them "
-    "from derivatives, and chooses the mesh. Where it is not reached, the exit code is 3.",
+    help="Error of slopes against the varied forces, such as 1% or 0.01, relative to the steepest taxel's: uses "
+    "derivatives, and chooses the mesh. If it is not reached, the exit code is 3.",
 )
 derivatives_option = click.option(
     "--derivatives",
     default="",
     metavar="NAME,...",
     callback=lambda ctx, param, names: [name.strip() for name in names.split(",") if name.strip()],
-    help="Also differentiate by parameters: fz,youngs_modulus,cell_size,spacing.",
+    help="Also differentiate with respect to parameters: fz,youngs_modulus,cell_size,spacing.",
 )
 points_option = click.option(
     "--points",
     type=click.IntRange(min=1),
-    help="Points per randomisation and taxel, in place of a target error.",
+    help="Points per randomisation and taxel, instead of a target error.",
 )
 time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
-    help="Time for it all, as 60s, 500ms or 2min: what would not end in time is not begun.",
+    help="Total time, such as 60s, 500ms or 2min: steps that would not end in time are not started.",
 )
 circuit_option = click.option(
     "--circuit",
     type=click.Path(path_type=Path),
     metavar="CIRCUIT.toml",
-    help="Also tell volts and counts, as this circuit shows them; `taxel new circuit` writes one.",
+    help="Also give volts and counts behind this circuit; `taxel new circuit` writes a template.",
 )
-workers_option = click.option("--workers", type=int, metavar="N", help="Processes of this machine that share the work.")
+workers_option = click.option("--workers", type=int, metavar="N", help="Worker processes on this machine.")
 scheduler_option = click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786, whose workers share the work."
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786, whose workers do the work."
 )
-retry_option = click.option("--retry-failed", is_flag=True, help="Do again what failed in an earlier run.")
+retry_option = click.option("--retry-failed", is_flag=True, help="Repeat jobs that failed in an earlier run.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(
     "-o",

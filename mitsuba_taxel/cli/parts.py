@@ -16,15 +16,15 @@ from .options import debug_option, json_option
 )
 @click.option(
     "--edges", "height", type=float, metavar="MM",
-    help="Where the edge of a mirror at this height lies for 10, 50 and 90 % of the current.",
+    help="Positions of the edge of a mirror at this height for 10, 50 and 90 % of the current.",
 )  # fmt: skip
 @json_option
 @debug_option
 def command(name: str | None, file: Path | None, height: float | None, as_json: bool) -> None:
-    """List the parts of the catalogue, or tell what is known of one, by its name or from a file of one's own.
+    """List the parts of the catalogue, or show one, by its name or from your own file.
 
-    Body, windows and dies, figures of the datasheet and their source; what it does not tell; and the current under a
-    mirror beside that of the datasheet.
+    Body, windows and dies, values of the datasheet and their source; what it does not state; and the current under a
+    mirror compared with that of the datasheet.
     """
     from mitsuba_taxel.parts import part_names, read_part
 
@@ -85,7 +85,7 @@ def _curve(part) -> list[tuple[float, float, float]]:
 
 
 def _edges(part, height: float | None) -> dict[str, list[float]]:
-    """By axis, places of an edge for 10, 50 and 90 % of the current; none without a height."""
+    """Positions of an edge for 10, 50 and 90 % of the current, by axis; none without a height."""
     from mitsuba_taxel.parts import edge_positions
 
     return {} if height is None else {word: edge_positions(part, height, k).tolist() for k, word in enumerate("xy")}

@@ -12,7 +12,7 @@ from .options import debug_option, defines_option, json_option
 
 
 class _Cut(click.ParamType):
-    """Where to cut: ``middle``, ``none``, or y in mm, also written as y=0.5."""
+    """Position of the cut: ``middle``, ``none``, or y in mm, also written as y=0.5."""
 
     name = "cut"
 
@@ -38,19 +38,19 @@ class _Cut(click.ParamType):
 )  # fmt: skip
 @click.option(
     "--width", type=click.IntRange(16, 8192), default=1600, show_default=True,
-    help="Pixels in width; 10 in height to 16 of them.",
+    help="Width in pixels; the aspect ratio is 16:10.",
 )  # fmt: skip
 @click.option(
     "--samples", type=click.IntRange(1, 65536), default=64, show_default=True,
-    help="Samples of each pixel, rounded up to a multiple of 16; four times as many halve the noise.",
+    help="Samples per pixel, rounded up to a multiple of 16; four times as many halve the noise.",
 )  # fmt: skip
 @click.option(
     "--cut", type=_Cut(), default="middle", show_default=True, metavar="Y",
-    help="Where to cut, in mm along y: middle is that of the middle row of cells; none cuts nothing.",
+    help="Position of the cut in mm along y; middle is that of the middle row of cells.",
 )  # fmt: skip
 @click.option(
     "--magnify", type=click.FloatRange(min=0, max=1000), default=1.0, show_default=True, metavar="FACTOR",
-    help="What displacements of the pad are multiplied by; the picture says so.",
+    help="Factor on displacements of the pad, stated in the picture.",
 )  # fmt: skip
 @json_option
 @debug_option
@@ -66,8 +66,7 @@ def command(
 ) -> None:
     """Draw the sensor of SCENE: deformed pad, photo-reflectors and board, seen from -y and from above.
 
-    What lies in front of the cut is taken away, but for the photo-reflectors. LEDs are shown glowing, in red for their
-    near infrared.
+    Everything in front of the cut except the photo-reflectors is removed. LEDs glow in red, for near infrared.
     """
     from mitsuba_taxel.report.picture.drawing import PICTURES, labelled, render_parts, write_picture
     from mitsuba_taxel.report.picture.sensor_parts import shown_parts

@@ -35,7 +35,7 @@ def command(
     vtk: Path | None,
     as_json: bool,
 ) -> None:
-    """Draw light paths from the LED of one taxel of SCENE, such as reach its phototransistor and others."""
+    """Draw light paths from the LED of one taxel of SCENE: some that reach its phototransistor, and others."""
     from mitsuba_taxel.report.picture.rays import PICTURES, plot_paths, write_vtk
     from mitsuba_taxel.sensing import Scene, sample_paths
     from mitsuba_taxel.studies.plan.files import check_new_file

@@ -28,9 +28,9 @@ from .options import (
 @time_budget_option
 @seed_option
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="MAP.exr", help="Write an irradiance map.")
-@click.option("--audit", is_flag=True, help="Also account for the light: absorbed where, detected, escaped.")
+@click.option("--audit", is_flag=True, help="Also account for the light: absorbed, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
-@click.option("--explain", is_flag=True, help="Also say what this scene did not need, and was left out.")
+@click.option("--explain", is_flag=True, help="Also list work that this scene did not need.")
 @derivatives_option
 @circuit_option
 @json_option
@@ -146,7 +146,7 @@ def readings_as_json(readings, volts=None) -> dict[str, object]:
 
 
 def derivatives_as_json(derivatives) -> dict[str, object]:
-    """What ``--derivatives`` adds to it."""
+    """The part for ``--derivatives``."""
     if derivatives is None:
         return {}
     from .tables import known
@@ -156,7 +156,7 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
 
 
 def volts_as_json(volts) -> dict[str, object]:
-    """What ``--circuit`` adds to it, besides columns of the readings."""
+    """The part for ``--circuit``, besides columns of the readings."""
     if volts is None:
         return {}
     step = {"volts_per_count": volts.step}
@@ -165,7 +165,7 @@ def volts_as_json(volts) -> dict[str, object]:
 
 
 def crosstalk_as_json(matrix) -> dict[str, object]:
-    """What ``--crosstalk`` adds to it: rows are LEDs, columns phototransistors."""
+    """The part for ``--crosstalk``: rows are LEDs, columns phototransistors."""
     if matrix is None:
         return {}
     power, error = matrix.power.tolist(), matrix.standard_error.tolist()
@@ -173,7 +173,7 @@ def crosstalk_as_json(matrix) -> dict[str, object]:
 
 
 def audit_as_json(audit) -> dict[str, object]:
-    """What ``--audit`` adds to it: shares of the emitted power."""
+    """The part for ``--audit``: shares of the emitted power."""
     if audit is None:
         return {}
     rows = zip(audit.places, audit.share.tolist(), audit.standard_error.tolist(), strict=True)

@@ -18,9 +18,9 @@ from .options import debug_option, json_option
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
-    """Write the study in DIR as one page: plots, tables, error and time, and the deformed pad to turn and cut open.
+    """Write the study in DIR as one page: plots, tables, errors and times, and an interactive view of the deformed pad.
 
-    The page needs no network and no server: it can be sent and opened as a file.
+    The page is a single file that needs no network and no server.
     """
     from mitsuba_taxel.report.page import write_report
     from mitsuba_taxel.studies.plan.files import check_new_file

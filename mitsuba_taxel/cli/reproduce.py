@@ -1,4 +1,4 @@
-"""`taxel reproduce`: the paper's figures and tables, made anew."""
+"""`taxel reproduce`: the paper's figures and tables, recomputed."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import click
 from .options import debug_option, folder_option
 
 
-@click.command(short_help="The paper's figures and tables, made anew.")
+@click.command(short_help="The paper's figures and tables, recomputed.")
 @folder_option
 @click.option(
     "--only", metavar="PARTS",
-    help="Some of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations, optimum; a list with "
-    "commas.",
+    help="Comma-separated list of optics (fig4, fig5, fig6, peak), nominal, roofs, beyond, analog, variations, "
+    "optimum.",
 )  # fmt: skip
 @click.option(
-    "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Where paper.md goes.  [default: that of results]"
+    "--docs", type=click.Path(path_type=Path), metavar="DIR", help="Folder for paper.md.  [default: that of results]"
 )
 @click.option(
     "--workers", type=click.IntRange(min=1), metavar="N",
-    help="Processes to use, in place of this one; shapes and their load paths are shared out.",
+    help="Worker processes; shapes and their load paths are distributed over them.",
 )  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
-    """Compute what is missing of the paper's rerun in DIR, and write the pages paper.md and optimum.md with their
+    """Compute the missing parts of the paper's rerun in DIR, and write the pages paper.md and optimum.md with their
     figures.
 
-    They hold the parts that are complete in DIR.
+    They contain the parts that are complete in DIR.
     """
     from mitsuba_taxel.reproduce.page import write_pages
     from mitsuba_taxel.reproduce.parts import chosen, complete, compute

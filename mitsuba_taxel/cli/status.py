@@ -1,4 +1,4 @@
-"""`taxel status`: how far a study is."""
+"""`taxel status`: progress of a study."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import click
 from .options import debug_option, json_option
 
 
-@click.command(short_help="How far a study is.")
+@click.command(short_help="Progress of a study.")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @json_option
 @debug_option
 def command(folder: Path, as_json: bool) -> None:
-    """Say how far the study in DIR is, while it runs or after."""
+    """Show the progress of the study in DIR, while it runs or afterwards."""
     from mitsuba_taxel.studies.store.status import study_status
 
     from .tables import print_table

@@ -37,18 +37,18 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
 @click.argument("source", metavar="SCENE|STUDY.toml")
 @click.option(
     "--vary", multiple=True, metavar="NAME=VALUES", callback=assignments,
-    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several make a product. "
-    "A force may do without the step: fz=0:-20.",
+    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several form a product. "
+    "For a force the step may be omitted: fz=0:-20.",
 )  # fmt: skip
 @click.option(
     "--together", multiple=True, metavar="NAME=VALUES", callback=assignments,
-    help="The same, but all of these go together, row by row, along one dimension 'step'.",
+    help="The same, but values of all of these are combined row by row, along one dimension 'step'.",
 )  # fmt: skip
 @click.option(
     "--steps",
     type=click.Path(path_type=Path),
     metavar="STEPS.csv",
-    help="Such rows as a table; columns are parameters.",
+    help="The same as a table; columns are parameters.",
 )
 @defines_option
 @target_error_option
@@ -61,7 +61,7 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
 @retry_option
 @click.option(
     "--meshes", type=click.Choice(["all", "last", "none"]), default="all", show_default=True,
-    help="Deformed pads to keep: of all scenes, of the last one of each curve, or none. Rough walls take 13 MB each.",
+    help="Deformed pads to keep: all, the last one of each curve, or none. With rough walls each takes 13 MB.",
 )  # fmt: skip
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
 @derivatives_option
@@ -96,9 +96,9 @@ def command(
 ) -> None:
     """Read a scene at every value of its varied parameters, or all scenes of a study file.
 
-    Each reading is in DIR as soon as it is there, and the same command goes on where it was stopped. More values of a
-    parameter, a second one that is varied, or a better target add to what is there. Tables, meshes and a plot are made
-    at the end.
+    Each reading is stored in DIR as soon as it is computed, and the same command resumes an interrupted run. More
+    values of a parameter, a further varied parameter, or a better target extend an existing study. Tables, meshes and a
+    plot are written at the end.
     """
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of
@@ -190,11 +190,11 @@ def _show(name: str, study) -> None:
 
 
 def _end(failures: list[str], folder: Path) -> None:
-    """Say what failed, and end the program with exit code 1 if anything did."""
+    """List failures, and end the program with exit code 1 if there are any."""
     for line in failures[:MOST_FAILURES_SHOWN]:
         click.echo(f"failed: {line}", err=True)
     if len(failures) > MOST_FAILURES_SHOWN:
         click.echo(f"failed: {len(failures) - MOST_FAILURES_SHOWN} more (their reasons are in {folder})", err=True)
     if failures:
-        click.echo("The same command with --retry-failed does again what failed.", err=True)
+        click.echo("The same command with --retry-failed repeats what failed.", err=True)
         raise click.exceptions.Exit(1)

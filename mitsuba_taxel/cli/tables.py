@@ -1,4 +1,4 @@
-"""What the subcommands show a person: tables on stdout, progress on stderr."""
+"""Output of the subcommands for people: tables on stdout, progress on stderr."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], wid
 
 
 def text_width() -> int:
-    """Letters in a line of prose: those of the terminal, at most 120, or 100 where there is none."""
+    """Width of a line of prose: that of the terminal, at most 120, or 100 without one."""
     console = Console()
     return min(console.width, 120) if console.is_terminal else 100
 
@@ -52,7 +52,7 @@ def end_beyond_target(notes: Iterable[str]) -> None:
 
 
 def _show(table: Table) -> None:
-    """Print a table, never cut off: a narrow terminal wraps it, a pipe takes it whole."""
+    """Print a table without truncation: it is wrapped in a narrow terminal, but not in a pipe."""
     console = Console(highlight=False, markup=False, width=None if Console().is_terminal else 10_000)
     if console.measure(table).maximum > console.width:
         for column in table.columns:
@@ -71,7 +71,7 @@ def print_figures(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
 
 
 def print_readings(readings) -> None:
-    """Power, error and photocurrent per taxel, what they mean, the error budget and the time by stage."""
+    """Power, error and photocurrent per taxel, explanations, the error budget and the time by stage."""
     from mitsuba_taxel.sensing.wording import budget_line, light_error_line, readings_columns
 
     columns = readings_columns(readings)
@@ -93,7 +93,7 @@ def print_derivatives(derivatives) -> None:
 
 
 def circuit_in(file):
-    """The circuit in a file, None where none is given."""
+    """The circuit in a file, None if none is given."""
     if file is None:
         return None
     from mitsuba_taxel.electronics import read_circuit
@@ -102,7 +102,7 @@ def circuit_in(file):
 
 
 def print_volts(taxels: Iterable[int], volts) -> None:
-    """What a circuit shows of each taxel, and its derivatives in volts."""
+    """Each taxel behind a circuit, and its derivatives in volts."""
     noise = volts.equivalent_noise()
     print("\nAs the circuit shows it; noise: 1 sigma of the electronics")
     rows = zip(
@@ -135,7 +135,7 @@ def print_crosstalk(crosstalk) -> None:
 
 
 def print_audit(audit) -> None:
-    """Where the emitted light went."""
+    """Energy audit of the emitted light."""
     print("\nEnergy audit: share of the power that all LEDs emit")
     rows = zip(audit.places, audit.share, audit.standard_error, strict=True)
     print_table(
@@ -148,7 +148,7 @@ def print_audit(audit) -> None:
 
 
 def print_pads(rows: Sequence[Mapping]) -> None:
-    """Deformed pads: their load, and how good the solution is."""
+    """Deformed pads: their load, and the quality of the solution."""
 
     def number(value: float | None, form: str) -> str:
         return "unknown" if value is None else format(value, form)
@@ -184,7 +184,7 @@ def print_pads(rows: Sequence[Mapping]) -> None:
 
 
 def known(number: float) -> float | None:
-    """A number, or None where it is none: JSON has no other word for it."""
+    """A number, or None for NaN, which JSON does not support."""
     return None if isinstance(number, float) and math.isnan(number) else number
 
 
@@ -196,7 +196,7 @@ def stage_line(seconds: Mapping[str, float]) -> str:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A function (done, total) that moves a bar on stderr, or does nothing where stderr is no terminal."""
+    """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -206,7 +206,7 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def study_bar() -> Iterator[Callable]:
-    """A function of a study's ``Progress`` that shows jobs, time left and error so far on a terminal."""
+    """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -221,7 +221,7 @@ def study_bar() -> Iterator[Callable]:
 
 
 def print_left_out(lines: Sequence[str]) -> None:
-    """What a scene did not need, one line each."""
+    """Work omitted for a scene, one line each."""
     print("\nLeft out of this scene:")
     for line in lines:
         print(f"  {line}")

@@ -1,4 +1,4 @@
-"""`taxel tolerance`: what tolerances of its parts do to a sensor."""
+"""`taxel tolerance`: effect of tolerances on a sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .options import (
 )
 
 
-@click.command(short_help="Spread of readings by tolerances, and which of them costs most.")
+@click.command(short_help="Spread of readings due to tolerances, and the share of each.")
 @click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
 @folder_option
 @workers_option
@@ -28,11 +28,11 @@ from .options import (
 def command(
     source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
 ) -> None:
-    """Spread the parameters of a scene as the table [tolerance] of STUDY.toml says.
+    """Propagate the distributions of parameters in the table [tolerance] of STUDY.toml to the readings.
 
-    Each sample is read by the whole chain, and is in DIR as soon as it is there; the same command goes on where it was
-    stopped. Spread of the reading at rest, sensitivity and cross-talk, the linear answer from derivatives beside it,
-    and the share of each tolerance go into tables and a plot.
+    Each sample is computed by the whole chain, and stored in DIR as soon as it is ready; the same command resumes an
+    interrupted run. Tables and a plot show the spread of the reading at rest, sensitivity and cross-talk, its linear
+    estimate from derivatives, and the share of each tolerance.
     """
     from mitsuba_taxel.tolerances import run_tolerance
 

@@ -1,4 +1,4 @@
-"""`taxel validate`: simulated sensors beside measured ones."""
+"""`taxel validate`: comparison of simulated with measured sensors."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import click
 from .options import debug_option, folder_option
 
 
-@click.command(short_help="Simulated sensors beside measured ones.")
+@click.command(short_help="Simulated sensors compared with measured ones.")
 @folder_option
 @click.option(
     "--docs",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Where validation.md goes.  [default: that of results]",
+    help="Folder for validation.md.  [default: that of results]",
 )
 @debug_option
 def command(folder: Path, docs: Path | None) -> None:
-    """Compute what is missing of the comparison in DIR, and write the page validation.md."""
+    """Compute the missing parts of the comparison in DIR, and write the page validation.md."""
     from mitsuba_taxel.reproduce.paper_studies import PaperStudies
     from mitsuba_taxel.reproduce.validation import write_validation
 

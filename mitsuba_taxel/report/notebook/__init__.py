@@ -1,1 +1,1 @@
-"""What notebooks show of the package's objects."""
+"""Display of the package's objects in notebooks."""

@@ -1,4 +1,4 @@
-"""Drawings of pads, section and plan with their dimensions in mm, as SVG in the colour of the text around them."""
+"""Drawings of pads, section and plan with dimensions in mm, as SVG in the surrounding text colour."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from mitsuba_taxel.pads.pad import Pad
 
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
-"""Width of a view, space beside and above it, and height of letters, in pixels."""
+"""Width of a view, margins beside and above it, and height of text, in pixels."""
 MOST_NUMBERS = 100
-"""Cells of which each is numbered."""
+"""Most cells that are numbered individually."""
 SILICONE = 'fill="#6f8ba6" fill-opacity="0.35" stroke="currentColor" stroke-width="1.2" fill-rule="evenodd"'
 _TICK, _FIRST, _SECOND = 4.0, 16.0, 40.0
-"""Half a tick, and distances of rows of dimensions from the outline, in pixels."""
+"""Half length of a tick, and distances of rows of dimensions from the outline, in pixels."""
 
 Point = tuple[float, float]
 
@@ -45,8 +45,8 @@ def draw_pad(pad: Pad) -> str:
 
 
 def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
-    """Sections of a closed surface (vertices (V, 3) in mm, triangles (T, 3)): upright through its middle, and flat just
-    above its lowest points, where cells are open."""
+    """Sections of a closed surface (vertices (V, 3) in mm, triangles (T, 3)): vertical through its middle, and
+    horizontal just above its lowest points, where cells are open."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = high - low
     scale = WIDTH / max(size[:2])
@@ -63,7 +63,7 @@ def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
 
 
 class _View:
-    """A plane of the pad on the drawing: pixels of points in mm, the second coordinate upwards.
+    """Map of a plane of the pad to the drawing, from mm to pixels, with the second coordinate upwards.
 
     Parameters
     ----------
@@ -85,14 +85,14 @@ class _View:
         return GAP + self.scale * (x - self.corner[0]), self.bottom - self.scale * (y - self.corner[1])
 
     def below(self, start: float, end: float, y: float, distance: float) -> str:
-        """A dimension along the first coordinate, so many pixels below height ``y``."""
+        """A dimension line along the first coordinate, ``distance`` pixels below height ``y``."""
         (a, line), (b, _) = self.at(start, y), self.at(end, y)
         line += distance
         text = _text(0.5 * (a + b), line + TEXT + 1, _number(end - start))
         return _line(a, line, b, line) + "".join(_line(x, line - _TICK, x, line + _TICK) for x in (a, b)) + text
 
     def beside(self, start: float, end: float, x: float, distance: float) -> str:
-        """A dimension along the second coordinate, so many pixels to the right of ``x``, or to the left."""
+        """A dimension line along the second coordinate, ``distance`` pixels to the right of ``x``; negative is left."""
         (line, a), (_, b) = self.at(x, start), self.at(x, end)
         line += distance
         anchor, shift = ("start", 7) if distance > 0 else ("end", -7)
@@ -138,7 +138,7 @@ def _plan_path(pad: Pad, view: _View) -> str:
 
 
 def _segments(vertices: np.ndarray, triangles: np.ndarray, axis: int, height: float) -> np.ndarray:
-    """(S, 2, 3) where triangles meet the plane at a height along an axis."""
+    """(S, 2, 3) intersections of triangles with the plane at a height along an axis."""
     import trimesh
 
     mesh = trimesh.Trimesh(vertices, triangles, process=False)

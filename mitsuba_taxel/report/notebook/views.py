@@ -1,4 +1,4 @@
-"""What a notebook shows of the package's objects: drawings, tables and plots as HTML, in the notebook's own colours."""
+"""HTML views of the package's objects: drawings, tables and plots, in the notebook's own colours."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing import PadSensor, Readings, Scene
 
 MOST_LINES = 10
-"""Failures of a study, and rows of a table at either end, that are shown."""
+"""Most failures of a study, and rows at either end of a table, that are shown."""
 MOST_DRAWN = 5000
-"""Readings of which a plot is small enough as SVG."""
+"""Most readings for which a plot is small enough as SVG."""
 
 
 @dataclass(frozen=True, eq=False)
 class StudyView:
-    """A study as a notebook shows it; what :func:`show` returns."""
+    """View of a study, returned by :func:`show`."""
 
     study: xr.Dataset | xr.DataTree
 
@@ -45,12 +45,12 @@ class StudyView:
 
 
 def show(study: xr.Dataset | xr.DataTree) -> StudyView:
-    """A study for a notebook to display: its plot, the sensitivities and the error budget.
+    """View of a study for notebooks: its plot, the sensitivities and the error budget.
 
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        As ``sweep``, ``run_study`` or ``open_study`` return it.
+        As returned by ``sweep``, ``run_study`` or ``open_study``.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def _pad_html(pad: Pad) -> str:
 
 
 def _pad_file_html(pad: PadFile) -> str:
-    """A pad in a file, its sections if it is a surface of triangles."""
+    """A pad in a file, with its sections if it is a surface of triangles."""
     from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.pads.imported.surfaces import read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
@@ -97,7 +97,7 @@ def _pad_file_html(pad: PadFile) -> str:
 
 
 def _viscoelastic_html(silicone: Viscoelastic) -> str:
-    """The law at once, and what relaxes."""
+    """The instantaneous law, and the Prony series."""
     left = 1 - silicone.shares.sum()
     rows = [(f"{share:.6g}", f"{time:.6g}") for share, time in silicone.prony]
     memory = _framed("Memory", _line(f"Left in the long run: {left:.6g}."), _table(("share", "time [s]"), rows))
@@ -131,7 +131,7 @@ def _silicone_html(silicone: Silicone) -> str:
 
 
 def _state_html(state: State) -> str:
-    """How far a pad is deformed, and how well that is known."""
+    """Deformation of a pad, and its accuracy."""
     load = state.load
     largest = float(np.linalg.norm(state.displacement, axis=1).max())
     rows = [
@@ -170,7 +170,7 @@ def _sensor_html(sensor: PadSensor) -> str:
 
 
 def _scene_html(scene: Scene) -> str:
-    """A scene's parameters or, of one made in Python, its parts."""
+    """A scene's parameters or, if made in Python, its parts."""
     if isinstance(scene.source, dict):
         items = scene.source.items()
         parts = [(name, part["type"]) for name, part in items if isinstance(part, Mapping) and "type" in part]
@@ -204,7 +204,7 @@ def _study(study: xr.Dataset, name: str) -> str:
 
 
 def _plot(study: xr.Dataset) -> str:
-    """The curves of a study, on white, as an image by itself: the names of letters in SVG would clash with others'."""
+    """The curves of a study, on white, as a separate image: glyph names of inline SVG would clash with others."""
     from mitsuba_taxel.plots.curves import plot_curves
 
     picture, form = BytesIO(), "svg" if study.power.size <= MOST_DRAWN else "png"
@@ -216,7 +216,7 @@ def _plot(study: xr.Dataset) -> str:
 
 
 def _given(part: Any) -> str:
-    """What holds of a part."""
+    """Parameters of a part that apply."""
     from mitsuba_taxel.parameters import parameters_of
 
     given = ((stated, getattr(part, name)) for name, stated in parameters_of(type(part)).items())
@@ -233,7 +233,7 @@ def _line(text: str) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table, of a long one its beginning and end; its first column is aligned left."""
+    """A table, shortened to its beginning and end if long; its first column is aligned left."""
     chosen = list(rows)
     if len(chosen) > 2 * MOST_LINES + 1:
         chosen = [*chosen[:MOST_LINES], ["..."] * len(headings), *chosen[-MOST_LINES:]]
@@ -265,4 +265,4 @@ _VIEWS: dict[str, Callable[..., str]] = {
     "Scene": _scene_html,
     "Readings": _readings_html,
 }
-"""Of each class by its name: what is not shown is not imported."""
+"""View of each class, by its name, so that classes are imported only when shown."""

@@ -1,4 +1,4 @@
-"""A study as one web page that needs nothing else: no network, no server, no graphics card."""
+"""A study as one self-contained web page: no network, no server, no graphics card."""
 
 from __future__ import annotations
 

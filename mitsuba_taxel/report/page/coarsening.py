@@ -1,4 +1,4 @@
-"""Surfaces with fewer triangles, for a picture on a page: rims between regions stay where they are."""
+"""Simplification of surfaces for display on a page: rims between regions are preserved."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from mitsuba_taxel.geometry.triangles import area_normals
 
 MOST_VERTICES = 6000
-"""So many are drawn in a few hundredths of a second by any browser, and a page of 21 load steps takes some 3 MB."""
+"""Any browser draws these in a few hundredths of a second, and a page of 21 load steps takes some 3 MB."""
 _FINEST, _STEP = 1 / 150, 1.15
 
 
 class Coarse(NamedTuple):
-    """Which vertices of a surface are kept, (V,) int, and the triangles (T, 3) and regions (T,) between them."""
+    """Kept vertices of a surface, (V,) int, and the triangles (T, 3) and regions (T,) between them."""
 
     kept: np.ndarray
     triangles: np.ndarray
@@ -24,9 +24,9 @@ class Coarse(NamedTuple):
 def coarsened(
     vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray, most_vertices: int = MOST_VERTICES
 ) -> Coarse:
-    """A surface of at most so many vertices, each of them one of the surface's own.
+    """A surface simplified to at most ``most_vertices`` of its own vertices.
 
-    Vertices in the same cube of a grid become one, if they lie in the same regions: those on a rim stay apart from
+    Vertices in the same cube of a grid are merged if they lie in the same regions: those on a rim are not merged with
     those beside it. Applied to a deformed surface of the same triangles, ``kept`` selects the same material points.
 
     Source: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
@@ -54,14 +54,15 @@ def coarsened(
     merged = group[triangles]
     proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
     kept, merged = _nearest_to_centres(vertices, group), merged[proper]
-    # A thin triangle may have been folded over, and would show its wrong side.
+    # A thin triangle may be inverted, and would show its wrong side.
     before, now = _normals_about(vertices, triangles, regions)[proper], area_normals(vertices[kept], merged)
     folded = np.einsum("ij,ij->i", before, now) < 0
     return Coarse(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
 
 
 def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
-    """(M, 3) sums of the area normals about the corners of each triangle, in its region: its own may be too small."""
+    """(M, 3) sums of the area normals about the corners of each triangle, in its region, as its own may be too
+    small."""
     _, corner = np.unique(triangles.astype(np.int64) * 32 + regions[:, None], return_inverse=True)
     corner, normals = corner.reshape(triangles.shape), area_normals(vertices, triangles)
     columns = [np.bincount(corner.ravel(), np.repeat(column, 3))[corner].sum(axis=1) for column in normals.T]
@@ -69,7 +70,7 @@ def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndar
 
 
 def _nearest_to_centres(vertices: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Of each group the vertex that lies nearest to the group's centre."""
+    """The vertex of each group nearest to the group's centre."""
     count = np.bincount(group)
     centres = np.column_stack([np.bincount(group, column) for column in vertices.T]) / count[:, None]
     distance = np.linalg.norm(vertices - centres[group], axis=1)

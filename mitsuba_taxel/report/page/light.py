@@ -1,4 +1,4 @@
-"""What the page's viewer shows besides the pad: packages, LEDs and phototransistors, and light paths of one cell."""
+"""Contents of the page's viewer besides the pad: packages, LEDs and phototransistors, and light paths of one cell."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mitsuba_taxel.sensing import sample_paths
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 SAMPLED, DRAWN = 200, 12
-"""Light paths: the shortest of those that reach the phototransistor, and of the others, are drawn."""
+"""Numbers of light paths: the shortest that reach the phototransistor, and the shortest others, are drawn."""
 LIFT = 0.01
-"""mm that faces are drawn above the package that they are set into."""
+"""Height in mm at which faces are drawn above their package."""
 
 
 class Lit:
-    """A live scene, and the taxel whose cell is looked into: the one nearest the middle of ``box`` (2, 3)."""
+    """A loaded scene, and the taxel whose light is shown: the one nearest the middle of ``box`` (2, 3)."""
 
     def __init__(self, live: Any, box: np.ndarray) -> None:
         self._live, self._box, self._pairs = live, box, taxels_of(live)
@@ -54,7 +54,7 @@ class Lit:
             kind = "board" if shape.class_name() == "Rectangle" else "other"
             if mesh is None:
                 continue
-            mesh.merge_vertices()  # many files repeat those of every triangle
+            mesh.merge_vertices()  # many files do not share vertices between triangles
             for part in mesh.split(only_watertight=False, repair=False):
                 coarse = coarsened(part.vertices, part.faces, np.zeros(len(part.faces), dtype=np.int64))
                 yield kind, part.vertices[coarse.kept], coarse.triangles

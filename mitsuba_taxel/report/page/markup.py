@@ -1,4 +1,4 @@
-"""Pieces of the page as HTML; whatever comes from a study is escaped."""
+"""HTML elements of the page; all text from a study is escaped."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def section(name: str, title: str, *parts: str) -> str:
-    """A section that the table of contents can lead to."""
+    """A section with an anchor for the table of contents."""
     return f'<section id="{name}" aria-labelledby="{name}-title"><h2 id="{name}-title">{escape(title)}</h2>' + (
         "\n".join(parts) + "</section>"
     )
@@ -25,12 +25,12 @@ def paragraph(text: str, kind: str = "") -> str:
 
 
 def bullets(lines: Sequence[str]) -> str:
-    """A list, or nothing of nothing."""
+    """A list; empty text for no lines."""
     return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
 
 
 def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table that scrolls where it is wider than the screen."""
+    """A table that scrolls if wider than the screen."""
     head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return (
@@ -40,7 +40,7 @@ def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) 
 
 
 def folded(title: str, *parts: str) -> str:
-    """What is shown when its title is pressed."""
+    """Content that is shown when its title is clicked."""
     return f"<details><summary>{escape(title)}</summary>{''.join(parts)}</details>"
 
 
@@ -51,8 +51,7 @@ class Plot(Protocol):
 
 
 def plot(draw: Plot, words: str, caption: str) -> str:
-    """A plot as an SVG picture, and a narrow one for narrow screens; ``words`` say what it shows to those who do not
-    see it."""
+    """A plot as an SVG picture, with a narrow version for narrow screens; ``words`` are the alternative text."""
     wide, narrow = (_svg(draw(narrow=narrow)) for narrow in (False, True))
     return (
         f'<figure><picture><source media="(max-width: 40rem)" srcset="{narrow}">'

@@ -1,4 +1,4 @@
-"""What the page's viewer shows of a study: a panel for each combination of parameters, with its load steps."""
+"""Panels of the page's viewer: one for each combination of parameters of a study, with its load steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mitsuba_taxel.report.page.solids import Packing, ShownSurface, Topologies, 
 from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
-"""Of a page: more would take minutes to make, and be slow to open."""
+"""Most load steps of a page: more would take minutes to write, and be slow to open."""
 MOST_STEPS = 21
 
 
@@ -28,16 +28,16 @@ def viewer_panels(
     left_out: list[str],
     progress: Callable[[int, int], None],
 ) -> list[dict[str, Any]]:
-    """Panels of a study whose pads lie as meshes in its folder.
+    """Panels of a study whose folder contains the meshes of its pads.
 
     Parameters
     ----------
     batch : Batch or None
-        What the study is of, for light paths and packages; None leaves them out.
+        The scenes of the study, for light paths and packages; None leaves them out.
     most : int
-        How many panels at most, the first ones that have a mesh.
+        Largest number of panels, the first ones with a mesh.
     left_out : list of str
-        What is not shown, and why, is added to it.
+        Descriptions of what is not shown, and why, are added to it.
     progress : Callable[[int, int], None]
         Called with the number of load steps done and the number of all.
     """
@@ -66,7 +66,7 @@ def _report(progress: Callable[[int, int], None], before: int, total: int, done:
 
 
 def _selection(places: np.ndarray) -> np.ndarray:
-    """Of many load steps some, with both ends."""
+    """A selection of many load steps, including both ends."""
     if len(places) <= MOST_STEPS:
         return places
     return places[np.linspace(0, len(places) - 1, MOST_STEPS).round().astype(int)]
@@ -88,7 +88,7 @@ def _panel(
     places = [topologies.place(surface) for surface in surfaces]
     rest = int(np.argmin([_size(step, along) for step in steps]))
     box = np.array([surfaces[rest].vertices.min(axis=0), surfaces[rest].vertices.max(axis=0)])
-    packing = Packing(1.1 * max(np.abs(surface.vertices).max() for surface in surfaces))  # boards end further out
+    packing = Packing(1.1 * max(np.abs(surface.vertices).max() for surface in surfaces))  # boards extend further
     panel: dict[str, Any] = {
         "unit": packing.unit,
         "name": ", ".join(f"{name} = {value}" for name, value in where.items()),
@@ -123,7 +123,7 @@ def _light(
     packing: Packing,
     left_out: list[str],
 ) -> None:
-    """Add to a panel what a step's scene shows, or to ``left_out`` why it shows nothing."""
+    """Add light and packages of a step's scene to a panel, or to ``left_out`` why there are none."""
     try:
         lit = Lit(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
@@ -146,17 +146,17 @@ def _words(step: xr.DataArray, along: list[str]) -> str:
 
 
 def _word(value: str | float) -> str:
-    """A value as a scene takes it: a whole number has no point."""
+    """A value as in a scene: whole numbers have no decimal point."""
     return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _size(step: xr.DataArray, along: list[str]) -> float:
-    """How large a load is, for telling the least one of a curve."""
+    """Size of a load, to find the least one of a curve."""
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 
 def _largest(surface: ShownSurface, rest: ShownSurface) -> float | None:
-    """mm, largest displacement between two states of a pad; None between different pads."""
+    """Largest displacement between two states of a pad, in mm; None between different pads."""
     if not np.array_equal(surface.triangles, rest.triangles):
         return None
     return float(np.linalg.norm(surface.vertices - rest.vertices, axis=1).max())

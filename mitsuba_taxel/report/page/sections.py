@@ -1,4 +1,4 @@
-"""The sections of the page that are words, tables and plots; ``key`` tells those of several scenes apart."""
+"""Sections of the page with text, tables and plots; ``key`` distinguishes those of several scenes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mitsuba_taxel.sensing.wording import budget_rows
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000
-"""Of a table."""
+"""Most rows of a table."""
 
 
 def about(study: xr.Dataset, title: str, key: str) -> str:
@@ -68,7 +68,7 @@ def _provenance(study: xr.Dataset) -> list[str]:
 
 
 def power(study: xr.Dataset, key: str) -> str:
-    """Power against what is varied, and the same as a table."""
+    """Power against the varied parameters, as plot and table."""
     curve = study.attrs["curve"]
     values = study.power.values[np.isfinite(study.power.values)]
     words = (
@@ -111,7 +111,7 @@ def _word(value: object) -> str:
 
 
 def merit(study: xr.Dataset, key: str) -> str:
-    """Sensitivity, linearity and tangential maps; nothing where no force is varied."""
+    """Sensitivity, linearity and tangential maps; empty if no force is varied."""
     found = simulated_experiments(study)
     if not found.experiments:
         return ""

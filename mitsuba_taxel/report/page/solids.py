@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.report.page.coarsening import Coarse, coarsened
 
 SPAN = 32000
-"""Lengths are sent as whole numbers of so many parts of the largest one."""
+"""Lengths are encoded as integers, up to this number for the largest."""
 
 
 class ShownSurface(NamedTuple):
@@ -45,14 +45,14 @@ def _read(file: Path) -> ShownSurface:
 
 
 class Topologies:
-    """Coarse versions of the surfaces of one panel: those with the same triangles share one."""
+    """Simplified versions of the surfaces of one panel, shared by those with the same triangles."""
 
     def __init__(self) -> None:
         self._places: dict[bytes, int] = {}
         self.coarse: list[Coarse] = []
 
     def place(self, surface: ShownSurface) -> int:
-        """Where in ``coarse`` the version of a surface is."""
+        """Index in ``coarse`` of the version of a surface."""
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)
@@ -61,7 +61,7 @@ class Topologies:
 
 
 class Packing:
-    """How arrays become text: lengths as 16-bit multiples of ``unit`` mm, little-endian, in base 64."""
+    """Encoding of arrays as text: lengths as 16-bit multiples of ``unit`` mm, little-endian, in base 64."""
 
     def __init__(self, largest: float) -> None:
         self.unit = max(largest, 1e-6) / SPAN

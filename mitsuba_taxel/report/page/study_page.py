@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file with everything in it."""
+"""The page of a study as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        Of one scene's study, or of a study of several scenes.
+        Folder of a study of one or several scenes.
     file : Path
-        Ends in ``.html``; replaced when the page is whole.
+        Must end in ``.html``; replaced when the page is complete.
     progress : Callable[[int, int], None]
         Called with the number of load steps drawn and the number of all.
 
     Returns
     -------
-    What was left out of the page and why, in words.
+    Descriptions of what was left out of the page, and why.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def write_report(
 def _panels(
     scenes: dict[str, xr.Dataset], folder: Path, left_out: list[str], progress: Callable[[int, int], None]
 ) -> list[dict[str, Any]]:
-    """Panels of the viewer; what it cannot show is added to ``left_out``."""
+    """Panels of the viewer; descriptions of what it cannot show are added to ``left_out``."""
     panels: list[dict[str, Any]] = []
     with_pads = sum("mesh" in study for study in scenes.values())
     share = max(MOST_PANELS // max(with_pads, 1), 1)
@@ -97,7 +97,7 @@ def _panels(
 
 
 def _batch(folder: Path, study: xr.Dataset, left_out: list[str]) -> Batch | None:
-    """What the study is of, or None if its scene is no longer there as it was."""
+    """The scenes of the study, or None if the scene file has changed or is missing."""
     about = read_results(folder)
     try:
         batch = batch_from({name: about[name] for name in about if name not in WRITTEN_KEYS}, 0, folder)
