@@ -79,7 +79,7 @@ def _of_pad(pad: Any) -> Iterator[str]:
         yield "pad without load: no error of the mechanics to find out"
         if pad.mesh_tolerance is None:
             yield "pad without load: meshed, nothing solved"
-    for end, mirrors in () if pad.prony else _symmetric_segments(pad.state):
+    for end, mirrors in () if pad.remembers else _symmetric_segments(pad.state):
         planes = ", ".join(_PLANES[mirror.name] for mirror in mirrors)
         where = f"({', '.join(f'{component:g}' for component in end)})" if len(end) > 1 else f"{end[0]:g}"
         yield (

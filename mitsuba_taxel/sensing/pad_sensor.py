@@ -50,7 +50,8 @@ class PadSensor(Displayed):
     time : float
         Time at which the load is reached, in s, for a `Viscoelastic` material.
     history : sequence of (float, sequence of float)
-        Earlier times and values of the load, linear in between, for such a material.
+        Earlier times and values of the load, linear in between, for such a material or
+        an indenter with friction.
     finish : LayerSteps or Grooves or RandomRoughness, optional
         Texture of roof and side; None is smooth.
 

@@ -211,6 +211,8 @@ def _pad(state: Any) -> DeformablePad:
     pad = DeformablePad.read(pads[0])
     if pad.prony:
         raise InputError("derivatives are not available: the pad has a memory (prony); steps of the load are needed.")
+    if pad.friction:
+        raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
     return pad
 
 

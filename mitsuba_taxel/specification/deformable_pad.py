@@ -126,7 +126,8 @@ class DeformablePad(Specification):
     history: str = text(
         "",
         "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';', linear in between; it "
-        "jumps where two times are equal. Studies of steps with a column time set it.",
+        "jumps where two times are equal. Studies of steps with a column time set it. Used with a memory and "
+        "with friction; to friction alone, times are only an order.",
         default_words="none",
     )
     time: float = number(
@@ -184,6 +185,7 @@ class DeformablePad(Specification):
     indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "cylinder"))
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
+    friction: float | None = taken(Indenter, "friction", when=_INDENTER)
 
     mesh_size: float | None = number(
         None,
@@ -248,6 +250,8 @@ class DeformablePad(Specification):
         self.build_material()
         if self.indenter is not None:
             load, value = self.build_load()
+            if not terms:
+                timed_rows(self.build_material(), load, np.array(values), None)
             if isinstance(load, IndenterForce):
                 load.check(value)
         if self.filename is None:  # a file is looked for beside the scene

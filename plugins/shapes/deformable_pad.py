@@ -54,6 +54,7 @@ class DeformablePad(mi.Mesh):
 
     def __init__(self, props: mi.Properties) -> None:
         from mitsuba_taxel.mechanics.materials.viscoelastic import prony_of
+        from mitsuba_taxel.mechanics.path.timed_rows import rubs
         from mitsuba_taxel.specification.deformable_pad import DeformablePad as Parameters  # imports the mechanics
 
         self.specification = stated = Parameters.read(props)
@@ -61,6 +62,7 @@ class DeformablePad(mi.Mesh):
         self.material = stated.build_material()
         self.load, self.value = stated.build_load()
         self.prony, self.history = prony_of(stated.prony), stated.build_history()
+        self.remembers = bool(self.prony) or rubs(self.load)
         self.mesh_size, self.mesh_tolerance = stated.mesh_size, stated.mesh_tolerance
         self.read_cells = stated.cell_numbers()
         self.finish = stated.build_finish()
@@ -155,7 +157,7 @@ class DeformablePad(mi.Mesh):
     @property
     def is_loaded(self) -> bool:
         """Whether the pad is displaced, by a load or by an earlier one."""
-        return any(self.value) or (bool(self.prony) and any(map(any, self.history[1])))
+        return any(self.value) or (self.remembers and any(map(any, self.history[1])))
 
     def at_rest(self):
         """The unloaded state."""
@@ -167,11 +169,11 @@ class DeformablePad(mi.Mesh):
         """The state under another final value of the load; see `load_path`."""
         from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
 
-        if not (self.prony and self.is_loaded):
+        if not (self.remembers and self.is_loaded):
             return load_path(self.pad, self.material, [value], obstacles=obstacles, **self._how)[0]
         times, values = self.history
-        material = Viscoelastic(self.material, self.prony)
-        return state_after(self.pad, material, [*values[:-1], value], times, obstacles=obstacles, **self._how)
+        material, when = (Viscoelastic(self.material, self.prony), times) if self.prony else (self.material, None)
+        return state_after(self.pad, material, [*values[:-1], value], when, obstacles=obstacles, **self._how)
 
     @property
     def _how(self) -> dict[str, Any]:

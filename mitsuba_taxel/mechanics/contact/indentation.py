@@ -10,6 +10,7 @@ forces are its derivative.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,8 @@ class Pressing(NamedTuple):
         What it loses as the body moves: normals of the body, integrated in the same way, mm².
     pressure : (m,) ndarray
         At each node, MPa.
+    dragged : (N, 3) ndarray or float
+        Nodal forces of friction, N.
     """
 
     at: Gap
@@ -56,16 +59,17 @@ class Pressing(NamedTuple):
     rate: sparse.csr_array
     lift: np.ndarray
     pressure: np.ndarray
+    dragged: np.ndarray | float = 0.0
 
     @property
     def force(self) -> np.ndarray:
         """(3,) N, of the body on the faces."""
-        return self.pressure @ self.lift
+        return self.pushed.sum(axis=0)
 
     @property
     def pushed(self) -> np.ndarray:
         """(N, 3) nodal forces."""
-        return (self.rate.T @ self.pressure).reshape(-1, 3)
+        return (self.rate.T @ self.pressure).reshape(-1, 3) + self.dragged
 
 
 class Indentation:
@@ -82,6 +86,8 @@ class Indentation:
     ----------
     node : (m,) ndarray
         That each pressure is at.
+    outside : (m,) ndarray
+        1 where it is on the outside, 0 on the top.
     area : (m,) ndarray
         Integral of its linear function, mm².
     slack : (m,) ndarray
@@ -96,20 +102,48 @@ class Indentation:
         keys = mesh.face_region[touched][:, None] * len(mesh.points) + self.faces
         keys, numbers = np.unique(keys, return_inverse=True)
         self.node, self._numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
+        self.outside = (keys // len(mesh.points) == REGIONS["outer"]).astype(int)
         self._areas = _WEIGHTS * np.linalg.norm(np.cross(*(s @ mesh.points[self.faces] for s in _SLOPES)), axis=2)
         self._weights = self._areas[:, :, None] * _HATS
         size = np.sqrt(2 * self._areas.sum(axis=1))
         self.area = self._over_nodes(self._weights.sum(axis=1))
         self.slack = self._over_nodes(self._weights.sum(axis=1) * size[:, None]) / (STIFFNESS * modulus)
 
+    @cached_property
+    def carried(self) -> sparse.csr_array:
+        """(m, N) mm², each node's share in what is integrated with the linear function of a pressure's."""
+        shares = np.einsum("bqh,qa->bha", self._weights, _VALUES)
+        columns = np.broadcast_to(self.faces[:, None, :], shares.shape)
+        rows = np.broadcast_to(self._numbers[:, :, None], shares.shape)
+        shape = len(self.node), len(self._mesh.points)
+        return sparse.coo_array((shares.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
+
+    def nodal(self, values: np.ndarray) -> np.ndarray:
+        """(2 N, 3) values (m, 3) at nodes of the top, then of the outside."""
+        found = np.zeros((2, len(self._mesh.points), 3))
+        found[self.outside, self.node] = values
+        return found.reshape(-1, 3)
+
+    def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
+        """(m, 3) values of :meth:`nodal`; zeros where there are none."""
+        if not len(nodal):
+            return np.zeros((len(self.node), 3))
+        return nodal.reshape(2, -1, 3)[self.outside, self.node]
+
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
         """(m,) sums of what faces (B, 6) have at their nodes."""
         return np.bincount(self._numbers.ravel(), of_faces.ravel(), len(self.node))
 
-    def pressing(self, displacement: np.ndarray, moved: np.ndarray, pressure: np.ndarray | None = None) -> Pressing:
+    def pressing(
+        self,
+        displacement: np.ndarray,
+        moved: np.ndarray,
+        pressure: np.ndarray | None = None,
+        traction: np.ndarray | None = None,
+    ) -> Pressing:
         """How the body, moved by (3,) mm, stands under a displacement (N, 3) of the nodes.
 
-        Its ``pressure`` (m,) is that of the gaps, where no other is given.
+        Its ``pressure`` (m,) is that of the gaps, where no other is given; ``traction`` (m, 3) MPa is that of friction.
         """
         start = np.array([*self.indenter.at, self._mesh.points[self._highest, 2]])
         places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
@@ -125,7 +159,7 @@ class Indentation:
         lift = np.stack([self._over_nodes(lift[:, :, axis]) for axis in range(3)], axis=1)
         if pressure is None:
             pressure = np.maximum(-gap, 0.0) / self.slack
-        return Pressing(at, gap, rate, lift, pressure)
+        return Pressing(at, gap, rate, lift, pressure, 0.0 if traction is None else self.carried.T @ traction)
 
     def rate(self, here: Pressing, direction: np.ndarray, pressed: np.ndarray) -> np.ndarray:
         """(N, 3) by how much nodal forces grow while the body moves along ``direction`` (3,), with the pressures of the

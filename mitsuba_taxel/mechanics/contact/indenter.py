@@ -76,6 +76,7 @@ class Indenter(Checked):
         name="indenter_edge_radius",
         default_words="a tenth of its radius",
     )
+    friction: float = number(0.0, "", "Coefficient of Coulomb's friction.", minimum=0, common=(0, 2))
 
     def _check(self) -> None:
         try:

@@ -116,7 +116,7 @@ class Pressure(_Loading):
 
 @dataclass(frozen=True)
 class IndenterDisplacement(_Loading):
-    """A displacement of a rigid body that touches the pad without friction, and does not turn."""
+    """A displacement of a rigid body that touches the pad, and does not turn."""
 
     indenter: Indenter
 

@@ -96,12 +96,12 @@ class Model:
         value: np.ndarray,
         with_tangent: bool = True,
         past: Past | None = None,
-        pushed_by: np.ndarray | None = None,
+        pushed_by: tuple[np.ndarray, np.ndarray | None] | tuple[()] = (),
     ) -> Configuration:
         """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``.
 
-        A rigid body pushes by the pressures ``pushed_by``, if they are given. Its pressures do not change in the
-        tangent: what they keep apart is :meth:`held`.
+        A rigid body pushes by pressures and tractions ``pushed_by``, if they are given, else by those of the
+        gaps. They do not change in the tangent: what they keep apart is :meth:`held`.
         """
         inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
         if inside.entries is not None and isinstance(self.load, Pressure):
@@ -109,7 +109,7 @@ class Model:
             stiffness = -value[0] * pressure_stiffness(places)
             self.assembly.sparsity.add_blocks(inside.entries, self._wet_faces, stiffness)
         if isinstance(self.load, IndenterDisplacement):
-            return self._indented(inside, self.indentation.pressing(displacement, value, pushed_by))
+            return self._indented(inside, self.indentation.pressing(displacement, value, *pushed_by))
         load = self.load_vector(displacement, value)
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian)
 

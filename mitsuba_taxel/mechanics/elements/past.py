@@ -60,7 +60,7 @@ class Relaxing:
     @classmethod
     def at_rest(cls, terms: int, elements: int, points: int) -> Relaxing:
         nothing = np.zeros((terms, elements, points, 6))
-        return cls(nothing[0], nothing, nothing)
+        return cls(np.zeros((elements, points, 6)), nothing, nothing)
 
     def past(self, material: Viscoelastic, step: float, part: SymmetricPart) -> Past:
         """What the stress is made of at the end of a further step of some s."""

@@ -92,6 +92,16 @@ class Viscoelastic(Displayed):
         return Weights(decay, ramp, np.where(x < SHORT, series, closed))
 
 
+@dataclass(frozen=True)
+class Elastic(Viscoelastic):
+    """A silicone without a memory, as one of no terms: under a body that rubs on it, it has a past all the same."""
+
+    prony: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        """There is nothing to check."""
+
+
 def checked_terms(prony: object) -> tuple[tuple[float, float], ...]:
     """The terms of a Prony series as pairs of numbers; raises `InputError`."""
 

@@ -11,9 +11,12 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.contact.complementarity import pressures
+from mitsuba_taxel.mechanics.contact.friction import Friction, Rubbed
 from mitsuba_taxel.mechanics.contact.indentation import Pressing
+from mitsuba_taxel.mechanics.contact.rubbing import tractions
 from mitsuba_taxel.mechanics.elements.held import answers
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
@@ -37,9 +40,41 @@ LIKELY = 0.25
 
 
 class IndentedPad(LoadedPad):
-    """A meshed pad glued to the board, under a rigid body that is moved."""
+    """A meshed pad glued to the board, under a rigid body that is moved.
+
+    Attributes
+    ----------
+    rubbed : Rubbed or None
+        What friction keeps of what was before; whoever steps along a path sets it.
+    """
 
     solves_between = True
+    rubbed: Rubbed | None = None
+
+    @cached_property
+    def friction(self) -> Friction | None:
+        """Of the body; None without."""
+        body = self.model.indentation
+        return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
+
+    def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray) -> Rubbed | None:
+        """What friction keeps of a state of balance."""
+        if self.friction is None:
+            return None
+        displacement = self.numbering.split(unknowns)[0]
+        pressing = self.model.indentation.pressing(displacement, value)
+        return Rubbed(self.friction.place(displacement, value), self._own_traction(displacement, value, pressing))
+
+    def _own_traction(self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing) -> np.ndarray:
+        """(m, 3) MPa that slip and the ``pressing`` make; raises where nothing rubs."""
+        assert self.friction is not None
+        tangents, place = self.friction.tangents(pressing), self.friction.place(displacement, value)
+        return self.friction.traction(tangents, place, self._before, pressing.pressure)
+
+    @property
+    def _before(self) -> Rubbed:
+        assert self.friction is not None
+        return self.rubbed or self.friction.at_rest()
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         found = self._balanced(start, value)
@@ -48,15 +83,18 @@ class IndentedPad(LoadedPad):
         linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
         return self._accepted(found, self._is_stable(linearised)), linearised
 
+    def _is_stable(self, linearised: Linearised) -> bool:
+        return self.friction is None and super()._is_stable(linearised)
+
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start, 0.0, math.inf, 0.0
-        pushed_by = self._likely_pressures(unknowns, value)
+        pushed_by = self._likely_pushes(unknowns, value)
         state = self._pushed(unknowns, value, pushed_by)
         contact = _LinearContact(self, linearised.factor, _pressing_of(state)) if linearised else None
         for iteration in range(MOST_ITERATIONS):
             error = max(self._checked_error(state, unknowns, value, first), self._out_of_touch(state))
-            settled = self._settled(state)
+            settled = self._settled(state, unknowns, value)
             error_left = self._error(settled, unknowns, value)
             if error_left < RESIDUAL_TOLERANCE:
                 return Balance(unknowns, settled, error_left, iteration, linearised, distance)
@@ -68,7 +106,7 @@ class IndentedPad(LoadedPad):
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
                 contact = _LinearContact(self, linearised.factor, _pressing_of(state))
             first, last = first or error, error
-            step, further = contact.step(state)
+            step, further = contact.step(state, pushed_by, self._slip(state, unknowns, value))
             for _ in range(MOST_HALVINGS):
                 state = self._pushed(unknowns + step, value, pushed_by + further, with_tangent=False)
                 if state.min_jacobian > 0:
@@ -81,12 +119,28 @@ class IndentedPad(LoadedPad):
     def _pushed(
         self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
     ) -> Configuration:
-        return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past, pushed_by)
+        """The pad under pressures, and tractions along the tangents where it is, ``pushed_by`` (m, 3)."""
+        displacement, pressure = self.numbering.split(unknowns)
+        traction = None
+        if self.friction is not None:
+            tangents = self.friction.tangents(self.model.indentation.pressing(displacement, value))
+            traction = np.einsum("mki,mk->mi", tangents, pushed_by[:, 1:])
+        return self.model.evaluate(displacement, pressure, value, with_tangent, self.past, (pushed_by[:, 0], traction))
 
-    def _settled(self, state: Configuration) -> Configuration:
-        """The same displacement with the pressures that its gaps make."""
-        pressing, slack = _pressing_of(state), self.model.indentation.slack
-        own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / slack)
+    def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """(m, 2) mm³ along the tangents."""
+        if self.friction is None:
+            return np.zeros((len(self.model.indentation.node), 0))
+        place = self.friction.place(self.numbering.split(unknowns)[0], value)
+        return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, self._before)
+
+    def _settled(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> Configuration:
+        """The same displacement with the pressures that its gaps make, and the tractions of its slip."""
+        pressing, body = _pressing_of(state), self.model.indentation
+        own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / body.slack)
+        if self.friction is not None:
+            traction = self._own_traction(self.numbering.split(unknowns)[0], value, own)
+            own = own._replace(dragged=body.carried.T @ traction)
         load = self.numbering.summed(own.pushed)
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, pressing=own)
 
@@ -98,17 +152,17 @@ class IndentedPad(LoadedPad):
         )
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
-    def _likely_pressures(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """(m,) those that hold the pad best in a displacement that is not one of balance."""
+    def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """(m, 3) pressures that hold the pad best in a displacement that is not one of balance, and no tractions."""
         body = self.model.indentation
-        found = np.zeros(len(body.node))
+        found = np.zeros((len(body.node), 3))
         state = self._pushed(unknowns, value, found, with_tangent=False)
         pressing = _pressing_of(state)
         likely = np.flatnonzero((pressing.gap < LIKELY * self.step * body.area) & self.model.may_press)
         if state.min_jacobian > 0 and state.residual.any():
             rows = self.model.over_unknowns(pressing.rate[likely])
             products = (rows @ rows.T).toarray()
-            found[likely] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
+            found[likely, 0] = np.linalg.lstsq(products, rows @ state.residual, rcond=None)[0]
         return np.maximum(found, 0.0)
 
     @cached_property
@@ -118,7 +172,7 @@ class IndentedPad(LoadedPad):
 
 
 class _LinearContact:
-    """A pad at a state, linear, and the nodes that a body may press on.
+    """A pad at a state, linear, and the nodes that a body may press and rub on.
 
     Parameters
     ----------
@@ -129,36 +183,51 @@ class _LinearContact:
     """
 
     def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing) -> None:
-        self._factor, self._slack, self._may = factor, pad.model.indentation.slack, pad.model.may_press
-        self._rows = pad.model.over_unknowns(pressing.rate)
+        self._factor, self._may, self._friction = factor, pad.model.may_press, pad.friction
+        rows = [pressing.rate]
+        if pad.friction is not None:
+            rows.append(pad.friction.rows(pad.friction.tangents(pressing)))
+        self._rows = pad.model.over_unknowns(sparse.csr_array(sparse.vstack(rows)))
+        self._count, self._ways = len(self._may), self._rows.shape[0] // len(self._may)
+        self._slack = np.tile(pad.model.indentation.slack, self._ways)
         self._known = np.zeros(0, dtype=np.int64)
         self._answers = np.zeros((len(self._slack), 0))
 
-    def step(self, state: Configuration) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of the unknowns and of the pressures (m,) to where linear pad and body are in balance."""
-        pressing = _pressing_of(state)
+    def step(self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of the unknowns and of what the body pushes by (m, 3) to where linear pad and body are in balance."""
+        before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
-        gap = pressing.gap + self._rows @ free
-        asked = self._may & ((pressing.pressure > 0) | (gap < 0))
-        further = np.zeros(len(gap))
+        offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
+        count, further = self._count, np.zeros(len(before))
+        asked = self._may & ((before[:count] > 0) | (offset[:count] < 0))
         while asked.any():
             self._learn(np.flatnonzero(asked))
-            known = self._known
+            known = (self._known + count * np.arange(self._ways)[:, None]).ravel()
             matrix = self._answers[known] + np.diag(self._slack[known])
-            before = pressing.pressure[known]
-            found = pressures(matrix, gap[known] - self._answers[known] @ before, before > 0)
+            found = self._settled(matrix, offset[known] - self._answers[known] @ before[known], before[known])
             if found is None:
                 raise Rejected("the contact with the indenter does not settle")
-            further[known] = found - before
-            asked = self._may & (gap + self._answers @ further[known] < 0)
-            asked[known] = False
-        return free + self._factor.solve_roughly(self._rows.T @ further), further
+            further[known] = found - before[known]
+            asked = self._may & (offset[:count] + self._answers[:count] @ further[known] < 0)
+            asked[self._known] = False
+        pushed = np.zeros_like(pushed_by)
+        pushed[:, : self._ways] = further.reshape(self._ways, count).T
+        return free + self._factor.solve_roughly(self._rows.T @ further), pushed
+
+    def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
+        """Pressures, and tractions after them."""
+        if self._friction is None:
+            return pressures(matrix, offset, before > 0)
+        return tractions(matrix, offset, self._friction.coefficient, before)
 
     def _learn(self, nodes: np.ndarray) -> None:
-        """Find how all answer pressures at these."""
+        """Find how all answer pressures and tractions at these."""
         new = np.setdiff1d(nodes, self._known)
+        rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
+        learnt = answers(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
+        known = self._answers.reshape(len(self._slack), self._ways, -1)
+        self._answers = np.concatenate([known, learnt], axis=2).reshape(len(self._slack), -1)
         self._known = np.concatenate([self._known, new])
-        self._answers = np.hstack([self._answers, answers(self._factor, self._rows, self._rows[new])])
 
 
 def _pressing_of(state: Configuration) -> Pressing:

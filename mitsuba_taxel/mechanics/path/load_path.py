@@ -19,7 +19,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
@@ -48,7 +48,8 @@ def load_path(
     """Deformed states of a pad under each of the ``values`` of a load.
 
     Without a memory, states depend on their values alone. A silicone with one, `Viscoelastic`, is at rest until t = 0;
-    its load goes evenly from each value to the next, and jumps where two times are equal.
+    its load goes evenly from each value to the next, and jumps where two times are equal. An indenter with friction
+    goes straight from each value to the next, and from rest to the first down before it goes sideways.
 
     Parameters
     ----------
@@ -84,14 +85,15 @@ def load_path(
         obstacles = _checked_triangles(obstacles)
     law = material.law if isinstance(material, Viscoelastic) else material
     history = timed_rows(material, load, rows, times)
+    earlier = len(history) - len(rows)
     states = []
     with LOCK:
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-                if isinstance(material, Viscoelastic):
-                    states.append(timed_path(path, material).state(history[:done], obstacles))
+                if history:
+                    states.append(timed_path(path, remembering(material)).state(history[: earlier + done], obstacles))
                 else:
                     states.append(path.state(value, obstacles))
             if progress is not None:
@@ -101,22 +103,28 @@ def load_path(
 
 def state_after(
     pad: Pad | PadFile,
-    material: Viscoelastic,
+    material: Material | Viscoelastic,
     values: Sequence[Sequence[float]] | np.ndarray,
-    times: Sequence[float] | np.ndarray,
+    times: Sequence[float] | np.ndarray | None = None,
     *,
     load: Load = SPREAD_FORCE,
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
     obstacles: np.ndarray | None = None,
 ) -> State:
-    """The last of the states of :func:`load_path`, of a silicone with a memory; the others are not held."""
+    """The last of the states of :func:`load_path`, where they depend on those before; the others are not held."""
     rows = _checked(values, load)
-    history = timed_rows(material, load, rows, times)
+    history, remembers = timed_rows(material, load, rows, times), remembering(material)
     with LOCK:
-        path = pad_path(pad, material.law, load, chosen_size(pad, material.law, load, mesh_size, mesh_tolerance))
+        law = remembers.law
+        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-            return timed_path(path, material).state(history, obstacles)
+            return timed_path(path, remembers).state(history, obstacles)
+
+
+def remembering(material: Material | Viscoelastic) -> Viscoelastic:
+    """A material as one with a memory, of no terms if it has none."""
+    return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 
 def _check_room(states: int, path: PadPath) -> None:

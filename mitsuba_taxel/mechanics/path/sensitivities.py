@@ -30,6 +30,7 @@ from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.material_rates import material_rate
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
+from mitsuba_taxel.mechanics.path.timed_rows import rubs
 
 SYMMETRIC = 1e-6
 """Difference of a state from its mirror image, relative to the largest displacement, up to which it is taken for it."""
@@ -79,6 +80,8 @@ def linearise(state: State) -> LinearisedState:
         raise refusal("state", state.load, "derivatives of an indenter's displacement are needed, not of its force")
     if state.memory is not None:
         raise InputError("derivatives of a silicone with a memory are not available: leave prony out, or vary steps.")
+    if rubs(state.load):
+        raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
     with _told(state.load, state.value):
         pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
         blocks = _blocks(pad)

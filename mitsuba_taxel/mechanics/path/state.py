@@ -99,6 +99,8 @@ class State(Displayed):
         silicone with a memory.
     memory : Memory or None
         Of a silicone with a memory: its time, its stress, and what they are off by.
+    traction : (2 N, 3) ndarray
+        MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
     """
 
     mesh: VolumeMesh
@@ -115,6 +117,7 @@ class State(Displayed):
     second_mesh: Callable[[], Comparison] = field(default_factory=lambda: Comparison)
     path_rate: Callable[[], PathRate | None] = field(default_factory=lambda: _no_rate)
     memory: Memory | None = None
+    traction: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @cached_property
     def _compared(self) -> Comparison:

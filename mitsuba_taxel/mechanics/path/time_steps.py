@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.past import Relaxing
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, Linearised, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
 TIME_TOLERANCE = 1e-3
 """Error of the stress that one step may add, relative to the largest so far, root mean square over the pad."""
@@ -35,7 +37,8 @@ class Moment:
     """A state between two rows, at a ``share`` of the way.
 
     ``velocity`` is that of the unknowns per s, None where it is unknown or the load jumps; ``unjudged`` the largest
-    displacement in mm since displacements without the load's symmetry were last looked at.
+    displacement in mm since displacements without the load's symmetry were last looked at, ``rubbed`` what the friction
+    of an indenter keeps.
     """
 
     unknowns: np.ndarray
@@ -47,6 +50,7 @@ class Moment:
     residual: float = 0.0
     iterations: int = 0
     stability_checked: bool = True
+    rubbed: Rubbed | None = None
 
 
 class Stretch:
@@ -128,7 +132,10 @@ class Stretch:
     def _step(self, here: Moment, share: float) -> Moment:
         """The state at a share of the way, by one step."""
         pad, time = self._pad, (share - here.share) * self._duration
-        pad.past = here.relaxing.past(self._material, time, pad.part)
+        remembers = bool(self._material.prony)
+        pad.past = here.relaxing.past(self._material, time, pad.part) if remembers else None
+        if isinstance(pad, IndentedPad):
+            pad.rubbed = here.rubbed
         guess = here.unknowns
         if here.velocity is not None:
             guess = guess + min(time, here.relaxing.step) * here.velocity
@@ -142,14 +149,20 @@ class Stretch:
             solution, near = pad.solve_next(solution.unknowns, value, None, judged=True)
             unjudged = 0.0
         self._near = near
-        stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
-        relaxing = here.relaxing.after(self._material, time, stress)
+        relaxing, rubbed = here.relaxing, None
+        if remembers:
+            stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
+            relaxing = relaxing.after(self._material, time, stress)
+        if isinstance(pad, IndentedPad):
+            rubbed = pad.rubbed_at(solution.unknowns, value)
         velocity = (solution.unknowns - here.unknowns) / time if time else None
         figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
-        return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures)
+        return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
 
     def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
         """Relative error of the last step, or of the first two, and the state with that in its variables."""
+        if not self._material.prony:
+            return 0.0, after
         self._scale = max(self._scale, self._pad.size_of(after.relaxing.stress))
         if after.relaxing.slope is None or here.relaxing.slope is None or not self._scale:
             return 0.0, after

@@ -17,6 +17,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 from mitsuba_taxel.mechanics.elements.memory import memory_for
@@ -42,7 +43,8 @@ class Reached:
     """The pad at the end of a row; arrays are those of the whole pad but for the internal variables of a part.
 
     ``rate`` is the load's, per s, in the row; ``velocity`` that of the unknowns in its last step, with the pressures
-    after the displacements; both are not numbers where the load has jumped.
+    after the displacements; both are not numbers where the load has jumped. ``traction`` (2 N, 3) MPa is that of
+    friction at nodes of the top, then of the outside.
     """
 
     displacement: np.ndarray
@@ -57,6 +59,7 @@ class Reached:
     scale: float
     unjudged: float
     deviation: np.ndarray
+    traction: np.ndarray
     min_jacobian: float
     residual: float
     iterations: int
@@ -102,12 +105,14 @@ class TimedPath:
         path, (time, value) = self._path, rows[-1]
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         part = self._pad_for(rows).part
-        overstress = spread(at.relaxing.overstress(self._material), part, path.mesh)
-        error = self._pad_for(rows).size_of(at.error.sum(axis=0)) / at.scale if at.scale else 0.0
+        memory = None
+        if self._material.prony:
+            overstress = spread(at.relaxing.overstress(self._material), part, path.mesh)
+            error = self._pad_for(rows).size_of(at.error.sum(axis=0)) / at.scale if at.scale else 0.0
+            memory = Memory(time, overstress, at.deviation, error)
         return State(
             path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
-            second_mesh=partial(self._comparison, rows),
-            memory=Memory(time, overstress, at.deviation, error),
+            second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
         )  # fmt: skip
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
@@ -150,7 +155,9 @@ class TimedPath:
         change = np.array(rows[-1][1]) - np.array(start_value)
         rate = change / duration if duration > 0 else np.full(len(change), np.nan)
         goes_on = np.allclose(rate, before.rate, rtol=1e-9, atol=0)
-        relaxing = before.relaxing.spread(earlier.part, self._path.mesh, pad.part)
+        relaxing = before.relaxing
+        if self._material.prony:
+            relaxing = relaxing.spread(earlier.part, self._path.mesh, pad.part)
         velocity = None
         if goes_on:
             moved, pressed = np.split(before.velocity, [before.displacement.size])
@@ -158,9 +165,11 @@ class TimedPath:
         else:
             relaxing = replace(relaxing, slope=None)
         start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
-        stretch = Stretch(
-            pad, self._material, start, (np.array(start_value), change), duration, before.scale, self._path.judged
-        )
+        judged = self._path.judged
+        if isinstance(pad, IndentedPad) and pad.friction:
+            start = replace(start, rubbed=self._rubbed(pad, before, np.array(start_value)))
+            judged = False
+        stretch = Stretch(pad, self._material, start, (np.array(start_value), change), duration, before.scale, judged)
         try:
             end, scale = stretch.run(self._touch)
         except Ended as ended:
@@ -179,6 +188,7 @@ class TimedPath:
             scale,
             end.unjudged,
             pad.split(stretch.deviation(end))[0],
+            self._traction(pad, end),
             end.min_jacobian,
             end.residual,
             end.iterations,
@@ -189,11 +199,31 @@ class TimedPath:
     @cached_property
     def _rest(self) -> Reached:
         mesh, pad = self._path.mesh, self._pad_for(())
-        relaxing = Relaxing.at_rest(len(self._material.prony), *pad.model.assembly.elements.weight.shape)
+        points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
+        relaxing = Relaxing.at_rest(len(self._material.prony), *points)
         nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
         variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0
         none = np.zeros(mesh.corner_count)
-        return Reached(nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, 1.0, 0.0, 0, True, 0.0)
+        return Reached(
+            nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, np.zeros((0, 3)),
+            1.0, 0.0, 0, True, 0.0,
+        )  # fmt: skip
+
+    def _rubbed(self, pad: IndentedPad, before: Reached, moved: np.ndarray) -> Rubbed:
+        """What friction keeps of the end of a row, on another part of the pad."""
+        assert pad.friction is not None
+        nodes, count = pad.part.nodes, len(self._path.mesh.points)
+        on_part = before.traction[np.concatenate([nodes, count + nodes])] if len(before.traction) else before.traction
+        place = pad.friction.place(before.displacement[nodes], moved)
+        return Rubbed(place, pad.model.indentation.at_nodes(on_part))
+
+    def _traction(self, pad: LoadedPad, end: Moment) -> np.ndarray:
+        """That of :class:`Reached`, from the part that was solved for."""
+        if end.rubbed is None:
+            return np.zeros((0, 3))
+        top, outside = np.split(pad.model.indentation.nodal(end.rubbed.traction), 2)
+        none = np.zeros(pad.part.mesh.corner_count)
+        return np.concatenate([pad.part.expand(field, none)[0] for field in (top, outside)])
 
     def _stacked(self, pad: LoadedPad, unknowns: np.ndarray | None) -> np.ndarray:
         """Displacements of the whole pad, then its pressures, in one row; not a number for None."""
@@ -223,7 +253,8 @@ class TimedPath:
         value = ", ".join(f"{number:.4g}" for number in ended.value)
         shown = f"({value})" if len(ended.value) == 3 else value
         time = start + ended.share * duration
-        return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}, {time:.4g} s."
+        when = f", {time:.4g} s" if self._material.prony else ""
+        return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}."
 
     def _refuse_contact(self, rows: tuple[Row, ...], obstacles: np.ndarray) -> None:
         """Raise where a pad touches obstacles at the end of one of the rows; what is clear is looked at once."""
@@ -267,7 +298,9 @@ class TimedPath:
         return found
 
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
-        overstress = spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        overstress = None
+        if self._material.prony:
+            overstress = spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
         return board_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
 
     def _name(self, rows: tuple[Row, ...]) -> str:

@@ -6,20 +6,34 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import array_of, refusal
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics.elements.loads import IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
+
+
+def rubs(load: Load) -> bool:
+    """Whether a load has friction, so that states depend on those before."""
+    return isinstance(load, IndenterDisplacement | IndenterForce) and load.indenter.friction > 0
+
 
 Row = tuple[float, tuple[float, ...]]
 """Time in s, and value of the load."""
 
 
 def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray, times: object) -> tuple[Row, ...]:
-    """The rows of a load, none for a material without a memory; raises `InputError`."""
+    """The rows of a load, none where states depend on its value alone; raises `InputError`.
+
+    Where a body rubs on a material without a memory, they are all at 0 s, and it comes down before it goes sideways.
+    """
     if not isinstance(material, Viscoelastic):
         if times is not None:
             raise refusal("times", times, f"{material} has no memory, only a Viscoelastic has; none are needed")
-        return ()
+        if not rubs(load):
+            return ()
+        if isinstance(load, IndenterForce):
+            raise refusal("load", load, "with friction, the displacement of an indenter is needed")
+        first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
+        return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
     if times is None:
         raise InputError("times are missing: a silicone with a memory needs the time of each value of its load.")
     if isinstance(load, IndenterForce):

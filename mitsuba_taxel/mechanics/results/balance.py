@@ -102,7 +102,7 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
         return share[:, None] / share.sum() * state.value
     if isinstance(load, IndenterDisplacement):
         body = Indentation(mesh, load.indenter, state.material.youngs_modulus)
-        return body.pressing(state.displacement, state.value).pushed
+        return body.pressing(state.displacement, state.value, traction=body.at_nodes(state.traction)).pushed
     forces = np.zeros_like(places)
     if isinstance(load, Pressure):
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]

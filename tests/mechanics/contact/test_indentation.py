@@ -113,3 +113,50 @@ def test_a_plate_presses_evenly(block):
     assert pressed.force == pytest.approx(2.0 * depth, rel=2e-3)
     displacement, _ = pressed.pad.split(pressed.unknowns)
     np.testing.assert_allclose(displacement, -depth * mesh.points * [0, 0, 1], atol=2e-3 * depth)
+
+
+def test_a_plate_slides_under_its_own_bound(block):
+    """It sticks at first; once all slides, each traction is the coefficient times the pressure, along the way."""
+    mesh, friction = block((1.0, 1.0, 0.5), (3, 3, 2)), 0.4
+    dragged = Rubbed(mesh, Indenter("plane", friction=friction), NeoHookean(2.0, 0.3), ())
+    pressed = dragged.drag(0, 0, -0.02)[2]
+    sticking = dragged.drag(1e-3, 0, -0.02)
+    assert 0 < -sticking[0] < 0.2 * friction * pressed
+    for value in ((0.1, 0, -0.02), (0.3, 0, -0.02)):
+        force = dragged.drag(*value)
+    assert -force[0] == pytest.approx(friction * force[2], rel=1e-5)  # its sides bulge a little, across the way
+    size = np.linalg.norm(dragged.pad.rubbed.traction, axis=1)
+    np.testing.assert_allclose(size, friction * dragged.pressing.pressure, rtol=1e-6)
+    back = dragged.drag(-0.3, 0, -0.02)
+    np.testing.assert_allclose(back * [-1, 1, 1], force, atol=2e-2 * pressed)
+
+
+class Rubbed(Pressed):
+    """A block that a body is pressed and dragged on."""
+
+    factored = 0
+
+    def drag(self, *value):
+        """(3,) force on the body from the whole block, after a step to a pose."""
+        value, near = np.array(value), getattr(self, "near", None)
+        solution, self.near = self.pad.solve_next(self.unknowns, value, near, judged=False)
+        self.unknowns, self.pad.rubbed = solution.unknowns, self.pad.rubbed_at(solution.unknowns, value)
+        displacement, body = self.pad.numbering.split(self.unknowns)[0], self.pad.model.indentation
+        self.pressing = body.pressing(displacement, value, traction=self.pad.rubbed.traction)
+        return -self.pad.part.copies * self.pressing.force
+
+
+def test_a_ball_is_dragged_as_cattaneo_and_mindlin_say(half_space):
+    """R. D. Mindlin, J. Appl. Mech. 16, 1949; K. L. Johnson, Contact Mechanics, 1985, section 7.2."""
+    mesh = half_space(lambda places: 0.5 * np.maximum(1.0, np.linalg.norm(places, axis=1)), width=4.0)
+    friction, depth, shear_modulus = 0.3, 0.02, 1 / 2.98
+    block = Rubbed(mesh, Indenter("sphere", radius=RADIUS, friction=friction), mirrors=(ACROSS_Y,))
+    counted = block.pad._factored
+    block.pad._factored = lambda lower: setattr(block, "factored", block.factored + 1) or counted(lower)
+    most = friction * block.drag(0, 0, -depth)[2]
+    slides = 3 * most * (2 - 0.49) / (16 * np.sqrt(RADIUS * depth) * shear_modulus)
+    for share, tolerance in ((0.5, 1e-2), (1.5, 1e-3)):
+        force = block.drag(share * slides, 0, -depth)
+        expected = 1 - max(0.0, 1 - share) ** 1.5
+        assert -force[0] / (friction * force[2]) == pytest.approx(expected, abs=tolerance)
+    assert block.factored <= 10

@@ -159,6 +159,47 @@ def test_forces_change_with_the_shape_as_differences_say():
     np.testing.assert_allclose((pushed(step) - pushed(-step)) / (2 * step), rate, atol=1e-4 * np.abs(rate).max())
 
 
+def dragged(*values, friction=0.3, at=(0.0, 0.0)):
+    body = Indenter("sphere", radius=2.5, at=at, friction=friction)
+    states = load_path(PAD, LAW, values, load=IndenterDisplacement(body), mesh_size=SIZE)
+    return states, np.array([reactions(state).applied_force for state in states])
+
+
+POSES = [(0, 0, -0.5), (0.2, 0, -0.5), (0.6, 0, -0.5), (0.2, 0, -0.5), (0, 0, -0.2), (0, 0, 0.1)]
+
+
+def test_friction_holds_until_it_slips_and_remembers_the_way(fresh):
+    states, forces = dragged(*POSES)
+    for state, force in zip(states[:-1], forces, strict=False):
+        assert reactions(state).imbalance < 1e-7
+        assert np.hypot(*force[:2]) <= 0.4 * -force[2]  # on a ball's flank more than the coefficient
+    assert forces[2, 0] > 1.5 * forces[1, 0] > 0
+    assert forces[3, 0] < 0.5 * forces[1, 0]  # back at the same place
+    assert np.abs(states[-1].displacement).max() < 1e-6  # it has let go
+    (free,) = pressed(POSES[0])
+    assert forces[0, 2] == pytest.approx(reactions(free).applied_force[2], rel=0.05)
+    (at_once,), (force,) = dragged((0.2, 0, -0.5))  # down first
+    np.testing.assert_array_equal(at_once.displacement, states[1].displacement)
+    fresh()
+    again, _ = dragged(*POSES[:2])
+    np.testing.assert_array_equal(again[1].displacement, states[1].displacement)
+
+
+def test_friction_on_a_symmetric_part_is_that_on_the_whole():
+    _, halves = dragged((0, 0, -0.2), (0.1, 0, -0.2))
+    _, wholes = dragged((0, 0, -0.2), (0.1, 1e-9, -0.2))
+    np.testing.assert_allclose(halves, wholes, atol=1e-7)
+    assert abs(wholes[1, 1]) < 1e-7
+
+
+def test_what_friction_refuses():
+    (state,), _ = dragged((0, 0, -0.2))
+    with pytest.raises(InputError, match="derivatives with friction are not available"):
+        linearise(state)
+    with pytest.raises(InputError, match="friction = -0.1 is not allowed"):
+        Indenter("plane", friction=-0.1)
+
+
 def test_elements_are_small_where_the_body_touches():
     mesh = pad_path(PAD, LAW, ASIDE, PAD.default_mesh_size).mesh
     top = mesh.points[mesh.faces[mesh.faces[:, :3].max(axis=1) >= 0][:, :3]]

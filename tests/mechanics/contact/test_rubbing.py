@@ -1,0 +1,30 @@
+"""Pressures and tractions of linear bodies against the law of Coulomb."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.mechanics.contact.rubbing import tractions
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.5, 2.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_found_keeps_the_law(friction, seed):
+    rng, count = np.random.default_rng(seed), 30
+    places = np.sort(rng.uniform(size=count))
+    green = np.exp(-np.abs(places[:, None] - places) / 0.3)
+    coupling = 0.1 * green * np.sign(places[:, None] - places)
+    matrix = np.block([[green, coupling, 0 * green], [coupling.T, green, 0 * green], [0 * green, 0 * green, green]])
+    matrix += 1e-4 * np.eye(3 * count)
+    offset = np.concatenate([rng.uniform(-1.0, 0.5, count), 0.3 * rng.normal(size=2 * count)])
+    found = tractions(matrix, offset, friction, np.zeros(3 * count))
+    gap, *slip = (matrix @ found + offset).reshape(3, count)
+    pressure, *traction = found.reshape(3, count)
+    slip, traction = np.array(slip), np.array(traction)
+    assert pressure.min() >= -1e-9 and gap.min() >= -1e-9
+    np.testing.assert_allclose(gap * pressure, 0, atol=1e-9)
+    size, most = np.hypot(*traction), friction * np.maximum(pressure, 0)
+    assert (size <= most + 1e-9).all()
+    np.testing.assert_allclose(np.hypot(*slip)[size < most - 1e-9], 0, atol=1e-9)
+    np.testing.assert_allclose(traction * np.hypot(*slip), -size * slip, atol=1e-9)
