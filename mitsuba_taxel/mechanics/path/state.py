@@ -99,8 +99,8 @@ class State(Displayed):
         silicone with a memory.
     memory : Memory or None
         Of a silicone with a memory: its time, its stress, and what they are off by.
-    traction : (2 N, 3) ndarray
-        MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
+    traction : ndarray
+        (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
     """
 
     mesh: VolumeMesh
