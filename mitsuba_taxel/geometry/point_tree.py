@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 
 class PointTree:
@@ -16,6 +15,8 @@ class PointTree:
     """
 
     def __init__(self, points: np.ndarray) -> None:
+        from scipy.spatial import cKDTree  # a scene without a pad has no use for it
+
         size = float(np.ptp(points, axis=0).max()) or 1.0
         self._shift = size - points.min(axis=0)
         self._tree = cKDTree(points + self._shift)

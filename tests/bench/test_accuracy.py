@@ -158,7 +158,7 @@ def test_quasi_random_points_gain_more_than_random_ones(clockwork, tmp_path):
     clockwork(TRACER, PATH, STOCK, connections)
     steps = []
     scene = Scene.from_file("plate.xml", scattering="lambertian")
-    curves = accuracy(scene, tmp_path / "out", 1.0, steps.append)
+    curves = accuracy(scene, tmp_path / "out", 0.5, steps.append)
     found = {curve.method: curve for curve in curves}
     slopes = {name: slope(curve) for name, curve in found.items() if curve.part == "optics"}
     assert slopes["taxel_tracer"].value + slopes["taxel_tracer"].standard_error < -0.7

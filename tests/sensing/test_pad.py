@@ -149,8 +149,8 @@ def test_finer_roofs_change_readings_by_less_than_a_thousandth(llvm_mono, agree,
     values = dict(cell=cell, fz=-10)
     scene = Scene.from_file(edited(tmp_path, "default.xml", two_bounces), **values)
     subdivided = Scene.from_file(edited(tmp_path, "finer.xml", two_bounces, finer), **values)
-    default = measure(scene, points=1 << 11, mechanics_error=False)
-    fine = measure(subdivided, points=1 << 11, mechanics_error=False)
+    default = measure(scene, points=1 << 10, mechanics_error=False)
+    fine = measure(subdivided, points=1 << 10, mechanics_error=False)
     change = (fine.replicates - default.replicates).mean(axis=1) / default.power.mean()
     error = change.std(ddof=1) / np.sqrt(len(change))
     assert error < 5e-4
