@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
@@ -23,13 +25,14 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, natural_step
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, Rejected, natural_step
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
+from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -37,6 +40,8 @@ from mitsuba_taxel.pads.pad_file import PadFile
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
 thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
+LITTLE_FINER = COARSENING**-0.5
+"""Tried before these under an indenter, where elements are small and many already."""
 LEAST_RATIO = 1.2
 """Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
 MOST_ELEMENTS_COMPARED = 250_000
@@ -237,7 +242,7 @@ class PadPath:
         for second, comparison in self.comparisons():
             try:
                 with memory_for(SECOND_MESH):
-                    other, there, at = second._canonical(value, [], None)
+                    other, there, at = second._as_on(self.mesh, value, displacement, pressure)
                     shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
                     forces = (board_force(mesh, self.material, u, p) for mesh, u, p in shapes)
                     return Comparison(
@@ -250,10 +255,36 @@ class PadPath:
                 continue  # its path ends before this load, or memory does
         return Comparison()
 
+    def _as_on(
+        self, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+        """As :meth:`_canonical`; under an indenter without its path, from the same state on another mesh.
+
+        Without friction a state does not depend on the way to it.
+        """
+        if not isinstance(self.load, IndenterDisplacement):
+            return self._canonical(value, [], None)
+        name = cache.key("jump", *self.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is None:
+                began, pad = time.perf_counter(), self._pad_for(np.zeros(3), value)
+                try:
+                    start = pad.gather(*carried(mesh, displacement, pressure, self.mesh, self.mesh_size))
+                    solution, _ = pad.solve_linearised(start, value)
+                except (InputError, Rejected):
+                    return self._canonical(value, [], None)
+                arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
+                cache.store(name, arrays)
+        seconds, pad = float(arrays["seconds"]), self._pad_for(np.zeros(3), value)
+        found = pad.split(arrays["unknowns"])
+        return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
+
     def comparisons(self) -> Iterator[tuple[PadPath, RoofComparison]]:
         """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
         start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
-        for size in (COARSENING * self.mesh_size, *(finer * start for finer in FINER)):
+        finer = (LITTLE_FINER, *FINER) if isinstance(self.load, IndenterDisplacement | IndenterForce) else FINER
+        for size in (COARSENING * self.mesh_size, *(share * start for share in finer)):
             if size not in self._compared:
                 self._compared[size] = self._second(size)
             second = self._compared[size]
@@ -350,6 +381,10 @@ class PadPath:
         """Pad, material and load, for keys of the cache."""
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
         return [self._identity, material, [_name_of(self.load), asdict(self.load)]]
+
+
+def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:
+    return hashlib.sha256(mesh.points.tobytes() + displacement.tobytes()).hexdigest()
 
 
 def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

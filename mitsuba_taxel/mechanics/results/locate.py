@@ -92,6 +92,17 @@ class Location:
         return by_reference @ np.linalg.inv(jacobian)
 
 
+def carried(
+    mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, other: VolumeMesh, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and pressure of a state on another mesh, whose nodes lie within ``tolerance`` in mm of the silicone;
+    raises `InputError` otherwise."""
+    at = PointLocator(mesh).locate(other.points, tolerance)
+    corners = slice(other.corner_count)
+    shares, nodes = tet_coordinates(at.reference[corners]), mesh.tets[at.element[corners], :4]
+    return at.interpolate(displacement), (shares * pressure[nodes]).sum(axis=1)
+
+
 class PointLocator:
     """Finds points in the curved tetrahedra of a mesh."""
 

@@ -159,6 +159,14 @@ def test_forces_change_with_the_shape_as_differences_say():
     np.testing.assert_allclose((pushed(step) - pushed(-step)) / (2 * step), rate, atol=1e-4 * np.abs(rate).max())
 
 
+def test_a_state_on_another_mesh_needs_no_path_of_its_own():
+    (state,) = pressed((0, 0, -0.4), load=ASIDE)
+    other = pad_path(PAD, LAW, ASIDE, 2.0, judged=False)
+    jumped, *_ = other._as_on(state.mesh, state.value, state.displacement, state.pressure)
+    walked, *_ = other._canonical(state.value, [], None)
+    np.testing.assert_allclose(jumped, walked, atol=1e-7)
+
+
 def dragged(*values, friction=0.3, at=(0.0, 0.0)):
     body = Indenter("sphere", radius=2.5, at=at, friction=friction)
     states = load_path(PAD, LAW, values, load=IndenterDisplacement(body), mesh_size=SIZE)
