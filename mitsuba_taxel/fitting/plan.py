@@ -12,7 +12,7 @@ from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.fitting.data import Data, read_data
-from mitsuba_taxel.studies.plan.batch import read_study
+from mitsuba_taxel.studies.plan.batch import read_study_of
 
 OWN = ("gain", "offset")
 """Unknowns of the electronics without a circuit: volts per watt, and volts without light."""
@@ -57,11 +57,8 @@ def read_plan(file: Path) -> Plan:
     InputError
         if it is not such a study, its data cannot be read, or they are too few.
     """
-    content = read_study(file, besides=("fit",))
-    table = content.pop("fit", None)
-    (scene, *others) = content.pop("scenes")
-    if others or "name" in scene:
-        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    content, table = read_study_of("fit", file)
+    (scene,) = content.pop("scenes")
     if not isinstance(table, dict) or set(table) != {"data", "unknowns"} or not isinstance(table["data"], str):
         raise InputError(f"study {file.name} is not allowed: a table [fit] with data and unknowns is needed.")
     if not isinstance(table["unknowns"], dict) or not table["unknowns"]:

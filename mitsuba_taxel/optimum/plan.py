@@ -17,7 +17,7 @@ from mitsuba_taxel.optimum.figures import KINDS, Figure
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
-from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study
+from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study_of
 
 POINTS = 16
 """Points of the random readings that accompany those without random numbers."""
@@ -202,11 +202,8 @@ def read_plan(file: Path) -> Plan:
     InputError
         if it is not such a study, or does not fit its scene.
     """
-    content = read_study(file, besides=("optimise",))
-    table = content.pop("optimise", None)
-    (scene, *others) = content.pop("scenes")
-    if others or "name" in scene:
-        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    content, table = read_study_of("optimise", file)
+    (scene,) = content.pop("scenes")
     if not isinstance(table, dict) or not isinstance(table.get("variables"), dict) or not table["variables"]:
         raise InputError(f"study {file.name} has nothing to optimise: a table [optimise.variables] is needed.")
     for name in [*content, *scene]:

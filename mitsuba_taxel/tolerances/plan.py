@@ -12,7 +12,7 @@ from mitsuba_taxel.base.arguments import is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
-from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study
+from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study_of
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.laws import Law, law_of
 
@@ -69,11 +69,8 @@ def read_plan(file: Path) -> Plan:
     InputError
         if it is not such a study, or a distribution exceeds the range of its parameter.
     """
-    content = read_study(file, besides=("tolerance",))
-    table = content.pop("tolerance", None)
-    (scene, *others) = content["scenes"]
-    if others or "name" in scene:
-        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    content, table = read_study_of("tolerance", file)
+    (scene,) = content["scenes"]
     if not isinstance(table, dict) or not isinstance(table.get("of"), dict) or not table["of"]:
         raise InputError(f"study {file.name} has no tolerances: a table [tolerance.of] of distributions is needed.")
     for name in table:

@@ -5,20 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
+from one_cell import one_cell
 
-PAD = """<scene version="3.9.0">
-    <default name="fz" value="-0.5"/>
-    <default name="roof" value="lambertian"/>
-    <shape type="deformable_pad">
-        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="1.7"/>
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="$roof"/> </bsdf>
-        </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+PAD = one_cell(cell="cylindrical", mesh_size=1.7, scattering="$roof", fz=-0.5, roof="lambertian")
 
 
 @pytest.fixture(autouse=True)

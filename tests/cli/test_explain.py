@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from one_cell import one_cell
 
 HEAVY = {
     "dask", "distributed", "matplotlib", "meshio", "netgen", "OpenEXR", "pandas", "pytetwild", "rslab", "scipy",
@@ -16,16 +17,7 @@ NO_PAD = "no pad: no mechanics imported, meshed or solved"
 UNLOADED = "pad without load: meshed, nothing solved"
 KEPT = "meshes and solutions kept on disk: nothing meshed or solved anew"
 
-PAD = """<scene version="3.9.0">
-    <default name="fz" value="0"/>
-    <integrator type="taxel_tracer"/>
-    <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="1.6"/>
-        <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+PAD = one_cell(mesh_size=1.6, integrator="taxel_tracer", fz=0)
 
 
 @pytest.fixture

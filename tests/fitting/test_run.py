@@ -6,20 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import sweep
 
-CELL = """<scene version="3.9.0">
-    <default name="fz" value="0"/> <default name="youngs_modulus" value="4"/>
-    <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
-        <float name="youngs_modulus" value="$youngs_modulus"/> <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
-        </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+CELL = one_cell(scattering="isotropic", fz=0, youngs_modulus=4)
 STUDY = """
 scene = "cell.xml"
 points = 16

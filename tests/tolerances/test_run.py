@@ -7,25 +7,12 @@ import shutil
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, open_study
 from mitsuba_taxel.tolerances import run_tolerance
 
-CELL = """<scene version="3.9.0">
-    <default name="fz" value="0"/> <default name="youngs_modulus" value="4"/> <default name="led_power" value="1"/>
-    <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/> <float name="mesh_size" value="2.5"/>
-        <float name="youngs_modulus" value="$youngs_modulus"/>
-        <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
-        </bsdf>
-    </shape>
-    <shape type="photo_reflector">
-        <emitter type="annular_led"> <float name="power" value="$led_power"/> </emitter>
-        <sensor type="phototransistor"/>
-    </shape>
-</scene>"""
+CELL = one_cell(scattering="isotropic", fz=0, youngs_modulus=4, led_power=1)
 STUDY = """
 scene = "cell.xml"
 points = 64

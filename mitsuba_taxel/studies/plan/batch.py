@@ -183,6 +183,21 @@ def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:
     return forces
 
 
+def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
+    """A study file of one scene as it stands, without its table of a name, and that table; None if it has none.
+
+    Raises
+    ------
+    InputError
+        if it cannot be read, holds what no study has, or several scenes.
+    """
+    content = read_study(file, besides=(table,))
+    if len(content["scenes"]) > 1 or "name" in content["scenes"][0]:
+        raise InputError(f"study {file.name} is not allowed: one scene alone, without [[scenes]], is needed.")
+    own = content.pop(table, None)
+    return content, own
+
+
 def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any]:
     """A study file as it stands, its scenes in a list under ``scenes``; ``besides`` names what else it may hold.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, open_study, sweep
 from mitsuba_taxel.characterise import sensitivity
@@ -11,18 +12,7 @@ from mitsuba_taxel.studies.plan.batch import make_batch
 from mitsuba_taxel.studies.run import chosen_steps
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 
-PAD = """<scene version="3.9.0">
-    <default name="fx" value="0"/> <default name="fz" value="0"/> <default name="roof" value="lambertian"/>
-    <shape type="deformable_pad">
-        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="1.7"/>
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <vector name="force" value="$fx, 0, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="$roof"/> </bsdf>
-        </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+PAD = one_cell(cell="cylindrical", mesh_size=1.7, scattering="$roof", fx=0, fz=0, roof="lambertian")
 
 
 @pytest.fixture

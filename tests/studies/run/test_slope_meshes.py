@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import click
 import numpy as np
 import pytest
+from one_cell import one_cell
 from taxel_cli.tables import end_beyond_target
 
 from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
@@ -14,18 +15,7 @@ from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
 from mitsuba_taxel.studies.run.dataset import missed_slope
 
-PAD = """<scene version="3.9.0">
-    <default name="fz" value="0"/> <default name="size" value="1.7"/>
-    <shape type="deformable_pad">
-        <string name="cell" value="cylindrical"/> <float name="mesh_size" value="$size"/>
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="lambertian"/> </bsdf>
-        </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+PAD = one_cell(cell="cylindrical", mesh_size="$size", scattering="$roof", fz=0, size=1.7, roof="lambertian")
 
 
 @pytest.fixture
@@ -74,13 +64,9 @@ def test_a_target_that_is_not_reached_is_told(pad, tmp_path):
     assert end.value.exit_code == 3
 
 
-def test_slopes_that_are_not_known_do_not_reach_a_target(tmp_path):
-    mirrors = PAD.replace('value="lambertian"', 'value="$roof"').replace(
-        '<default name="size"', '<default name="roof" value="lambertian"/> <default name="size"'
-    )
-    (tmp_path / "pad.xml").write_text(mirrors)
+def test_slopes_that_are_not_known_do_not_reach_a_target(pad):
     how = {"fz": "0:-0.2:-0.2", "roof": "lambertian,mirror"}
-    study = sweep(tmp_path / "pad.xml", how, points=16, derivatives=["fz"])
+    study = sweep(pad, how, points=16, derivatives=["fz"])
     rates = {"derivative": (None, study.derivative.values), "derivative_error": study.derivative_error}
     known = SimpleNamespace(readings=SimpleNamespace(derivatives=SimpleNamespace(parameters=("fz",))))
     results = {place: known for place in np.ndindex(2, 2)}

@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import InputError, open_study, sweep
 from mitsuba_taxel.studies.plan.batch import make_batch
@@ -14,16 +15,7 @@ from mitsuba_taxel.studies.run import job
 
 RUN = {"points": 256, "seed": 3}
 STORED = {"vary": {"z": ["0.6", "0.8"]}, "provenance": {"parameters": {"hole": "0", "law": "lambertian"}}, "points": 64}
-PAD = """<scene version="3.9.0">
-    <default name="fz" value="0"/>
-    <integrator type="taxel_tracer"/>
-    <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <float name="mesh_size" value="2.5"/> <vector name="force" value="0, 0, $fz"/>
-        <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
-    </shape>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-</scene>"""
+PAD = one_cell(integrator="taxel_tracer", fz=0)
 
 
 def joined(vary, defines=None, stored=STORED, **what):
