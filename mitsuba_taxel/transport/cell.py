@@ -137,12 +137,13 @@ class Cell:
         shares = sparse.csr_matrix((pairs.shares.ravel(), known.ravel(), starts), shape=(points, unknowns))
         return (to_points @ shares).toarray()
 
-    def gradient(self) -> np.ndarray:
-        """(F, 15, 3) derivatives of the reading by the places of the patches, per mm."""
+    def gradient(self, wider: float = 1.0) -> np.ndarray:
+        """(F, 15, 3) derivatives of the reading by the places of the patches, per mm; see :meth:`Exchange.slopes`."""
         pairs, mesh, places = self._mesh.pairs, self._mesh, self._walls.places
         points, size = pairs.shares.shape
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
-        slopes = self._between.slopes(pairs.weight * self._adjoint[pairs.target] * response[pairs.point])
+        given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
+        slopes = self._between.slopes(given, wider)
         by_start, by_normal = self._reception.gradient(self._adjoint)
         by_start -= _summed(slopes.by_end, pairs.target, len(mesh.own))
         by_start += 0 if slopes.by_both is None else _summed(slopes.by_both, pairs.target, len(mesh.own))

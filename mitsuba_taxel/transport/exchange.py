@@ -18,8 +18,7 @@ from drjit.llvm import Array3f64, Float64, UInt32
 from mitsuba_taxel.transport.box import Box, Passage
 
 HORIZON = 4e-3
-"""Cosine up to which a way counts for what goes along the horizon; with half of it slopes of bent roofs change by up to
-2e-3."""
+"""Cosine up to which a way counts for what goes along the horizon."""
 _TURN = threading.Lock()
 """Threads that make kernels take turns."""
 
@@ -87,13 +86,13 @@ class Exchange:
             value = pair.per_facing * pair.facing
             return np.array(value if self._box is None else value * self._passage(self._box).share)
 
-    def slopes(self, given: np.ndarray) -> Slopes:
-        """Derivatives of the values, times ``given`` (N,)."""
+    def slopes(self, given: np.ndarray, wider: float = 1.0) -> Slopes:
+        """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor."""
         with _TURN:
             pair, factor = self._pairs(), Float64(given)
             radial = -(3 * pair.even + 4 * pair.cosine * pair.leaving) * pair.facing * pair.over
             per_leaving = pair.cosine * pair.facing
-            per_leaving += pair.at_horizon()
+            per_leaving += pair.at_horizon(HORIZON * wider)
             by_end = factor * (radial * pair.d - pair.per_facing * pair.area + per_leaving * pair.normal)
             found = [by_end, -factor * pair.per_facing * pair.d, factor * per_leaving * pair.d]
             if self._box is not None:
@@ -137,15 +136,16 @@ class _Pairs:
         self.cosine = lambertian / math.pi * self.over * self.over
         self.per_facing = self.even + self.cosine * self.leaving
 
-    def at_horizon(self) -> Float64:
+    def at_horizon(self, width: float) -> Float64:
         """What isotropic light loses by ways that sink below the horizon of the start, for each mm of ``leaving``.
 
-        The light ends there with a step, whose derivative is spread over some directions. On a surface that is curved
-        evenly both ends see each other alike: what one sees more of than the other is what there is at the horizon.
+        The light ends there with a step, whose derivative is spread over directions of a ``width`` (cosine). On a
+        surface that is curved evenly both ends see each other alike: what one sees more of than the other is what there
+        is at the horizon.
         """
         over = dr.rcp(self.distance)
-        cosine = self.leaving * over / HORIZON
-        density = dr.select(dr.abs(cosine) < 1, 0.9375 / HORIZON * dr.square(1 - dr.square(cosine)), 0)
+        cosine = self.leaving * over / width
+        density = dr.select(dr.abs(cosine) < 1, 0.9375 / width * dr.square(1 - dr.square(cosine)), 0)
         facing = dr.maximum(self.facing - dr.norm(self.area) * self.leaving, 0)
         return self.isotropic / (2 * math.pi) * facing * density * dr.square(dr.square(over))
 

@@ -16,6 +16,7 @@ from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.transport import exchange
 from mitsuba_taxel.transport.cell import Mesh
 from mitsuba_taxel.transport.patches import LATTICE
 
@@ -70,6 +71,25 @@ def test_derivatives_past_a_package_are_differences_of_the_whole_chain(name):
     ahead, behind = (DiffuseCells(at(name, sign * step, **LOW).load()).readings()[0] for sign in (1, -1))
     found = derivatives(scene, name)
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
+
+
+def test_the_horizon_of_bent_roofs_shows_in_random_paths(monkeypatch):
+    """The mean slope along a tangential force, by differences of readings of random paths that share their numbers."""
+    forces, plain, without, traced = (0.9, 1.2, 1.5), [], [], []
+    for force in forces:
+        scene = pad_scene(cell="parallelepiped", force=[force, 0, -1.0])
+        live, changes = scene.load(), [rates(scene, "fx")]
+        plain.append(derivatives_by(changes, live, with_errors=False).values[0, 0])
+        with monkeypatch.context() as patch:
+            patch.setattr(exchange, "HORIZON", 1e-12)
+            without.append(derivatives_by(changes, live, with_errors=False).values[0, 0])
+        if force != forces[1]:
+            traced.append(measure(live, points=65536, seed=3, mechanics_error=False).replicates[:, 0])
+    slopes = (traced[1] - traced[0]) / (forces[2] - forces[0])
+    error = slopes.std(ddof=1) / np.sqrt(len(slopes))
+    mean, missing = (np.array(each) @ (1, 4, 1) / 6 for each in (plain, without))
+    assert abs(mean - slopes.mean()) < 3 * error
+    assert abs(missing - slopes.mean()) > 4 * error
 
 
 def test_readings_under_other_laws_of_the_ends():

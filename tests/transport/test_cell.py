@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.bench.sphere_light import Dome
+from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport import exchange
 from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
 from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
@@ -156,6 +157,23 @@ def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
     without = (plain.gradient() * rate).sum()
     assert without == pytest.approx(1.9 * expected, rel=0.02)
     assert found == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.4, 0.7, 1.1])
+def test_a_horizon_of_twice_the_width_tells_what_its_derivative_is_off_by(angle):
+    flat, rate = plate(2.5, 0.6, 4), np.zeros((32, 15, 3))
+    along = flat[..., 0] * np.cos(angle) + flat[..., 1] * np.sin(angle)
+    rate[..., 2] = -0.12 * np.cos(2.4 * along)
+
+    def bent(phase):
+        raised = np.zeros_like(flat)
+        raised[..., 2] = 0.12 * np.sin(2.4 * along - phase)
+        return cell(flat + raised, 1, 0.7, CONE, rest=flat)
+
+    plain = bent(0.0)
+    found, wider = ((plain.gradient(width) * rate).sum() for width in (1, 2))
+    off = found - (bent(0.1).reading - bent(-0.1).reading) / 0.2
+    assert abs(off) < 2 * HORIZON_SHARE * abs(wider - found)
 
 
 def test_changes_of_the_ends_to_first_order():
