@@ -128,6 +128,30 @@ def slopes_command(markdown: Path | None) -> None:
         click.echo(summary(rows))
 
 
+@command.command("nominal", short_help="The paper's study of four shapes: errors and seconds.")
+@click.option("--only", metavar="PATTERN", help="Part of the names of the shapes wanted; * and ? for anything.")
+@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@debug_option
+def nominal_command(only: str | None, markdown: Path | None) -> None:
+    """Read four shapes under normal and tangential force to 0.5 % with slopes to 2 %, from nothing."""
+    from mitsuba_taxel.bench.nominal import HEADINGS, nominal, nominal_cells, write_page
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    from .tables import print_text_table
+
+    if markdown:
+        check_new_file(markdown, ".md")
+    rows = []
+    try:
+        for row in nominal(only, lambda name: click.echo(name, err=True)):
+            rows.append(row)
+            if markdown:
+                pattern = f"--only '{only}' " if only else ""
+                write_page(rows, markdown, f"taxel bench nominal {pattern}--markdown {markdown}")
+    finally:
+        print_text_table(HEADINGS, [line for row in rows for line in nominal_cells(row)])
+
+
 @command.command("accuracy", short_help="Error against time of every method.")
 @click.argument("scene")
 @defines_option

@@ -58,8 +58,8 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
         rate = study.smooth_power.copy(data=shown.rate)
         known = np.isfinite(study.smooth_power.values)
         converted["smooth_power"] = study.smooth_power.copy(data=np.where(known, shown.voltage, np.nan))
-        converted["derivative"] = study.derivative * rate
-        converted["derivative_error"] = study.derivative_error * rate
+        slopes = ("smooth_power_error", "derivative", "derivative_error")
+        converted |= {name: study[name] * rate for name in slopes if name in study}
     for name, values in converted.items():
         converted[name] = values.transpose(*study[name].dims).assign_attrs(units="V")
     return study.assign(converted)

@@ -28,6 +28,8 @@ class Derivatives:
         standard deviation.
     power : (T,) ndarray
         Readings without random numbers, in W.
+    power_errors : (T,) ndarray
+        One standard deviation of these, for the same causes.
     """
 
     parameters: tuple[str, ...]
@@ -35,6 +37,7 @@ class Derivatives:
     values: np.ndarray
     standard_errors: np.ndarray
     power: np.ndarray
+    power_errors: np.ndarray
 
     @property
     def taxel(self) -> np.ndarray:

@@ -7,6 +7,7 @@ what walls send back: dP = dP/dx . dx + dP/d(ends).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 
 FINE, COARSE = 2, 1
 """Degrees of the solutions on a patch, of which the coarser one tells the error of the finer one."""
-LIGHT_SHARE = 0.25
-"""Of the difference of the two, the error of the finer one as one standard deviation."""
+LIGHT_SHARE, READING_SHARE = 0.25, 0.1
+"""Of the difference of the two, the error of the finer one as one standard deviation: of derivatives, of readings."""
 HORIZON_SHARE = 1.3
 """Of what a horizon of twice the width changes, the error of the derivative as one standard deviation: beside
 differences of readings of bent plates and of loaded pads it is 0.5 to 2.5."""
@@ -112,6 +113,7 @@ class _Linearised:
             power * np.array([each.values for each in solved]),
             power * np.hypot(errors, blocked),
             (power * reading)[:, 0],
+            (power * np.hypot(np.array([[each.reading_error] for each in solved]), hidden * reading))[:, 0],
         )
 
     def _equal(self, nodal: list[_Nodal], others: list) -> list[int]:
@@ -197,6 +199,7 @@ class _Found(NamedTuple):
     """Of a cell: its reading per W of its LED, derivatives by each of some changes, and where its light goes."""
 
     reading: float
+    reading_error: float
     values: np.ndarray
     errors: np.ndarray
     flows: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -218,16 +221,20 @@ class _OfCell:
         """All that is kept of the cell: its pairs of points take much memory."""
         fine = self._solved(self._whole.degree, self._at)
         values = self._derivatives(fine, fine.gradient())
-        errors = self._errors(values) if self._whole.with_errors else np.full_like(values, np.nan)
-        return _Found(fine.reading, values, errors, fine.flows())
+        unknown = np.full_like(values, np.nan), np.nan
+        errors, reading_error = self._errors(values, fine.reading) if self._whole.with_errors else unknown
+        return _Found(fine.reading, reading_error, values, errors, fine.flows())
 
-    def _errors(self, values: np.ndarray) -> np.ndarray:
+    def _errors(self, values: np.ndarray, reading: float) -> tuple[np.ndarray, float]:
+        """Of derivatives, and of the reading."""
         cell = self._solved(COARSE, self._at)
         gradient = cell.gradient()
         coarse = self._derivatives(cell, gradient)
         spread = self._derivatives(cell, cell.gradient(wider=2)) - coarse
         light = np.hypot(LIGHT_SHARE * (values - coarse), HORIZON_SHARE * spread)
-        return np.hypot(light, ERROR_SHARE * self._mechanics(gradient, coarse))
+        mechanics, of_reading = self._mechanics(gradient, coarse, cell.reading)
+        reading_error = float(np.hypot(READING_SHARE * (reading - cell.reading), ERROR_SHARE * of_reading))
+        return np.hypot(light, ERROR_SHARE * mechanics), reading_error
 
     def _solved(self, degree: int, places: np.ndarray) -> Cell:
         return self._whole.cells.solved(self._number, self._meshes[degree], places)
@@ -252,18 +259,19 @@ class _OfCell:
             total += weight * (change + cell.reading * then.power / taxel.power)
         return total
 
-    def _mechanics(self, gradient: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
-        """What derivatives change by with coarser finite elements: the rates, and where the walls are."""
+    def _mechanics(self, gradient: np.ndarray, derivatives: np.ndarray, reading: float) -> tuple[np.ndarray, float]:
+        """What derivatives, and the reading, change by with coarser finite elements: the rates, and where walls are."""
         state = self._whole.state
         of_rates = [each.deviations for each in self._nodal if each.deviations is not None]
         if state.deviations is None or len(of_rates) < len(self._nodal):
-            return np.full_like(derivatives, np.nan)
+            return np.full_like(derivatives, np.nan), math.nan
         rates = [[(gradient * self._patches.carried(part)).sum() for part in each] for each in of_rates]
-        squares = np.array([np.square(each).sum() for each in rates])
+        squares, of_reading = np.array([np.square(each).sum() for each in rates]), 0.0
         for deviation in state.deviations if any(self._whole.cells.pad.value) else ():
             there = self._solved(COARSE, self._at + self._patches.carried(deviation))
             squares += (self._derivatives(there, there.gradient()) - derivatives) ** 2
-        return np.sqrt(squares)
+            of_reading += (there.reading - reading) ** 2
+        return np.sqrt(squares), math.sqrt(of_reading)
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:

@@ -167,6 +167,7 @@ def test_the_reading_is_proportional_to_the_power(found):
 
 def test_every_derivative_has_an_error(found):
     assert np.all(found.standard_errors > 0)
+    assert 0 < found.power_errors[0] < 5e-3 * found.power[0]
     assert by(found, "fx")[1] < 0.05 * abs(by(found, "fx")[0])  # of a coarse mesh
     assert by(found, "reflectance")[1] < 1e-3 * by(found, "reflectance")[0]
     table = found.to_xarray()

@@ -23,8 +23,8 @@ STEP = "step"
 """The dimension of values that are taken together, row by row."""
 TAKEN = frozenset(
     "step taxel replicate stage parameter derivative_unit power standard_error total_error replicate_power seconds "
-    "responsivity deviation roof_error slope_error geometry_error smooth_power derivative derivative_error mesh map "
-    "voltage voltage_error counts noise".split()
+    "responsivity deviation roof_error slope_error geometry_error smooth_power smooth_power_error derivative "
+    "derivative_error mesh map voltage voltage_error counts noise".split()
 )
 """Names of dimensions and variables of the results, which no varied parameter may have."""
 

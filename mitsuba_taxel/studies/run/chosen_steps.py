@@ -9,6 +9,8 @@ from __future__ import annotations
 import gc
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +18,11 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
 from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import Axis, combinations
 from mitsuba_taxel.studies.run.job import describe
+from mitsuba_taxel.studies.run.provenance import provenance
 
 SLOPE_ERROR = 0.01
 """Of the largest slope of a curve, where nobody asks for anything."""
@@ -80,14 +84,30 @@ class _Curve:
         return sorted(self._known)
 
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) W, and slopes over the range's length."""
-        from mitsuba_taxel.sensing.derivatives import COARSE, derivatives_by
-        from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
-        from mitsuba_taxel.sensing.scene_rates import rates
+        """(T,) W, and slopes over the range's length; from disk, where a run before has read them."""
+        from mitsuba_taxel.mechanics.path import cache
 
         start, stop = self._ends
         values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}
         scene = self._batch.scene(values)
+        name = cache.key("reading and slope", self._origin, self._name, scene.parameters, scene.mesh_size)
+        arrays = cache.load(name)
+        if arrays is None:
+            arrays = self._computed(scene, values)
+            cache.store(name, arrays)
+        return arrays["power"], arrays["slope"] * (stop - start)
+
+    @cached_property
+    def _origin(self) -> list[Any]:
+        """What readings depend on besides values."""
+        origin = provenance(self._batch)
+        return [origin[name] for name in ("scene_content", "code", "versions")]
+
+    def _computed(self, scene: Scene, values: Mapping[str, str]) -> dict[str, np.ndarray]:
+        from mitsuba_taxel.sensing.derivatives import COARSE, derivatives_by
+        from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
+        from mitsuba_taxel.sensing.scene_rates import rates
+
         try:
             found = derivatives_by([rates(scene, self._name)], prepare(scene).scene, False, COARSE)
         except NotDiffuse as error:
@@ -96,7 +116,7 @@ class _Curve:
             raise type(error)(f"{describe(values)}: {error}") from error
         finally:
             gc.collect()
-        return found.power, found.values[:, 0] * (stop - start)
+        return {"power": found.power, "slope": found.values[:, 0]}
 
     def _follows(self, one: float, other: float) -> bool:
         """Whether the reading between two is as the cubic through them says."""

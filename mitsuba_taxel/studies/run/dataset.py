@@ -230,14 +230,18 @@ def _of_derivatives(
     if not found:
         return {}
     one = next(iter(found.values()))
-    power = np.full((*shape, len(one.power)), math.nan)
+    power, power_errors = np.full((2, *shape, len(one.power)), math.nan)
     values, errors = np.full((2, *shape, *one.values.shape), math.nan)
     for place, each in found.items():
         power[place], values[place], errors[place] = each.power, each.values, each.standard_errors
+        power_errors[place] = each.power_errors
     about = {"units": "W", "long_name": "optical power, without random numbers"}
     error = xr.DataArray(errors, dims=[*dims, "taxel", "parameter"], attrs={"long_name": "1 sigma of derivative"})
+    about_error = {"units": "W", "long_name": "1 sigma of smooth_power"}
+    of_power = xr.DataArray(power_errors, dims=[*dims, "taxel"], attrs=about_error)
     return {
         "smooth_power": ([*dims, "taxel"], power, about),
+        "smooth_power_error": of_power.interpolate_na(curve, use_coordinate=False),
         "derivative": ([*dims, "taxel", "parameter"], values, {"long_name": "derivative of smooth_power"}),
         "derivative_error": error.interpolate_na(curve, use_coordinate=False),
     }

@@ -274,7 +274,8 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
         return None
     names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
     kept = Derivatives(names, units, **found)
-    _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)) and kept.power.shape == (taxels,))
+    _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)))
+    _require(kept.power.shape == kept.power_errors.shape == (taxels,))
     return kept
 
 
