@@ -75,6 +75,7 @@ from .results.balance import (
 from .results.balance import (
     reactions as reactions,
 )
+from .results.contact_pressure import contact_pressure as contact_pressure
 from .results.fields import (
     NodalFields as NodalFields,
 )

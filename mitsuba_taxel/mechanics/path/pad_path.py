@@ -94,6 +94,8 @@ class PadPath:
 
     def _driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
+        if not value.any():
+            return np.zeros(3)
         driven, down = self._driven, np.array([0.0, 0.0, -1.0])
         segment, pad = driven._segment(np.zeros(3), down), driven._pad_for(np.zeros(3), down)
         name = cache.key("depth", driven._segment_name(segment), value.tolist())
@@ -145,7 +147,13 @@ class PadPath:
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
-        return State(self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate)
+        moved = value if isinstance(self.load, IndenterDisplacement) else None
+        if isinstance(self.load, IndenterForce):
+            moved = self._driven_to(value, in_the_way)
+        return State(
+            self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
+            indenter_moved=moved,
+        )  # fmt: skip
 
     def _comparison(
         self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray

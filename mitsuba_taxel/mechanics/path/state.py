@@ -101,6 +101,8 @@ class State(Displayed):
         Of a silicone with a memory: its time, its stress, and what they are off by.
     traction : ndarray
         (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
+    indenter_moved : (3,) ndarray or None
+        In mm, how far an indenter is from where it starts; None where there is none.
     """
 
     mesh: VolumeMesh
@@ -118,6 +120,7 @@ class State(Displayed):
     path_rate: Callable[[], PathRate | None] = field(default_factory=lambda: _no_rate)
     memory: Memory | None = None
     traction: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    indenter_moved: np.ndarray | None = None
 
     @cached_property
     def _compared(self) -> Comparison:

@@ -113,6 +113,7 @@ class TimedPath:
         return State(
             path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
+            indenter_moved=np.array(value) if isinstance(path.load, IndenterDisplacement) else None,
         )  # fmt: skip
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:

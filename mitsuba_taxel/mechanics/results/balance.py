@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -22,6 +21,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
 from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces, nodes_of
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.pads.pad import REGIONS
 
 
@@ -100,18 +100,12 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
     if isinstance(load, SpreadForce | PatchForce):
         share = load.nodal(mesh)
         return share[:, None] / share.sum() * state.value
-    if isinstance(load, IndenterDisplacement):
-        body = Indentation(mesh, load.indenter, state.material.youngs_modulus)
-        return body.pressing(state.displacement, state.value, traction=body.at_nodes(state.traction)).pushed
+    if isinstance(load, IndenterDisplacement | IndenterForce):
+        return indentation_of(state)[1].pushed
     forces = np.zeros_like(places)
     if isinstance(load, Pressure):
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
         np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
-        return forces
-    if isinstance(load, IndenterForce):  # how deep the body is, the state does not say
-        touched = np.setdiff1d(np.union1d(nodes_of(mesh, "top"), nodes_of(mesh, "outer")), nodes_of(mesh, "bottom"))
-        forces[touched] = internal[touched]
-        forces[touched, 2] += (state.value[2] - internal[touched, 2].sum()) / len(touched)
         return forces
     # How a plate spreads its force is a reaction: only their sum can be out of balance.
     top = nodes_of(mesh, "top")

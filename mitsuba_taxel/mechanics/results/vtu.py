@@ -20,6 +20,7 @@ def write_vtu(
     pressure: np.ndarray,
     material: Material,
     overstress: np.ndarray | None = None,
+    contact_pressure: np.ndarray | None = None,
 ) -> None:
     """Write the undeformed mesh as quadratic tetrahedra, with the fields of the deformed pad at its nodes.
 
@@ -38,6 +39,8 @@ def write_vtu(
         MPa at the corners of elements, positive in tension.
     overstress : (m, q, 6) ndarray, optional
         MPa, :attr:`Memory.overstress` of a state of a silicone with a memory.
+    contact_pressure : (N,) ndarray, optional
+        MPa, :func:`contact_pressure` of a state under an indenter, written as "contact pressure [MPa]".
 
     Raises
     ------
@@ -48,6 +51,8 @@ def write_vtu(
     if file.suffix.lower() != ".vtu":
         raise InputError(f"output {file} must end in .vtu.")
     data = _point_data(mesh, displacement, nodal_fields(mesh, displacement, pressure, material, overstress))
+    if contact_pressure is not None:
+        data["contact pressure [MPa]"] = contact_pressure
     import meshio  # its readers of forty formats are not needed before
 
     try:

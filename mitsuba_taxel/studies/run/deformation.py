@@ -82,14 +82,15 @@ def deform(
 
 def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
     """Write one deformed pad, and say what it is."""
-    from mitsuba_taxel.mechanics import reactions, write_vtu
+    from mitsuba_taxel.mechanics import contact_pressure, reactions, write_vtu
 
     state = pad.state
     board = reactions(state)
     write_mesh(pad, file)
     if vtu:
         overstress = state.memory and state.memory.overstress
-        fields = state.displacement, state.pressure, state.material, overstress
+        pressing = None if state.indenter_moved is None else contact_pressure(state)
+        fields = state.displacement, state.pressure, state.material, overstress, pressing
         write_vtu(file.with_suffix(".vtu"), state.mesh, *fields)
     return {
         "file": str(file),

@@ -13,6 +13,7 @@ from mitsuba_taxel.mechanics import (
     IndenterDisplacement,
     IndenterForce,
     NeoHookean,
+    contact_pressure,
     linearise,
     load_path,
     reactions,
@@ -74,6 +75,7 @@ def test_a_force_presses_as_deep_as_it_takes(fresh):
     np.testing.assert_allclose(pushed.displacement, moved.displacement, atol=1e-8)
     assert reactions(pushed).applied_force[2] == pytest.approx(force)
     assert reactions(pushed).imbalance < 1e-8
+    np.testing.assert_allclose(contact_pressure(pushed), contact_pressure(moved), atol=1e-5)
     more, less = pressed((0, 0, force * 1.001), (0, 0, force * 0.999), load=by_force)
     difference = (more.displacement - less.displacement) / (0.002 * abs(force))
     rate = pushed.path_rate()
@@ -93,6 +95,20 @@ def test_a_force_presses_as_deep_as_it_takes(fresh):
 def test_a_force_that_no_body_can_bear(value, at, said):
     with pytest.raises(InputError, match=said):
         pressed(value, load=IndenterForce(Indenter("sphere", radius=2.5, at=(at, 0.0))))
+
+
+def test_the_contact_pressure_adds_up_to_the_force():
+    (state,) = pressed((0, 0, -0.4))
+    pressure, places = contact_pressure(state), state.mesh.points
+    pieces = state.mesh.faces[:, [[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]]].reshape(-1, 3)
+    a, b, c = (places[pieces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    across = np.linalg.norm((places + state.displacement)[:, :2], axis=1) / BALL.indenter.radius
+    downwards = pressure * np.sqrt(1 - np.minimum(across, 1) ** 2)
+    assert area @ downwards[pieces].mean(axis=1) == pytest.approx(reactions(state).force[2], rel=5e-3)
+    assert pressure.min() == 0 and np.linalg.norm(places[pressure.argmax()] - [0, 0, PAD.height]) < 0.5
+    (free,) = load_path(PAD, LAW, [(0, 0, -0.1)], mesh_size=SIZE)
+    assert not contact_pressure(free).any()
 
 
 def test_a_symmetric_part_is_the_whole():

@@ -71,6 +71,10 @@ def test_all_fields_are_read_back(tmp_path, deformed):
         stress = read.point_data["Cauchy stress [MPa]"][:, column]
         np.testing.assert_array_equal(stress, fields.cauchy_stress[:, i, j])
     assert not read.cell_data
+    pressed = np.arange(len(mesh.points), dtype=float)
+    write_vtu(tmp_path / "pad.vtu", mesh, displacement, pressure, NeoHookean(), contact_pressure=pressed)
+    read = meshio.read(tmp_path / "pad.vtu")
+    np.testing.assert_array_equal(read.point_data["contact pressure [MPa]"], pressed)
 
 
 def test_the_xml_is_what_vtk_s_reader_expects(tmp_path, deformed):

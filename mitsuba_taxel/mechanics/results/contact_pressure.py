@@ -1,0 +1,28 @@
+"""What an indenter presses with, over the surface of a deformed pad."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
+from mitsuba_taxel.mechanics.path.state import State
+
+
+def contact_pressure(state: State) -> np.ndarray:
+    """(N,) MPa by which an indenter presses at each node of a deformed pad, 0 where none touches it.
+
+    It is linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
+    """
+    found = np.zeros(len(state.mesh.points))
+    if isinstance(state.load, IndenterDisplacement | IndenterForce):
+        body, pressing = indentation_of(state)
+        np.maximum.at(found, body.node, pressing.pressure)
+    return found
+
+
+def indentation_of(state: State) -> tuple[Indentation, Pressing]:
+    """The indenter of a state, and how it presses."""
+    assert isinstance(state.load, IndenterDisplacement | IndenterForce) and state.indenter_moved is not None
+    body = Indentation(state.mesh, state.load.indenter, state.material.youngs_modulus)
+    return body, body.pressing(state.displacement, state.indenter_moved, traction=body.at_nodes(state.traction))
