@@ -67,8 +67,16 @@ def command(
     """Draw the sensor of SCENE: deformed pad, photo-reflectors and board, seen from -y and from above.
 
     Everything in front of the cut except the photo-reflectors is removed. LEDs glow in red, for near infrared.
+    An indenter is drawn translucent, and its contact pressure as a colour.
     """
-    from mitsuba_taxel.report.picture.drawing import PICTURES, labelled, render_parts, write_picture
+    from mitsuba_taxel.report.picture.drawing import (
+        PICTURES,
+        labelled,
+        most_pressure,
+        render_parts,
+        with_scale,
+        write_picture,
+    )
     from mitsuba_taxel.report.picture.sensor_parts import shown_parts
     from mitsuba_taxel.sensing import Scene
     from mitsuba_taxel.studies.plan.files import check_new_file
@@ -83,6 +91,8 @@ def command(
         pixels = render_parts(parts, width=width, samples=samples, progress=progress)
     if magnify != 1:
         pixels = labelled(pixels, f"deformation shown {magnify:g} times")
+    if most := most_pressure(parts):
+        pixels = with_scale(pixels, most)
     write_picture(pixels, output)
     height = len(pixels)
     if as_json:

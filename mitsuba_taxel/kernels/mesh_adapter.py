@@ -65,3 +65,8 @@ def move_vertices(mesh: mi.Mesh, places: Places) -> None:
 def add_face_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
     """Attach a number to each triangle, readable as ``si.shape.eval_attribute_1('face_' + name, si)``."""
     mesh.add_attribute(f"face_{name}", 1, np.ravel(values).tolist())  # Mitsuba takes arrays apart number by number
+
+
+def add_vertex_attribute(mesh: mi.Mesh, name: str, values: np.ndarray) -> None:
+    """Attach a number to each vertex, as :func:`add_face_attribute` does to triangles."""
+    mesh.add_attribute(f"vertex_{name}", 1, np.ravel(values).tolist())

@@ -91,6 +91,7 @@ class PadShape(Protocol):
     finish: Any
     state: Any
     surface: Any
+    contact_pressure: np.ndarray | None
     to_world: np.ndarray
     ptr: int
 

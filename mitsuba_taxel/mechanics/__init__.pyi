@@ -115,5 +115,8 @@ from .surface.tessellation import (
     Surface as Surface,
 )
 from .surface.tessellation import (
+    contact_pressure_at_vertices as contact_pressure_at_vertices,
+)
+from .surface.tessellation import (
     tessellate as tessellate,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +13,13 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.kernels.cell_surface import CellSurface
-from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, give_geometry, initialize_mesh
+from mitsuba_taxel.kernels.mesh_adapter import (
+    Places,
+    add_face_attribute,
+    add_vertex_attribute,
+    give_geometry,
+    initialize_mesh,
+)
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import Pad
 
@@ -153,6 +159,17 @@ class DeformablePad(mi.Mesh):
     def _add_attributes(self, mesh: mi.Mesh) -> None:
         add_face_attribute(mesh, "region", self.surface.region)
         add_face_attribute(mesh, "cell", self.surface.cell)
+        if self.contact_pressure is not None and mesh.vertex_count() == len(self.contact_pressure):
+            add_vertex_attribute(mesh, "contact_pressure", self.contact_pressure)
+
+    @cached_property
+    def contact_pressure(self) -> np.ndarray | None:
+        """(V,) MPa by which an indenter presses at the vertices of the surface; None where there is none."""
+        from mitsuba_taxel.mechanics import contact_pressure_at_vertices
+
+        if self.state.indenter_moved is None:
+            return None
+        return contact_pressure_at_vertices(self.state, self.subdivision, self.finish, self.read_cells, self.pad)
 
     @property
     def is_loaded(self) -> bool:

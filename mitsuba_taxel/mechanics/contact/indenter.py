@@ -114,7 +114,7 @@ class Indenter(Checked):
 
     def _of_punch(self, places: np.ndarray) -> Gap:
         """A rod with a flat end, a core that is thinner by the edge's radius and rounded by it."""
-        edge = EDGE * self._radius if self.edge_radius is None else self.edge_radius
+        edge = self.edge
         across = np.maximum(np.hypot(places[:, 0], places[:, 1]), TINY)
         outwards = places * [1.0, 1.0, 0.0] / across[:, None]
         around = outwards @ [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
@@ -140,6 +140,11 @@ class Indenter(Checked):
     def _radius(self) -> float:
         assert self.radius is not None
         return self.radius
+
+    @property
+    def edge(self) -> float:
+        """Mm, radius of the edge of a punch."""
+        return EDGE * self._radius if self.edge_radius is None else self.edge_radius
 
     def keeps(self, mirror: Mirror) -> bool:
         """Whether a mirror leaves the body as it is, where it starts."""

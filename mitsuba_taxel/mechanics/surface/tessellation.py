@@ -14,6 +14,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
 from mitsuba_taxel.mechanics.surface.curvature import Corners, smooth_sheets
 from mitsuba_taxel.mechanics.surface.cutting import cut_faces, in_cells, weighted
 from mitsuba_taxel.mechanics.surface.finish import (
@@ -119,6 +120,21 @@ def tessellate(
         curved = walls.corners.curved
         at_corners[curved] = normals[walls.corners.points[curved]]
     return Surface(vertices, triangles, mesh.face_region[faces], mesh.face_cell[faces], offsets, at_corners)
+
+
+def contact_pressure_at_vertices(
+    state: State,
+    subdivision: int,
+    finish: Finish | None = None,
+    cells: Sequence[int] | None = None,
+    pad: Pad | PadFile | None = None,
+) -> np.ndarray:
+    """(V,) MPa by which an indenter presses at the vertices that :func:`tessellate` gives for the same arguments."""
+    if finish is not None:
+        subdivision = fine_subdivision(state.mesh, finish, subdivision)
+    cut = cut_faces(state.mesh, subdivision, chosen_cells(state.mesh, cells, finish))
+    pressure = np.maximum(cut.at_vertices(contact_pressure(state)[:, None])[:, 0], 0.0)
+    return pressure if finish is None else _relief(state.mesh, subdivision, finish, pad).between(pressure)
 
 
 def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:

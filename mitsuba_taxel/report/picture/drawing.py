@@ -38,6 +38,9 @@ GLOW = (18.0, 0.30, 0.05)
 SKY, LAMP = (0.96, 0.98, 1.0), (5.2, 5.05, 4.8)
 """Radiances by which the ground is a little more than white wherever nothing shades it."""
 
+SEEN = 0.35
+"""Opacity of an indenter: what it presses with shows through it."""
+
 
 def _matt(*colour: float) -> dict[str, Any]:
     return _twosided({"type": "diffuse", "reflectance": _rgb(colour)})
@@ -55,7 +58,8 @@ def _rgb(colour: Sequence[float]) -> dict[str, Any]:
     return {"type": "rgb", "value": list(colour)}
 
 
-_OUTSIDE = _matt(0.13, 0.20, 0.29)
+_SHELL = (0.13, 0.20, 0.29)
+_OUTSIDE = _matt(*_SHELL)
 MATERIALS: dict[str, dict[str, Any]] = {
     "roof": _matt(0.80, 0.80, 0.78),
     "side": _matt(0.16, 0.17, 0.19),
@@ -68,8 +72,11 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "phototransistor": _glossy(0.01, 0.17, 0.12, roughness=0.1),
     "board": _glossy(0.03, 0.11, 0.065, roughness=0.3),
     "plate": _glossy(0.45, 0.46, 0.48, roughness=0.15),
+    "indenter": {"type": "mask", "opacity": SEEN, "bsdf": _matt(0.55, 0.42, 0.25)},
 }
 """What the materials of `ShownPart` look like."""
+_COLOURED = _twosided({"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}})
+_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "r", "g", "b")
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
@@ -89,17 +96,30 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
         image.write(str(temporary))
 
 
-def labelled(pixels: np.ndarray, words: str) -> np.ndarray:
-    """A picture (H, W, 3) with words in its lower left corner."""
+def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
+    """A picture (H, W, 3) with the colours of contact pressures up to ``most`` MPa in its upper left corner."""
+    size = _letter(pixels)
+    pixels = labelled(pixels, f"contact pressure, 0 to {most:.2g} MPa", (size, size))
+    bar = pixels[5 * size // 2 : 3 * size, size : 13 * size]
+    bar[:] = _linear_colours(np.linspace(0, most, bar.shape[1]), most)
+    return pixels
+
+
+def labelled(pixels: np.ndarray, words: str, place: tuple[int, int] | None = None) -> np.ndarray:
+    """A picture (H, W, 3) with words in its lower left corner, or at another place."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = pixels.shape[:2]
     mask = Image.new("L", (width, height))
-    size = max(height // 24, 9)
-    place = (size, height - 2 * size)
-    ImageDraw.Draw(mask).text(place, words, fill=255, font=ImageFont.load_default(size))
+    size = _letter(pixels)
+    ImageDraw.Draw(mask).text(place or (size, height - 2 * size), words, fill=255, font=ImageFont.load_default(size))
     ink = np.asarray(mask, dtype=float)[..., None] / 255
     return pixels * (1 - ink) + 0.01 * ink
+
+
+def _letter(pixels: np.ndarray) -> int:
+    """Height of letters."""
+    return max(len(pixels) // 24, 9)
 
 
 @in_turn
@@ -182,7 +202,7 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
     }
     return {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": 4},
+        "integrator": {"type": "path", "max_depth": 4 + 4 * ("indenter" in shapes)},
         "sensor": {
             "type": "perspective",
             "fov": FIELD_OF_VIEW,
@@ -213,14 +233,37 @@ def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any
     corners = np.concatenate([part.vertices[part.triangles] for part in parts])
     normals = np.concatenate([_corner_normals(part) for part in parts])
     materials = np.concatenate([part.material for part in parts])
+    most = most_pressure(parts)
+    pressed = [np.zeros(part.triangles.shape) if part.pressure is None else part.pressure for part in parts]
+    colours = _colours(np.concatenate(pressed), most) if most else None
     shapes = {}
     for name in np.unique(materials).tolist():
         file = folder / f"{name}.ply"
-        _write_ply(file, corners[materials == name], normals[materials == name])
-        shapes[name] = {"type": "ply", "filename": str(file), "bsdf": MATERIALS[name]}
+        here, shown = materials == name, MATERIALS[name]
+        own = colours[here] if colours is not None and shown is _OUTSIDE else None
+        _write_ply(file, corners[here], normals[here], own)
+        shapes[name] = {"type": "ply", "filename": str(file), "bsdf": shown if own is None else _COLOURED}
         if name == "led":
             shapes[name]["emitter"] = {"type": "area", "radiance": _rgb(GLOW), "sampling_weight": 0.5}
     return shapes
+
+
+def most_pressure(parts: Sequence[ShownPart]) -> float:
+    """MPa by which an indenter presses at most, 0 without one."""
+    return max((float(part.pressure.max()) for part in parts if part.pressure is not None), default=0.0)
+
+
+def _colours(pressure: np.ndarray, most: float) -> np.ndarray:
+    """(T, 3, 3) linear colours of the outside: its own where nothing presses."""
+    return np.where(pressure[..., None] > 0, _linear_colours(pressure, most), _SHELL)
+
+
+def _linear_colours(pressure: np.ndarray, most: float) -> np.ndarray:
+    """(..., 3) colours of pressures."""
+    from matplotlib import colormaps
+
+    srgb = colormaps["viridis"](pressure / most)[..., :3]
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def _corner_normals(part: ShownPart) -> np.ndarray:
@@ -238,15 +281,16 @@ def _corner_normals(part: ShownPart) -> np.ndarray:
     return unit(sums)[number].reshape(-1, 3, 3)
 
 
-def _write_ply(file: Path, corners: np.ndarray, normals: np.ndarray) -> None:
-    """Write triangles, each of corners of its own (T, 3, 3) with normals (T, 3, 3), as binary PLY."""
+def _write_ply(file: Path, corners: np.ndarray, normals: np.ndarray, colours: np.ndarray | None) -> None:
+    """Write triangles, each of corners of its own (T, 3, 3) with normals, and colours if given, as binary PLY."""
+    of_corners = [corners, normals, *([] if colours is None else [colours])]
     count = len(corners)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {3 * count}"]
-    header += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    header += [f"property float {name}" for name in _PROPERTIES[: 3 * len(of_corners)]]
     header += [f"element face {count}", "property list uchar int vertex_indices", "end_header", ""]
     faces = np.empty(count, dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, np.arange(3 * count).reshape(-1, 3)
-    points = np.concatenate([corners, normals], axis=2).astype("<f4")
+    points = np.concatenate(of_corners, axis=2).astype("<f4")
     file.write_bytes("\n".join(header).encode() + points.tobytes() + faces.tobytes())
 
 

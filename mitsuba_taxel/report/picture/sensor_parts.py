@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.cutaway import cut_open, is_closed
+from mitsuba_taxel.geometry.cutaway import Half, cut_open, is_closed
 from mitsuba_taxel.geometry.triangles import components, neighbours, unit, volume
 from mitsuba_taxel.kernels.protocols import is_pad
 from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
+from mitsuba_taxel.report.picture.indenters import indenter_surface
 
 FACING = np.array([0.0, 1.0, 0.0])
 """Normal of the cut, towards what is kept."""
@@ -34,15 +35,18 @@ class ShownPart:
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     material : (T,) ndarray
-        Name of a region of a pad or a package, ``cut``, ``board`` or ``plate``.
+        Name of a region of a pad or a package, ``cut``, ``board``, ``indenter`` or ``plate``.
     cell : (T,) ndarray
         Number of the cell that a roof or side belongs to, 0 elsewhere.
+    pressure : (T, 3) ndarray or None
+        MPa by which an indenter presses at the corners of the triangles; None if none does.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     material: np.ndarray
     cell: np.ndarray
+    pressure: np.ndarray | None = None
 
     @property
     def is_package(self) -> bool:
@@ -51,7 +55,8 @@ class ShownPart:
 
     def chosen(self, which: np.ndarray) -> ShownPart:
         """Some of its triangles."""
-        return ShownPart(self.vertices, self.triangles[which], self.material[which], self.cell[which])
+        pressure = None if self.pressure is None else self.pressure[which]
+        return ShownPart(self.vertices, self.triangles[which], self.material[which], self.cell[which], pressure)
 
     def range(self, axis: int) -> tuple[float, float]:
         """Least and largest coordinate of its triangles, mm."""
@@ -81,11 +86,12 @@ def shown_parts(scene: Any, cut: float | str = "middle", magnify: float = 1.0) -
         if the scene holds no surface of triangles, or the cut does not go through them.
     """
     solids = [part for shape in scene.shapes() if (part := _solid(shape, magnify)) is not None]
+    bodies = [body for shape in scene.shapes() if (body := _indenter(shape, magnify)) is not None]
     sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
     if not solids:
         raise InputError("the scene holds no mesh: nothing of it can be shown.")
     ground = min(part.range(2)[0] for part in solids)
-    parts = [*solids, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
+    parts = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
     offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)
     if offset is not None:
         low, high = min(part.range(1)[0] for part in solids), max(part.range(1)[1] for part in solids)
@@ -121,6 +127,9 @@ def _solid(shape: Any, magnify: float) -> ShownPart | None:
     import mitsuba as mi
 
     further: Any = 0.0
+    pressure = None
+    if is_pad(shape) and shape.contact_pressure is not None:
+        pressure = shape.contact_pressure[shape.surface.triangles]
     if magnify != 1 and is_pad(shape):
         further, shape = (magnify - 1) * _displacements(shape), shape.closed()
     parameters = mi.traverse(shape)
@@ -137,9 +146,18 @@ def _solid(shape: Any, magnify: float) -> ShownPart | None:
     triangles = number.reshape(-1)[triangles]
     if is_closed(triangles) and volume(vertices, triangles) < 0:
         triangles = triangles[:, ::-1]
+        pressure = None if pressure is None else pressure[:, ::-1]
     names = {code: name for name, code in ALL_REGIONS.items()}
     material = np.array([names.get(code, OTHER) for code in region.tolist()])
-    return ShownPart(vertices, triangles, material, cell)
+    return ShownPart(vertices, triangles, material, cell, pressure)
+
+
+def _indenter(shape: Any, magnify: float) -> ShownPart | None:
+    surface = indenter_surface(shape, magnify) if is_pad(shape) else None
+    if surface is None:
+        return None
+    count = len(surface[1])
+    return ShownPart(*surface, np.full(count, "indenter"), np.zeros(count, dtype=int))
 
 
 def _displacements(pad: Any) -> np.ndarray:
@@ -186,4 +204,17 @@ def _opened(part: ShownPart, offset: float) -> ShownPart:
     old = half.source >= 0
     face = "cut" if part.cell.any() else part.material[0]
     material = np.where(old, part.material[half.source], face)
-    return ShownPart(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0))
+    pressure = None if part.pressure is None else _at_corners(part, half)
+    return ShownPart(half.vertices, half.triangles, material, np.where(old, part.cell[half.source], 0), pressure)
+
+
+def _at_corners(part: ShownPart, half: Half) -> np.ndarray:
+    """(T, 3) pressure at the corners of what a cut leaves of triangles; linear on each of these, 0 on the cut."""
+    assert part.pressure is not None
+    found = np.zeros(half.triangles.shape)
+    known = (half.source >= 0) & part.pressure.any(axis=1)[half.source]
+    whole, values = part.vertices[part.triangles[half.source[known]]], part.pressure[half.source[known]]
+    sides, places = whole[:, 1:] - whole[:, :1], half.vertices[half.triangles[known]] - whole[:, :1]
+    along = np.einsum("tcj,tjk->tck", places, np.linalg.pinv(sides))
+    found[known] = values[:, :1] + np.einsum("tck,tk->tc", along, values[:, 1:] - values[:, :1])
+    return np.maximum(found, 0.0)
