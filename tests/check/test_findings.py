@@ -106,8 +106,9 @@ def test_shipped_scenes_have_none(name):
     assert check_scene(name) == []
 
 
-def test_the_template_has_none(tmp_path):
-    write_template("scene", tmp_path / "scene.xml")
+@pytest.mark.parametrize("kind", ["scene", "touch"])
+def test_the_templates_have_none(tmp_path, kind):
+    write_template(kind, tmp_path / "scene.xml")
     assert check_scene(tmp_path / "scene.xml") == []
 
 

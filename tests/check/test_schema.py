@@ -40,8 +40,9 @@ def test_shipped_scenes_are_valid(relaxng, name):
     relaxng.assertValid(etree.parse(str(shipped_scenes() / name)))
 
 
-def test_the_template_is_valid(relaxng, tmp_path):
-    write_template("scene", tmp_path / "scene.xml")
+@pytest.mark.parametrize("kind", ["scene", "touch"])
+def test_the_templates_are_valid(relaxng, tmp_path, kind):
+    write_template(kind, tmp_path / "scene.xml")
     relaxng.assertValid(etree.parse(str(tmp_path / "scene.xml")))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitsuba_taxel import InputError, open_study
+from mitsuba_taxel import InputError, open_study, sweep
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
@@ -50,6 +50,22 @@ def test_the_same_material_points_are_shown_of_a_deformed_surface():
     assert trimesh.Trimesh(moved[kept], triangles, process=False).volume == pytest.approx(8.0 * 1.1 * 0.7, rel=1e-9)
 
 
+BALL = """<scene version="3.9.0">
+    <default name="depth" value="0.3"/> <integrator type="taxel_tracer"/>
+    <shape type="deformable_pad">
+        <string name="cell" value="hemispheric"/> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <float name="mesh_size" value="3"/> <integer name="subdivision" value="4"/>
+        <string name="load" value="indenter_displacement"/> <vector name="displacement" value="0, 0, -$depth"/>
+        <string name="indenter" value="sphere"/> <float name="indenter_radius" value="2"/>
+        <bsdf type="region"> <bsdf name="roof" type="wall"/> </bsdf>
+    </shape>
+    <shape type="photo_reflector">
+        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <emitter type="annular_led"/> <sensor type="phototransistor"/>
+    </shape>
+</scene>"""
+
+
 def solids(page):
     text = re.search(r'<script type="application/json" id="solids">(.*?)</script>', page.read_text(), re.DOTALL)[1]
     return json.loads(text)["panels"]
@@ -60,7 +76,7 @@ def test_no_triangle_is_folded_over(study_folder, most):
     from mitsuba_taxel.report.page.solids import read_surfaces
 
     surface = read_surfaces(sorted((study_folder / "meshes").glob("*.ply"))[:1])
-    coarse = coarsened(*surface, most_vertices=most)
+    coarse = coarsened(*surface[:3], most_vertices=most)
     upwards = area_normals(surface.vertices[coarse.kept], coarse.triangles)[:, 2]
     for name, sign in {"roof": -1, "bottom": -1, "top": 1}.items():  # these lie flat
         there = coarse.regions == REGIONS[name]
@@ -107,6 +123,28 @@ def test_light_paths_run_from_the_led_to_the_phototransistor_of_the_cell_that_is
                 start, end = (numbers(path, "<i2") * panel["unit"])[[0, -1]]
                 for point, face in ((start, led), (end, phototransistor)):
                     assert np.all(point > face.min(axis=0) - 0.02) and np.all(point < face.max(axis=0) + 0.02)
+
+
+@pytest.fixture(scope="module")
+def pressed_page(tmp_path_factory, mechanics_error_unknown):
+    """Of a cell that a ball presses on."""
+    folder = tmp_path_factory.mktemp("pressed")
+    (folder / "ball.xml").write_text(BALL)
+    sweep(folder / "ball.xml", {"depth": "0,0.3"}, points=64, output=folder / "results")
+    assert write_report(folder / "results", folder / "report.html") == []
+    return folder / "report.html"
+
+
+def test_indenters_are_drawn_and_what_they_press_with_has_colours(pressed_page):
+    (panel,) = solids(pressed_page)
+    for step, depth in zip(panel["steps"], (0, 0.3), strict=True):
+        vertices = numbers(step["vertices"], "<i2") * panel["unit"]
+        pressure = np.frombuffer(base64.b64decode(step["pressure"]), np.uint8) * panel["pressure"] / 255
+        assert len(pressure) == len(vertices) and pressure.any() == bool(depth)
+        assert np.all(np.linalg.norm(vertices[pressure > 0] - [0, 0, 4.55], axis=1) < 1.3)
+        (ball,) = step["indenters"]
+        places = numbers(ball["vertices"], "<i2") * panel["unit"]
+        assert np.linalg.norm(places[:-2] - [0, 0, 4.55 - depth + 2.0], axis=1) == pytest.approx(2.0, abs=0.01)
 
 
 class Checker(HTMLParser):

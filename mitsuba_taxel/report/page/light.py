@@ -1,4 +1,4 @@
-"""Contents of the page's viewer besides the pad: packages, LEDs and phototransistors, and light paths of one cell."""
+"""Contents of the page's viewer besides the pad: packages, LEDs, phototransistors, indenters, light paths of a cell."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from mitsuba_taxel.kernels.protocols import is_pad
 from mitsuba_taxel.report.page.coarsening import coarsened
 from mitsuba_taxel.report.page.solids import Packing
+from mitsuba_taxel.report.picture.indenters import indenter_surface
 from mitsuba_taxel.report.picture.rays import face_corners, shape_mesh
 from mitsuba_taxel.sensing import sample_paths
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -46,6 +47,14 @@ class Lit:
             packed = {"vertices": packing.lengths(inside), "triangles": packing.indices(triangles)}
             solids.append({**packed, "kind": kind, "y": float(inside[:, 1].max())})
         return solids
+
+    def indenters(self, packing: Packing) -> list[dict[str, str]]:
+        """Packed bodies that press on pads."""
+        surfaces = (indenter_surface(shape) for shape in self._live.shapes() if is_pad(shape))
+        return [
+            {"vertices": packing.lengths(vertices), "triangles": packing.indices(triangles)}
+            for vertices, triangles in filter(None, surfaces)
+        ]
 
     def _parts(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         """Kind, vertices and triangles of each connected surface."""

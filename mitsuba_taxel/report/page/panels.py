@@ -88,7 +88,10 @@ def _panel(
     places = [topologies.place(surface) for surface in surfaces]
     rest = int(np.argmin([_size(step, along) for step in steps]))
     box = np.array([surfaces[rest].vertices.min(axis=0), surfaces[rest].vertices.max(axis=0)])
-    packing = Packing(1.1 * max(np.abs(surface.vertices).max() for surface in surfaces))  # boards extend further
+    most_pressure = max(float(surface.pressure.max()) for surface in surfaces)
+    above = float(np.ptp(box, axis=0).max()) if most_pressure else 0.0  # what is shown of an indenter
+    furthest = max(float(np.abs(surface.vertices).max()) for surface in surfaces)
+    packing = Packing(1.1 * furthest + above)  # boards extend further
     panel: dict[str, Any] = {
         "unit": packing.unit,
         "name": ", ".join(f"{name} = {value}" for name, value in where.items()),
@@ -99,6 +102,7 @@ def _panel(
         "fixed": [],
         "cut": 50,
         "taxel": None,
+        "pressure": float(f"{most_pressure:.3g}"),
     }
     moved = [_largest(surface, surfaces[rest]) for surface in surfaces]
     for number, (step, surface, place) in enumerate(zip(steps, surfaces, places, strict=True)):
@@ -106,6 +110,9 @@ def _panel(
         largest = moved[number]
         about = {"words": _words(step, along), "largest": None if largest is None else f"{largest:.3g}"}
         panel["steps"].append({**about, "topology": place, "vertices": packing.lengths(drawn)})
+        if most_pressure:
+            pressure = surface.pressure[topologies.coarse[place].kept]
+            panel["steps"][-1]["pressure"] = packing.shares(pressure, most_pressure)
         if batch is not None:
             values = {**where, **{name: _word(step[name].item()) for name in along if name != "step"}}
             _light(panel, number, batch, values, box, packing, left_out)
@@ -127,6 +134,7 @@ def _light(
     try:
         lit = Lit(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
+        panel["steps"][number]["indenters"] = lit.indenters(packing)
     except (InputError, ComputationError) as error:
         line = f"light paths: {error}"
         left_out += [line] if line not in left_out else []

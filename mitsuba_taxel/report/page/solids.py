@@ -16,11 +16,12 @@ SPAN = 32000
 
 
 class ShownSurface(NamedTuple):
-    """(N, 3) vertices in mm, (M, 3) triangles, and the (M,) region of each."""
+    """(N, 3) vertices in mm, (M, 3) triangles, the (M,) region of each; (N,) MPa by which an indenter presses."""
 
     vertices: np.ndarray
     triangles: np.ndarray
     regions: np.ndarray
+    pressure: np.ndarray
 
 
 def read_surfaces(files: Sequence[Path]) -> ShownSurface:
@@ -32,6 +33,7 @@ def read_surfaces(files: Sequence[Path]) -> ShownSurface:
         np.concatenate([part.vertices for part in parts]),
         np.concatenate(triangles),
         np.concatenate([part.regions for part in parts]),
+        np.concatenate([part.pressure for part in parts]),
     )
 
 
@@ -40,8 +42,11 @@ def _read(file: Path) -> ShownSurface:
 
     mesh = trimesh.load_mesh(file, process=False)
     assert isinstance(mesh, trimesh.Trimesh)
-    faces = mesh.metadata["_ply_raw"]["face"]["data"]
-    return ShownSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces), faces["region_0"].astype(np.int64))
+    raw = mesh.metadata["_ply_raw"]
+    regions, vertices = raw["face"]["data"]["region_0"].astype(np.int64), raw["vertex"]["data"]
+    pressed = "contact_pressure_0" in vertices.dtype.names
+    pressure = vertices["contact_pressure_0"] if pressed else np.zeros(len(mesh.vertices))
+    return ShownSurface(np.asarray(mesh.vertices), np.asarray(mesh.faces), regions, pressure.astype(float))
 
 
 class Topologies:
@@ -56,7 +61,7 @@ class Topologies:
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)
-            self.coarse.append(coarsened(*surface))
+            self.coarse.append(coarsened(surface.vertices, surface.triangles, surface.regions))
         return self._places[key]
 
 
@@ -69,6 +74,11 @@ class Packing:
     def lengths(self, vertices: np.ndarray) -> str:
         """(..., 3) mm."""
         return _text(np.round(np.clip(vertices / self.unit, -SPAN, SPAN)).astype("<i2"))
+
+    @staticmethod
+    def shares(values: np.ndarray, most: float) -> str:
+        """(V,) values from 0 to ``most``."""
+        return _text(np.round(255 * np.clip(values / most, 0, 1)).astype(np.uint8))
 
     @staticmethod
     def indices(triangles: np.ndarray) -> str:

@@ -9,7 +9,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.plan.files import check_new_file
 
-SUFFIXES = {"scene": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml"}
+SUFFIXES = {"scene": ".xml", "touch": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml"}
 
 _SCENE = """\
 <!-- A silicone pad of hollow cells on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
@@ -120,6 +120,57 @@ _SCENE = """\
 </scene>
 """
 
+
+def _exchanged(text: str, *pairs: tuple[str, str]) -> str:
+    """A text in which each first of some pairs, which it holds, is the second."""
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+_TOUCH = _exchanged(
+    _SCENE,
+    (
+        """on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
+     taxel render scene.xml                  what each phototransistor reads
+     taxel render scene.xml -D fz=-10        the same with another value of a default
+""",
+        """on photo-reflectors, pressed by a ball. Lengths in mm, forces in N, powers in W.
+     taxel render touch.xml                          what each phototransistor reads
+     taxel render touch.xml -D indenter=punch        the same with another value of a default
+     taxel picture touch.xml                         pad, ball and what it presses with
+     For a map of readings, let taxel sweep vary indenter_x and indenter_y.
+""",
+    ),
+    (
+        """    <!-- Load: total force on the top of the pad, in N; compression is fz below 0. -->
+    <default name="fx" value="0"/>
+    <default name="fy" value="0"/>
+    <default name="fz" value="-5"/>
+""",
+        """    <!-- Load: a rigid body, pushed down from where it just touches the top. -->
+    <default name="indenter" value="sphere"/>            <!-- sphere, punch, cylinder -->
+    <default name="indenter_radius" value="2.5"/>        <!-- mm -->
+    <default name="indenter_x" value="0"/>               <!-- mm, from the centre of the pad -->
+    <default name="indenter_y" value="0"/>               <!-- mm -->
+    <default name="indenter_depth" value="0.5"/>         <!-- mm -->
+""",
+    ),
+    (
+        """        <vector name="force" value="$fx, $fy, $fz"/>
+""",
+        """        <!-- Or by force, in N: load "indenter_force" and <vector name="force" value="0, 0, -2"/> -->
+        <string name="load" value="indenter_displacement"/>
+        <vector name="displacement" value="0, 0, -$indenter_depth"/>
+        <string name="indenter" value="$indenter"/>
+        <float name="indenter_radius" value="$indenter_radius"/>
+        <float name="indenter_x" value="$indenter_x"/>
+        <float name="indenter_y" value="$indenter_y"/>
+""",
+    ),
+)
+
 _STUDY = """\
 # taxel sweep study.toml -o runs/study
 
@@ -199,7 +250,7 @@ flicker_from = 0.1          # Hz, the lowest frequency of it that counts
 other_noise = 4e-4          # V, of supply, buffer and converter
 """
 
-_TEXTS = {"scene": _SCENE, "study": _STUDY, "steps": _STEPS, "circuit": _CIRCUIT}
+_TEXTS = {"scene": _SCENE, "touch": _TOUCH, "study": _STUDY, "steps": _STEPS, "circuit": _CIRCUIT}
 
 
 def write_template(kind: str, file: str | Path) -> None:
@@ -208,7 +259,8 @@ def write_template(kind: str, file: str | Path) -> None:
     Parameters
     ----------
     kind : str
-        ``scene`` (Mitsuba XML), ``study`` (TOML), ``steps`` (CSV) or ``circuit`` (TOML).
+        ``scene`` or, with a ball that presses on the pad, ``touch`` (Mitsuba XML), ``study`` (TOML), ``steps`` (CSV)
+        or ``circuit`` (TOML).
     file : str or Path
         A new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``.
 

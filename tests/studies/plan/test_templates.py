@@ -90,21 +90,30 @@ def test_a_gap_takes_the_roof_away(llvm_mono, template):
     assert plain.power[0] - apart.power[0] > 5 * np.hypot(plain.standard_error[0], apart.standard_error[0])
 
 
-def test_every_word_that_the_scene_allows_is_allowed(llvm_mono, template):
-    text = template["scene"].read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("kind", "named"),
+    [
+        ("scene", ["cell", "roof", "side", "law", "board"]),
+        ("touch", ["indenter", "cell", "roof", "side", "law", "board"]),
+    ],
+)
+def test_every_word_that_the_scene_allows_is_allowed(llvm_mono, template, kind, named):
+    small = SMALL if kind == "scene" else {"rows": 1, "columns": 1, "indenter_depth": 0}
+    text = template[kind].read_text(encoding="utf-8")
     choices = re.findall(r'<default name="(\w+)" value="[a-z]\w+"/> *<!-- ([\w, ]+) -->', text)
-    assert [name for name, _ in choices] == ["cell", "roof", "side", "law", "board"]
+    assert [name for name, _ in choices] == named
     for name, words in choices:
         allowed = words.split(", ")
         assert len(allowed) >= 3
         for word in allowed:
-            Scene.from_file(template["scene"], **SMALL, **{name: word}).load()
+            Scene.from_file(template[kind], **small, **{name: word}).load()
         with pytest.raises(InputError, match="smooth"):
-            Scene.from_file(template["scene"], **SMALL, **{name: "smooth"}).load()
+            Scene.from_file(template[kind], **small, **{name: "smooth"}).load()
 
 
-def test_the_scene_uses_each_of_its_defaults(template):
-    root = ElementTree.parse(template["scene"]).getroot()
+@pytest.mark.parametrize("kind", ["scene", "touch"])
+def test_the_scene_uses_each_of_its_defaults(template, kind):
+    root = ElementTree.parse(template[kind]).getroot()
     declared = [element.get("name") for element in root.iter("default")]
     used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
     assert len(set(declared)) == len(declared) > 20 and set(declared) == used

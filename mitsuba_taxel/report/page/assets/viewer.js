@@ -13,7 +13,7 @@
   const REGION_COLOURS = [[230, 159, 0], [86, 180, 233], [150, 150, 150], [190, 190, 190], [205, 205, 205]];
   const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128],
                    [94, 201, 98], [173, 220, 48], [253, 231, 37]];
-  const CUT = [178, 120, 140], REACHED = [213, 94, 0], OTHER = [120, 120, 120];
+  const INDENTER = [140, 100, 50], CUT = [178, 120, 140], REACHED = [213, 94, 0], OTHER = [120, 120, 120];
   const FIXED_COLOURS = { led: [255, 60, 30], phototransistor: [0, 158, 115], board: [168, 172, 180], other: [72, 76, 86] };
   const LIGHT = [-0.35, 0.45, 0.82];
 
@@ -88,7 +88,8 @@
     }
 
     // Fill triangles; front, back: their colours; what lies before the plane y = cut is left out; what glows has no shade.
-    fill(vertices, triangles, front, back, cut, glows = false) {
+    // Of what is veiled every other pixel.
+    fill(vertices, triangles, front, back, cut, glows = false, veiled = false) {
       const placed = this.project(vertices);
       for (let t = 0; t < triangles.length; t += 3) {
         const [a, b, c] = [4 * triangles[t], 4 * triangles[t + 1], 4 * triangles[t + 2]];
@@ -103,7 +104,7 @@
         for (let y = top; y <= bottom; y++)
           for (let x = left; x <= end; x++) {
             const u = ((x - ax) * (cy - ay) - (y - ay) * (cx - ax)) / area, v = ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) / area;
-            if (u < 0 || v < 0 || u + v > 1) continue;
+            if (u < 0 || v < 0 || u + v > 1 || veiled && (x + y) % 2) continue;
             if (placed[a + 3] + u * (placed[b + 3] - placed[a + 3]) + v * (placed[c + 3] - placed[a + 3]) < cut) continue;
             const depth = placed[a + 2] + u * (placed[b + 2] - placed[a + 2]) + v * (placed[c + 2] - placed[a + 2]);
             const pixel = y * this.width + x;
@@ -171,9 +172,11 @@
     const regions = unpacked(topology.regions, (packed) => new Uint8Array(bytes(packed)));
     const triangles = unpacked(topology.triangles, indices);
     const moved = colouring.value === "displacement" ? displacements() : null;
+    const pressure = colouring.value === "pressure" ? unpacked(now.pressure, (packed) => new Uint8Array(bytes(packed))) : null;
+    const mean = (values, t) => (values[triangles[3 * t]] + values[triangles[3 * t + 1]] + values[triangles[3 * t + 2]]) / 3;
     const colour = moved
-      ? (t) => heat((moved[triangles[3 * t]] + moved[triangles[3 * t + 1]] + moved[triangles[3 * t + 2]]) / 3 / panel().most)
-      : (t) => REGION_COLOURS[regions[t] - 1];
+      ? (t) => heat(mean(moved, t) / panel().most)
+      : (t) => pressure && mean(pressure, t) ? heat(mean(pressure, t) / 255) : REGION_COLOURS[regions[t] - 1];
     picture.fill(shape(), triangles, colour, CUT, cut);
     picture.close(cut);
     for (const solid of panel().fixed)
@@ -182,16 +185,19 @@
     if (showsRays())
       for (const [kind, tint] of [["others", OTHER], ["reached", REACHED]])
         for (const path of now.rays[kind]) picture.line(unpacked(path, lengths), tint);
+    if (magnified() === 1)
+      for (const solid of now.indenters || [])
+        picture.fill(unpacked(solid.vertices, lengths), unpacked(solid.triangles, indices), () => INDENTER, INDENTER, cut, false, true);
     context.putImageData(picture.image, 0, 0);
     if (magnified() !== 1) {
       context.font = `${Math.round(14 * ratio)}px system-ui, sans-serif`;
       context.fillStyle = getComputedStyle(words).color;
       context.fillText(`deformation shown ${magnified()} times`, 10 * ratio, height - 10 * ratio);
     }
-    describe(now, moved);
+    describe(now, moved ? ["Displacement", panel().most, "mm"] : pressure ? ["Contact pressure", panel().pressure, "MPa"] : null);
   }
 
-  function describe(now, moved) {
+  function describe(now, scale) {
     const part = cutSlider.value > 0 ? `cut open ${cutSlider.value} % of its depth from the front` : "whole";
     const light = showsRays()
       ? ` ${now.rays.reached.length} light paths that reach phototransistor ${panel().taxel} are drawn, and ${now.rays.others.length} others.` : "";
@@ -200,8 +206,11 @@
     if (words.textContent !== text) words.textContent = text;
     canvas.setAttribute("aria-label", `Deformed pad: ${text}`);
     stepSlider.setAttribute("aria-valuetext", now.words);
-    legend.hidden = !moved;
-    if (moved) find("most").textContent = `${panel().most} mm`;
+    legend.hidden = !scale;
+    if (scale) {
+      find("quantity").textContent = scale[0];
+      find("most").textContent = `${scale[1]} ${scale[2]}`;
+    }
     root.dataset.drawn = `${panel().name}|${stepSlider.value}`;
   }
 
@@ -210,8 +219,13 @@
     stepSlider.max = panel().steps.length - 1;
     stepSlider.value = stepSlider.max;
     cutSlider.value = panel().cut;
-    colouring.disabled = magnify.disabled = !panel().most;
-    if (colouring.disabled) colouring.value = "region";
+    magnify.disabled = !panel().most;
+    for (const [name, most] of [["displacement", panel().most], ["pressure", panel().pressure]]) {
+      const choice = colouring.querySelector(`[value=${name}]`);
+      choice.hidden = choice.disabled = !most;
+      if (choice.disabled && colouring.value === name) colouring.value = "region";
+    }
+    colouring.disabled = !panel().most && !panel().pressure;
     later();
   }
 
