@@ -212,7 +212,7 @@ def _at_corners(part: ShownPart, half: Half) -> np.ndarray:
     """(T, 3) pressure at the corners of what a cut leaves of triangles; linear on each of these, 0 on the cut."""
     assert part.pressure is not None
     found = np.zeros(half.triangles.shape)
-    known = (half.source >= 0) & part.pressure.any(axis=1)[half.source]
+    known = (half.source >= 0) & (part.pressure.max(axis=1)[half.source] > 0)
     whole, values = part.vertices[part.triangles[half.source[known]]], part.pressure[half.source[known]]
     sides, places = whole[:, 1:] - whole[:, :1], half.vertices[half.triangles[known]] - whole[:, :1]
     along = np.einsum("tcj,tjk->tck", places, np.linalg.pinv(sides))
