@@ -50,7 +50,7 @@ class UndeformedPad:
         self.specification = stated = DeformablePad.read(props)
         self.pad = stated.build_pad(found)
         self.material = stated.build_material()
-        self.load = stated.build_load()
+        self.load = stated.build_load(found)
         self.read_cells = stated.cell_numbers()
         self.to_world = np.eye(4) if stated.to_world is None else np.array(stated.to_world.matrix, dtype=float)
         self.objects = dict(props.objects())

@@ -198,12 +198,13 @@ def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
 
 def _take_load(props: Any) -> tuple[float, ...]:
     """Remove the load of a pad, and return its value."""
-    from mitsuba_taxel.specification.deformable_pad import DeformablePad
+    from mitsuba_taxel.specification.deformable_pad import LOADS, DeformablePad
 
-    load, value = DeformablePad.read(props).build_load()
-    if load.quantity in props:
-        del props[load.quantity]
-    return value
+    stated = DeformablePad.read(props)
+    quantity = LOADS[stated.load].quantity
+    if quantity in props:
+        del props[quantity]
+    return stated.load_value
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:

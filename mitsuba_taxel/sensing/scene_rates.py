@@ -180,9 +180,8 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
     for weight, state in states:
         other = _pad(state)
         _refuse_what_else_changes(parameter, pad, other)
-        load = (
-            load + weight * np.array(other.build_load()[1]) if len(load) else weight * np.array(other.build_load()[1])
-        )
+        value = weight * np.array(other.load_value)
+        load = load + value if len(load) else value
         _add(material, weight, _numbers(other.build_material()))
         _add(dimensions, weight, {} if other.filename else _numbers(other.build_pad()))
     scenes = []

@@ -182,7 +182,8 @@ class DeformablePad(Specification):
     indenter: str | None = taken(Indenter, "shape", when=_INDENTER)
     indenter_radius: float | None = taken(Indenter, "radius", when=("indenter", "sphere", "punch", "cylinder"))
     indenter_edge_radius: float | None = taken(Indenter, "edge_radius", when=("indenter", "punch"))
-    indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "cylinder"))
+    indenter_angle: float | None = taken(Indenter, "angle", when=("indenter", "cylinder", "file"))
+    indenter_file: str | None = taken(Indenter, "file", when=("indenter", "file"))
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
     friction: float | None = taken(Indenter, "friction", when=_INDENTER)
@@ -245,10 +246,10 @@ class DeformablePad(Specification):
         terms, (times, values) = prony_of(self.prony), self.build_history()
         if self.rate is not None and self.time:
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: one is needed.")
-        if terms:
+        if terms and self.indenter_file is None:
             timed_rows(Viscoelastic(self.build_material(), terms), self.build_load()[0], np.array(values), times)
         self.build_material()
-        if self.indenter is not None:
+        if self.indenter is not None and self.indenter_file is None:
             load, value = self.build_load()
             if not terms:
                 timed_rows(self.build_material(), load, np.array(values), None)
@@ -274,23 +275,28 @@ class DeformablePad(Specification):
         law = LAWS[self.material]
         return law(**self._own(law))
 
-    def build_load(self) -> tuple[Load, tuple[float, ...]]:
-        """The load and its value."""
+    def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
+        """The load and its value; ``find`` gives the path of a file that is named."""
         kind = LOADS[self.load]
         load: Load = (
-            self._patch() if kind is PatchForce else kind() if self.indenter is None else kind(self._own_indenter())
+            self._patch() if kind is PatchForce else kind() if self.indenter is None else kind(self._own_indenter(find))
         )
-        value = getattr(self, load.quantity)
-        return load, value if isinstance(value, tuple) else (value,)
+        return load, self.load_value
+
+    @property
+    def load_value(self) -> tuple[float, ...]:
+        """The value of the load."""
+        value = getattr(self, LOADS[self.load].quantity)
+        return value if isinstance(value, tuple) else (value,)
 
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
         """Times in s and values of the load, the present one last; raises `InputError`."""
-        load, value = self.build_load()
+        value = self.load_value
         rows: list[list[float]] = []
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
-            if numbers is None or len(numbers) != 1 + load.components:
-                needed = "'time x y z'" if load.components == 3 else "'time pressure'"
+            if numbers is None or len(numbers) != 1 + len(value):
+                needed = "'time x y z'" if len(value) == 3 else "'time pressure'"
                 raise InputError(f"history row {' '.join(row)!r} is not allowed: finite numbers {needed} are needed.")
             if rows or any(numbers):  # what is but rest is none
                 rows.append(numbers)
@@ -306,9 +312,12 @@ class DeformablePad(Specification):
         size: Any = (self.patch_width, self.patch_depth)
         return PatchForce(centre, size)
 
-    def _own_indenter(self) -> Indenter:
+    def _own_indenter(self, find: Any) -> Indenter:
         at: Any = (self.indenter_x, self.indenter_y)
-        return Indenter(at=at, **self._own(Indenter))
+        given = self._own(Indenter)
+        if self.indenter_file is not None:
+            given["file"] = str(find(self.indenter_file))
+        return Indenter(at=at, **given)
 
     def build_finish(self) -> Finish | None:
         """The finish of the cells, None if smooth."""

@@ -66,7 +66,7 @@ class DeformablePad(mi.Mesh):
         self.specification = stated = Parameters.read(props)
         self.pad = stated.build_pad(found)
         self.material = stated.build_material()
-        self.load, self.value = stated.build_load()
+        self.load, self.value = stated.build_load(found)
         self.prony, self.history = prony_of(stated.prony), stated.build_history()
         self.remembers = bool(self.prony) or rubs(self.load)
         self.mesh_size, self.mesh_tolerance = stated.mesh_size, stated.mesh_tolerance

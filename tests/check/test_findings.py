@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
+import trimesh
 
 from mitsuba_taxel import InputError, Pad, PadSensor, check_scene, write_template, write_xml
 from mitsuba_taxel.sensing.scene import shipped_scenes
@@ -223,6 +225,20 @@ def test_other_loads(tmp_path, load, message):
     found = check(tmp_path, text)
     assert [finding.severity for finding in found] == ["warning"] * (message is not None)
     assert message is None or message in found[0].message
+
+
+@pytest.mark.parametrize("removed, culprit", [(0, None), (1, "indenter_file = .*body.stl is not allowed: .*open")])
+def test_an_indenter_of_ones_own(tmp_path, removed, culprit):
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=2.0)
+    ball.update_faces(np.arange(len(ball.faces)) >= 20 * removed)
+    ball.export(tmp_path / "body.stl")
+    load = parameter("load", "indenter_displacement", "string") + parameter("indenter", "file", "string")
+    load += parameter("indenter_file", "body.stl", "string")
+    load += '<vector name="displacement" value="0, 0, $fz"/>'
+    text = PAD.replace('<vector name="force" value="0, 0, $fz"/>', load).replace('"-5"', '"-1"')
+    (tmp_path / "scene.xml").write_text(text)
+    found = check_scene(tmp_path / "scene.xml")
+    assert [re.search(culprit or "", finding.message) is not None for finding in found] == [True] * removed
 
 
 @pytest.mark.parametrize("x, message", [("-9", "the indenter does not touch it"), ("-5", None)])

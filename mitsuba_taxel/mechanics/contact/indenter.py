@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
+from mitsuba_taxel.geometry.point_tree import PointTree
+from mitsuba_taxel.mechanics.contact.solid import Solid, content_of, solid_in
+from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number, text
 
 INDENTERS = {
     "sphere": "a ball",
     "punch": "the flat end of a round rod, with a rounded edge",
     "cylinder": "a rod that lies on the pad, as long as it takes",
     "plane": "a plate as large as it takes",
+    "file": "a body of one's own",
 }
 TINY = np.finfo(float).tiny
 EDGE = 0.1
@@ -49,7 +53,7 @@ class Indenter(Checked):
     Raises
     ------
     InputError
-        if a value is not finite or out of range.
+        if a value is not finite or out of range, or a file holds no closed surface.
     """
 
     shape: str = choice("sphere", INDENTERS, "What presses on the pad.", name="indenter")
@@ -64,7 +68,11 @@ class Indenter(Checked):
     )
     at: Sequence[float] = (0.0, 0.0)
     angle: float | None = number(
-        0.0, "degrees", "From x to the axis of a cylinder.", when=("shape", "cylinder"), name="indenter_angle"
+        0.0,
+        "degrees",
+        "From x to the axis of a cylinder, or to that of the file, about z.",
+        when=("shape", "cylinder", "file"),
+        name="indenter_angle",
     )
     edge_radius: float | None = number(
         None,
@@ -77,6 +85,22 @@ class Indenter(Checked):
         default_words="a tenth of its radius",
     )
     friction: float = number(0.0, "", "Coefficient of Coulomb's friction.", minimum=0, common=(0, 2))
+    file: str | None = text(
+        REQUIRED,
+        "A closed surface as STL, PLY or OBJ, in mm. Its lowest point is as high as a tip, and its place x = y = 0 is "
+        "where the indenter is placed; edges are rounded by a fiftieth of its longest side.",
+        "the name of a file",
+        when=("shape", "file"),
+        name="indenter_file",
+    )
+    digest: str = field(default="", init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.file is not None:
+            object.__setattr__(self, "file", str(self.file))
+            if self.shape == "sphere":
+                object.__setattr__(self, "shape", "file")
+        super().__post_init__()
 
     def _check(self) -> None:
         try:
@@ -92,8 +116,21 @@ class Indenter(Checked):
                 f"{self._radius:g} is needed."
             )
 
+        if self.file is not None:
+            object.__setattr__(self, "digest", hashlib.sha256(content_of(self.file)).hexdigest())
+            solid_in(self.file, self.digest)  # refuses one that holds none
+
+    @property
+    def solid(self) -> Solid:
+        """What the file holds."""
+        assert self.file is not None
+        return solid_in(self.file, self.digest)
+
     def gap(self, places: np.ndarray) -> Gap:
         """Distances of places (n, 3), in mm from the tip."""
+        if self.shape == "file":
+            size, normal, curvature = self.solid.distance.at(places @ self.turn)
+            return Gap(size, normal @ self.turn.T, self.turn @ curvature @ self.turn.T)
         if self.shape == "plane":
             down = np.broadcast_to([0.0, 0.0, -1.0], places.shape)
             return Gap(-places[:, 2], down, np.zeros((len(places), 3, 3)))
@@ -148,8 +185,8 @@ class Indenter(Checked):
 
     def keeps(self, mirror: Mirror) -> bool:
         """Whether a mirror leaves the body as it is, where it starts."""
-        if self.shape == "plane":
-            return True
+        if self.shape in ("plane", "file"):
+            return self.shape == "plane"
         here = np.array([*self.at, 0.0])
         if self.shape == "cylinder":
             axis = np.round(self._axis, 12)
@@ -158,8 +195,12 @@ class Indenter(Checked):
             return not turned and across @ mirror.image(here) == across @ here
         return bool(np.array_equal(mirror.image(here), here))
 
-    def from_contact(self, places: np.ndarray) -> np.ndarray:
-        """(n,) mm from places (n, 3), relative to the tip, to where the pressure changes most."""
+    def from_contact(self, places: np.ndarray, depth: float) -> np.ndarray:
+        """(n,) mm from places (n, 3), relative to the tip, to where the pressure at a depth in mm changes most."""
+        if self.shape == "file":
+            footprint = self.solid.distance.footprint(depth)
+            level = PointTree(np.append(footprint, np.zeros((len(footprint), 1)), axis=1))
+            return level.query(places @ self.turn)[0]
         if self.shape == "cylinder":
             return np.linalg.norm(places - np.outer(places @ self._axis, self._axis), axis=1)
         if self.shape == "punch":
@@ -169,11 +210,20 @@ class Indenter(Checked):
     @property
     def _axis(self) -> np.ndarray:
         """(3,) along a cylinder."""
+        return self.turn[:, 0]
+
+    @property
+    def turn(self) -> np.ndarray:
+        """(3, 3) matrix that turns a body about z."""
         angle = math.radians(self.angle or 0.0)
-        return np.array([math.cos(angle), math.sin(angle), 0.0])
+        cosine, sine = math.cos(angle), math.sin(angle)
+        return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
     def contact_radius(self, depth: float) -> float:
         """Half the width of what it touches at a depth in mm of a half-space, by Hertz; infinite for a plane."""
         if self.shape == "plane":
             return math.inf
+        if self.shape == "file":  # as of the ball that is as wide there
+            distance = self.solid.distance
+            return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
         return self._radius if self.shape == "punch" else math.sqrt(self._radius * depth)

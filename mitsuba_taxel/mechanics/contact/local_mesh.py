@@ -35,7 +35,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, relative_size: float) -> Vo
     top = float(mesh.points[:, 2].max())
 
     def size(places: np.ndarray) -> np.ndarray:
-        from_contact = indenter.from_contact(places - [*indenter.at, top])
+        from_contact = indenter.from_contact(places - [*indenter.at, top], depth)
         return relative_size * FINENESS * np.maximum(least, from_contact)
 
     images = {mirror: image for mirror, image in node_images(mesh).items() if indenter.keeps(mirror)}

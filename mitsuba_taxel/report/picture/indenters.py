@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.geometry.cutaway import cut_open
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 
@@ -40,6 +41,9 @@ def _around_tip(body: Indenter, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Of a body, what is within ``reach`` of its tip in each direction, which is at the origin."""
     if body.shape == "plane":
         return _prism(np.array([[-1, 0], [1, 0], [1, PLATE], [-1, PLATE]]) * reach, reach, 0.0)
+    if body.shape == "file":
+        low = cut_open(body.solid.vertices @ body.turn.T, body.solid.triangles, np.array([0.0, 0.0, -1.0]), -reach)
+        return low.vertices, low.triangles
     radius = body.radius or 0.0
     if body.shape == "punch":
         edge = min(body.edge, reach)
