@@ -14,6 +14,7 @@ from mitsuba_taxel.characterise import sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
+from mitsuba_taxel.plots.maps import plane_of, plot_map
 
 if TYPE_CHECKING:
     import pandas
@@ -41,9 +42,12 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
 def draw_results(study: xr.Dataset, folder: Path) -> None:
     """Draw the readings, as ``power.png`` and ``power.svg``.
 
-    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``.
+    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``; where a place in x
+    and y is varied, ``map.png`` and ``map.svg``.
     """
     plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
+    if plane_of(study):
+        plots["map"] = plot_map
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)
 
