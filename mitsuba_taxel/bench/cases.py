@@ -8,8 +8,11 @@ from dataclasses import dataclass, replace
 
 from mitsuba_taxel.bench.row import Row
 from mitsuba_taxel.bench.slivers import SliverPad
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
     SPREAD_FORCE,
+    IndenterDisplacement,
+    IndenterForce,
     Load,
     PatchForce,
     PlateDisplacement,
@@ -24,6 +27,7 @@ MESH_SIZE = 2.0
 """Size of the elements in mm where a case is not about it: coarse, as the table is about what happens."""
 
 _PAD = Pad()
+_CELL = replace(_PAD, rows=1, columns=1)
 _E = NeoHookean().youngs_modulus
 _NORMAL = (0.0, 0.0, -20.0)
 _TANGENTIAL = (20.0, 0.0, -8.0)
@@ -69,7 +73,7 @@ def stability_cases() -> list[Case]:
     """The rows of the table, in its order."""
     materials = (_poisson_ratios, _stiffnesses, _laws)
     pads = (_walls, _sizes, _arrays)
-    loads = (_loads, _large_forces, _one_step)
+    loads = (_loads, _indenters, _large_forces, _one_step)
     meshes = (_default_meshes, _meshes)
     return [case for kind in (*materials, *pads, *loads, *meshes) for case in kind()]
 
@@ -112,6 +116,36 @@ def _loads() -> Iterator[Case]:
     yield Case("patch of 3 mm x 3 mm off the centre, -8 N", load=PatchForce((2.0, 1.0), (3.0, 3.0)), value=(0, 0, -8.0))
     yield Case("pressure of 1 MPa", load=Pressure(), value=(1.0,))
     yield Case("pulled, 20 N", value=(0.0, 0.0, 20.0))
+
+
+def _indenters() -> Iterator[Case]:
+    """Bodies at the extremes, on a cell that is 4.55 mm wide and high, with walls of 1 mm."""
+    side, deep = _CELL.extent[0] / 2, 0.9 * _CELL.height
+    ball, edge = Indenter("sphere", radius=2.5), _CELL.cell_size / 2
+    bodies = {
+        "a ball of 2.5 mm, off the centre": (replace(ball, at=(0.8, 0.4)), (0, 0, -0.5)),
+        "a ball of 2.5 mm, 90 % of the height": (ball, (0, 0, -deep)),
+        "a ball of 2.5 mm on the edge": (replace(ball, at=(side, 0.3)), (0, 0, -0.5)),
+        "a ball of 2.5 mm on the corner": (replace(ball, at=(side, side)), (0, 0, -0.5)),
+        "a ball of 2.5 mm beside the pad": (replace(ball, at=(side + 2.0, 0.0)), (0, 0, -2.0)),
+        "a ball of 2.5 mm that misses the pad": (replace(ball, at=(50.0, 0.0)), (0, 0, -0.5)),
+        "a ball of 2.5 mm, moved across the edge of a cell": (replace(ball, at=(edge, 0.0)), (0.5, 0, -0.3)),
+        "a ball of 0.05 mm": (Indenter("sphere", radius=0.05), (0, 0, -0.05)),
+        "a ball of 500 mm": (Indenter("sphere", radius=500.0), (0, 0, -0.2)),
+        "a punch of 1.5 mm": (Indenter("punch", radius=1.5), (0, 0, -0.3)),
+        "a punch of 1.5 mm on the edge": (Indenter("punch", radius=1.5, at=(side, 0.0)), (0, 0, -0.3)),
+        "a punch of 0.05 mm": (Indenter("punch", radius=0.05), (0, 0, -0.03)),
+        "a sharp punch of 1 mm, edge of 0.001 mm": (Indenter("punch", radius=1.0, edge_radius=1e-3), (0, 0, -0.1)),
+        "a rod of 1 mm, at 30 degrees": (Indenter("cylinder", radius=1.0, angle=30.0), (0, 0, -0.3)),
+        "a rod of 1 mm along the edge": (Indenter("cylinder", radius=1.0, angle=90.0, at=(side, 0.0)), (0, 0, -0.3)),
+        "a plate, 90 % of the height": (Indenter("plane"), (0, 0, -deep)),
+    }
+    for name, (body, value) in bodies.items():
+        yield Case(f"pressed by {name}", _CELL, load=IndenterDisplacement(body), value=value)
+    for force in (1e-9, 2.0, 2000.0):
+        yield Case(f"pressed by {force:g} N on a ball", _CELL, load=IndenterForce(ball), value=(0, 0, -force))
+    missing = IndenterForce(replace(ball, at=(50.0, 0.0)))
+    yield Case("pressed by 2 N on a ball that misses the pad", _CELL, load=missing, value=(0, 0, -2.0))
 
 
 def _large_forces() -> Iterator[Case]:
@@ -162,5 +196,4 @@ def _arrays() -> Iterator[Case]:
             value=(0.0, 0.0, force),
             with_finer_mesh=side == 1,
         )
-    cell = replace(_PAD, rows=1, columns=1)
-    yield Case("1 x 1 cells, mesh of 3 mm, -1 N", cell, value=(0.0, 0.0, -1.0), mesh_size=3.0, with_finer_mesh=True)
+    yield Case("1 x 1 cells, mesh of 3 mm, -1 N", _CELL, value=(0.0, 0.0, -1.0), mesh_size=3.0, with_finer_mesh=True)

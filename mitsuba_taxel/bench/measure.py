@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import Case
 from mitsuba_taxel.bench.row import CONVERGED, Row
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import load_path
 from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
@@ -77,10 +78,14 @@ def flaw(row: Row) -> str:
 
 
 def _along_path(case: Case) -> _Outcome:
-    path = pad_path(case.pad, case.material, case.load, case.mesh_size)
+    # A body that presses with a force is moved as far as that takes.
+    load = IndenterDisplacement(case.load.indenter) if isinstance(case.load, IndenterForce) else case.load
+    path = pad_path(case.pad, case.material, load, case.mesh_size)
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
         return _Outcome(CONVERGED, _figures(case, path), state)
+    except InputError as error:
+        return _Outcome(f"refused: {error}", {}, None)
     except ComputationError as error:
         segments = list(path._segments.values())
         if not segments or math.isinf(segments[-1].limit):
@@ -88,9 +93,9 @@ def _along_path(case: Case) -> _Outcome:
         last = segments[-1]
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
-        verdict = f"ends at {_listed(value)} {case.load.unit}: {last.reason}{where}"
+        verdict = f"ends at {_listed(value)} {load.unit}: {last.reason}{where}"
         before = last.value(JUST_BEFORE * last.limit)[None]
-        (state,) = load_path(case.pad, case.material, before, load=case.load, mesh_size=case.mesh_size)
+        (state,) = load_path(case.pad, case.material, before, load=load, mesh_size=case.mesh_size)
         return _Outcome(verdict, _figures(case, path), state)
 
 
@@ -149,10 +154,11 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment, as far as the case goes, that inverts an element at a node."""
     pad = path._pad_for(segment.origin, segment.direction)
-    reached = min(segment.limit, float((np.array(case.value) - segment.origin) @ segment.direction))
+    driven = isinstance(case.load, IndenterForce)
+    reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:
-        if node.s <= reached and node_jacobian(path.mesh, pad.split(node.unknowns)[0]) <= 0:
-            return f"{_listed(segment.value(node.s))} {case.load.unit}"
+        if node.s <= min(segment.limit, reached) and node_jacobian(path.mesh, pad.split(node.unknowns)[0]) <= 0:
+            return f"{_listed(segment.value(node.s))} {path.load.unit}"
     return ""
 
 

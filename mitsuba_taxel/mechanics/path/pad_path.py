@@ -224,7 +224,12 @@ class PadPath:
                 )
             at = segment.at(s)
             if isinstance(self.load, IndenterDisplacement):
-                node = self._solved(segment, s, pad)
+                try:
+                    node = self._solved(segment, s, pad)
+                except Rejected as rejection:
+                    reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
+                    end = _end(segment.value(s), reason, nowhere, self.load, mirrors)
+                    raise ComputationError(end) from rejection
                 at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
             seconds += at.seconds
             found = pad.split(at.unknowns)

@@ -58,7 +58,7 @@ def test_mirrors_that_leave_a_body_as_it_is():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"shape": "cube"}, "indenter = 'cube' is not allowed: one of sphere, punch, cylinder, plane is needed"),
+        ({"shape": "cube"}, "indenter = 'cube' is not allowed: one of sphere, punch, cylinder, plane, file is needed"),
         ({"shape": "sphere"}, "indenter_radius is missing"),
         ({"shape": "sphere", "radius": 0.0}, "indenter_radius = 0 is not allowed"),
         ({"shape": "plane", "radius": 1.0}, "indenter_radius is not allowed"),
