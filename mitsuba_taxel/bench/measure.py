@@ -15,7 +15,7 @@ from mitsuba_taxel.bench.row import CONVERGED, Row
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
+from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import load_path
 from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
@@ -78,9 +78,9 @@ def flaw(row: Row) -> str:
 
 
 def _along_path(case: Case) -> _Outcome:
-    # A body that presses with a force is moved as far as that takes.
-    load = IndenterDisplacement(case.load.indenter) if isinstance(case.load, IndenterForce) else case.load
-    path = pad_path(case.pad, case.material, load, case.mesh_size)
+    path = pad_path(case.pad, case.material, case.load, case.mesh_size)
+    if isinstance(case.load, IndenterForce):
+        path = path._driven  # on which the body is moved
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
         return _Outcome(CONVERGED, _figures(case, path), state)
@@ -93,9 +93,9 @@ def _along_path(case: Case) -> _Outcome:
         last = segments[-1]
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
-        verdict = f"ends at {_listed(value)} {load.unit}: {last.reason}{where}"
+        verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{where}"
         before = last.value(JUST_BEFORE * last.limit)[None]
-        (state,) = load_path(case.pad, case.material, before, load=load, mesh_size=case.mesh_size)
+        (state,) = load_path(case.pad, case.material, before, load=path.load, mesh_size=case.mesh_size)
         return _Outcome(verdict, _figures(case, path), state)
 
 

@@ -228,8 +228,8 @@ class PadPath:
                     node = self._solved(segment, s, pad)
                 except Rejected as rejection:
                     reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
-                    end = _end(segment.value(s), reason, nowhere, self.load, mirrors)
-                    raise ComputationError(end) from rejection
+                    words = _end(segment.value(s), reason, nowhere, self.load, mirrors)
+                    raise ComputationError(words) from rejection
                 at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
             seconds += at.seconds
             found = pad.split(at.unknowns)
