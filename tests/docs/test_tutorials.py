@@ -32,8 +32,8 @@ def test_tutorial(page, tmp_path, solutions):
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
-def test_all_thirteen_are_there():
-    assert len(PAGES) == 14
+def test_all_fourteen_are_there():
+    assert len(PAGES) == 15
 
 
 @pytest.mark.parametrize(
