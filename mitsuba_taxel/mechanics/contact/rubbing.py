@@ -24,7 +24,8 @@ def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np
         To begin with.
     """
     count = len(offset) // 3
-    own, whole = np.diag(matrix).reshape(3, count)[0], np.abs(matrix).sum(axis=1).reshape(3, count)[1:].max(axis=0)
+    own = np.abs(np.diag(matrix)[:count])  # may be below 0 where the pad alone, without what holds it, is unstable
+    whole = np.abs(matrix).sum(axis=1).reshape(3, count)[1:].max(axis=0)
     starts = (guess, np.zeros_like(guess))
     tries = ((start, np.stack([own, ease * whole])) for ease in EASES for start in starts)
     return next((found for one in tries if (found := _tried(matrix, offset, friction, *one)) is not None), None)

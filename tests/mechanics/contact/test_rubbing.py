@@ -28,3 +28,11 @@ def test_what_is_found_keeps_the_law(friction, seed):
     assert (size <= most + 1e-9).all()
     np.testing.assert_allclose(np.hypot(*slip)[size < most - 1e-9], 0, atol=1e-9)
     np.testing.assert_allclose(traction * np.hypot(*slip), -size * slip, atol=1e-9)
+
+
+def test_places_that_give_way_the_wrong_way_alone_hold_together():
+    """As on a pad that is unstable but for what holds it."""
+    matrix = np.diag([-0.1, -0.1, 1.0, 1.0, 1.0, 1.0])
+    matrix[0, 1] = matrix[1, 0] = 1.0
+    found = tractions(matrix, np.array([-1.0, -1.0, 0.1, 5.0, 0.0, 0.0]), 0.3, np.zeros(6))
+    np.testing.assert_allclose(found, np.array([1, 1, -0.09, -0.3, 0, 0]) / 0.9, atol=1e-9)

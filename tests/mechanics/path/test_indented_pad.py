@@ -216,8 +216,15 @@ def test_friction_on_a_symmetric_part_is_that_on_the_whole():
     assert abs(wholes[1, 1]) < 1e-7
 
 
+def test_a_ball_beside_the_middle_is_dragged():
+    _, forces = dragged((0, 0, -0.5), (0.2, 0, -0.5), at=(1, 0.6))
+    assert forces[1, 0] > forces[0, 0] + 0.2
+
+
 def test_what_friction_refuses():
     (state,), _ = dragged((0, 0, -0.2))
+    with pytest.raises(InputError, match="with friction, the displacement of an indenter is needed"):
+        pressed((0, 0, -1.0), load=IndenterForce(Indenter("plane", friction=0.1)))
     with pytest.raises(InputError, match="derivatives with friction are not available"):
         linearise(state)
     with pytest.raises(InputError, match="friction = -0.1 is not allowed"):
