@@ -108,10 +108,10 @@ def test_silicones(loaded, words, material):
         (
             string("load", "indenter_displacement")
             + string("indenter", "sphere")
-            + numbers(indenter_radius=20, indenter_x=0.25)
-            + '<vector name="displacement" value="0, 0, -0.0625"/>',
-            IndenterDisplacement(Indenter("sphere", radius=20, at=(0.25, 0))),
-            (0, 0, -0.0625),
+            + numbers(indenter_radius=20, indenter_x=0.25, indenter_y=0.5, friction=0.25)
+            + '<vector name="displacement" value="0.0625, 0, -0.0625"/>',
+            IndenterDisplacement(Indenter("sphere", radius=20, at=(0.25, 0.5), friction=0.25)),
+            (0.0625, 0, -0.0625),
         ),
     ],
 )
@@ -131,6 +131,7 @@ def test_loads_deform_the_pad_as_load_path_does(loaded, words, load, value):
         (numbers(c10=1.0), "c10 is not allowed for material = 'neo_hookean', only for 'mooney_rivlin', 'yeoh'"),
         (numbers(shore_a=40, youngs_modulus=2), "youngs_modulus and shore_a exclude each other"),
         (numbers(shore_a=99), "shore_a = 99 is not allowed: a finite number from 20 to 80"),
+        (string("load", "indenter_displacement") + numbers(friction=-0.25), "friction = -0.25 is not allowed"),
         (string("load", "wind"), "load = 'wind' is not allowed: one of spread_force"),
         (numbers(pressure=1.0), "pressure is not allowed for load = 'spread_force', only for 'pressure'"),
         (numbers(patch_width=1.0), "patch_width is not allowed for load = 'spread_force', only for 'patch_force'"),
