@@ -1,1 +1,1 @@
-"""The paper, rerun: its figures and tables from this package, beside the paper's own numbers."""
+"""Rerun of the paper: its figures and tables from this package, compared with the paper's own numbers."""

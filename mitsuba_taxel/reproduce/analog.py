@@ -1,4 +1,4 @@
-"""The paper's own procedure: 60 000 rays counted at each force, and the maximum slope of the curves they give."""
+"""The paper's own procedure: 60 000 rays counted at each force, and the maximum slope of the resulting curves."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ RUNS = 3
 RAYS = 1 << 16
 """Rays of each repetition here: the power of two next to the paper's 60 000."""
 REPETITIONS = 2_000
-"""Of the emulation by binomial counts."""
+"""Repetitions of the emulation by binomial counts."""
 
 
 def counted(store: PaperStudies, cell: str) -> xr.Dataset:
     """Power (fz, replicate) of the centre taxel by counted rays over the paper's normal forces.
 
-    Each replicate is one repetition of the paper's procedure. Every force has random numbers of its own, as new rays
-    have.
+    Each replicate is one repetition of the paper's procedure. Every force has independent random numbers, like new
+    rays.
     """
     scene = store.folder / "analog" / "centre.xml"
     forces = np.arange(0, paper.NORMAL_FORCE + paper.FORCE_STEP / 2, paper.FORCE_STEP)
@@ -45,17 +45,17 @@ def counted(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.ndarray:
-    """Readings (32 x RUNS,) of one scene; ``number`` tells its random numbers from those of other scenes."""
+    """Readings (32 x RUNS,) of one scene; ``number`` selects its random numbers."""
     ready = prepare(Scene(scene, {**defines, "integrator": "analog_tracer"}))
     seeds = range(number * RUNS, (number + 1) * RUNS)
     readings = [measure(ready, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds]
     del ready
-    gc.collect()  # a scene that lives on adds its plugins to the kernels of the next one
+    gc.collect()  # plugins of a scene that is still alive are added to the kernels of the next one
     return np.concatenate(readings)
 
 
 class Emulated(NamedTuple):
-    """What the procedure answers: mean and standard deviation of its maximum slope over repetitions, in W/N.
+    """Result of the procedure: mean and standard deviation of its maximum slope over repetitions, in W/N.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Emulated(NamedTuple):
 
 
 def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """The maximum slope in magnitude (repetitions,), W/N, that each repetition gives.
+    """The maximum slope in magnitude (repetitions,), W/N, of each repetition.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 
 def summary(slopes: np.ndarray) -> Emulated:
-    """Mean and spread of the maximum slopes (repetitions,) that the procedure gave."""
+    """Mean and spread of the maximum slopes (repetitions,) of the procedure."""
     spread = float(slopes.std(ddof=1))
     return Emulated(float(slopes.mean()), spread, spread / np.sqrt(len(slopes)), len(slopes))
 
@@ -97,14 +97,14 @@ def binomial(power: np.ndarray, rays: int, repetitions: int, seed: int = 0) -> n
 
 
 class CountingTest(NamedTuple):
-    """Whether readings scatter as counts do: their variances over p (1 - p) / n, and the chance of so odd a mean.
+    """Test whether readings scatter like counts: their variances over p (1 - p) / n, and the p-value of the mean.
 
     Attributes
     ----------
     ratio : float
         Mean over the readings of variance / (p (1 - p) / n).
     p : float
-        Two-sided, of a chi-square distribution.
+        Two-sided p-value of a chi-square distribution.
     """
 
     ratio: float

@@ -1,4 +1,4 @@
-"""What a rerun's studies say about the paper's numbers."""
+"""Analysis of a rerun's studies against the paper's numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Paths = Mapping[str, xr.Dataset]
 PUBLISHED = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
 """Table 1 by kind of force."""
 PLACES = 201
-"""Forces at which a curve is set against a straight line."""
+"""Forces at which a curve is compared with a straight line."""
 
 
 def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
@@ -33,7 +33,7 @@ def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]
 
 
 def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Emulated]]:
-    """What the paper's procedure would answer at our readings, by kind of force and shape."""
+    """Expected result of the paper's procedure at our readings, by kind of force and shape."""
     return {
         "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
         "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
@@ -54,10 +54,10 @@ def explanations(
     counts: Mapping[str, Emulated],
     reading: Mapping[str, float],
 ) -> dict[str, Fit]:
-    """Three explanations of a column of Table 1, by shape, each with one common factor free.
+    """Three explanations of a column of Table 1, by shape, each with one free common factor.
 
-    That the numbers are true slopes, known to the errors of ours; that they go with the square root of the reading, or
-    with what counting noise makes of the maximum slope, known to the scatter of one repetition.
+    The numbers are true slopes, with the errors of ours; or proportional to the square root of the reading, or to the
+    maximum slope with counting noise, with the scatter of one repetition.
     """
     cells = list(published)
     numbers = np.array([published[cell] for cell in cells])
@@ -79,7 +79,7 @@ def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> Fit:
 
 
 def least(slope: Sensitivity) -> float:
-    """A maximum slope as ratios need it, above 0: one that is less than its error counts as that."""
+    """A positive maximum slope for ratios: at least its error."""
     return max(slope.max_slope, slope.max_slope_error)
 
 
@@ -98,7 +98,7 @@ class Difference(NamedTuple):
 
 
 def skewness(study: xr.Dataset) -> dict[str, Difference]:
-    """Fig. 10: how far mirror taxels differ under a force along the secondary diagonal, less what they do without it.
+    """Fig. 10: differences of mirror taxels under a force along the secondary diagonal, less those without it.
 
     ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
     from their mean on the main diagonal, where there should be little.
@@ -120,7 +120,7 @@ def skewness(study: xr.Dataset) -> dict[str, Difference]:
 def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
     """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error.
 
-    The error is what slopes make of it that are off by theirs, one way at no force and the other way at the end.
+    The error is its change with slopes changed by their errors, with opposite signs at no force and at the end.
     """
     along = curves(study, "fz")
     force = np.linspace(0, -paper.MEASURED_FORCE, PLACES)

@@ -1,4 +1,4 @@
-"""How well two sets of numbers for the four shapes agree: their order, and their ratios."""
+"""Agreement of two sets of numbers for the four shapes: order and ratios."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DRAWS = 100_000
 
 
 class Order(NamedTuple):
-    """Shapes from the largest value to the smallest, and how sure that is.
+    """Shapes from the largest value to the smallest, with the probability of this order.
 
     Attributes
     ----------
@@ -36,21 +36,21 @@ def order(values: Mapping[str, float], errors: Mapping[str, float]) -> Order:
 
 
 def pairs_in_order(values: Mapping[str, float], others: Mapping[str, float]) -> tuple[int, int]:
-    """Of the pairs of shapes in both sets, how many come in the same order, and how many there are."""
+    """Number of pairs of shapes in the same order in both sets, and number of all pairs."""
     pairs = list(combinations([name for name in values if name in others], 2))
     same = sum((values[one] - values[two]) * (others[one] - others[two]) > 0 for one, two in pairs)
     return same, len(pairs)
 
 
 class Fit(NamedTuple):
-    """Numbers explained as one common factor times what was expected.
+    """Numbers explained as one common factor times expected values.
 
     Attributes
     ----------
     scale : float
         The factor; ``scale_error`` its standard error.
     chi_square, freedom, p : float and int
-        Sum of squared deviations over their variances, and the chance of so large a one.
+        Sum of squared deviations over their variances, degrees of freedom, and p-value.
     misfit : float
         Typical factor by which a number is off, exp of the root mean square of ln(number / (scale expected)).
     """

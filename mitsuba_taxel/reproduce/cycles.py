@@ -1,4 +1,4 @@
-"""Loading cycles of the paper's pads with a memory: volts per newton, nonlinearity and hysteresis."""
+"""Loading cycles of the paper's pads with viscoelasticity: volts per newton, nonlinearity and hysteresis."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from mitsuba_taxel.reproduce.scenes import YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 CELLS = 9
-"""Of our pad: forces are those of the experiments per cell."""
+"""Cells of our pad; forces per cell are those of the experiments."""
 STEPS, POINTS = 5, 1024
 
 
 class Figures(NamedTuple):
-    """Of the taxels of a pad: least and largest V/N of the experiments' pad; of the most sensitive one, percent of
-    nonlinearity and of hysteresis, with their errors."""
+    """Figures of the taxels of a pad: least and largest V/N; for the most sensitive one, nonlinearity and hysteresis in
+    percent, with errors."""
 
     least: float
     most: float
@@ -32,7 +32,7 @@ class Figures(NamedTuple):
 def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]) -> xr.Dataset:
     """Readings along one cycle to the experiments' force per cell, at their rate.
 
-    The modulus of the paper is that in the long run.
+    The modulus of the paper is taken as the long-term one.
     """
     share = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
     forces = -paper.MEASURED_FORCE * CELLS / measured.CELLS_OF_EXPERIMENTS * share
@@ -46,7 +46,7 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
 
 
 def figures(study: xr.Dataset) -> Figures:
-    """Of a cycle, with the circuit of the measured pad and LEDs that give its mean voltage at rest."""
+    """Figures of a cycle, with the circuit of the measured pad and LEDs that give its mean voltage at rest."""
     at_rest = float(study.power.isel(step=0).mean())
     circuit = Circuit(
         supply=measured.ADC_REFERENCE,

@@ -1,4 +1,4 @@
-"""The figures of a rerun. Every curve has its own colour, marker and dash, told apart with any colour vision."""
+"""The figures of a rerun. Colour, marker and dash of curves are distinguishable with any colour vision."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
 
 
 def peak_positions(found: Mapping[str, Mapping[float, Peak]], file: Path) -> None:
-    """Where the curve over height peaks, against die spacing, by emission law."""
+    """Height of the peak against die spacing, by emission law."""
     with _figure(file, 1, 1, (6, 4)) as axes:
         ax = axes[0, 0]
         for number, (law, peaks) in enumerate(found.items()):
@@ -219,7 +219,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
 def repetitions(
     counted: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray], true: Mapping[str, float], file: Path
 ) -> None:
-    """Maximum slopes of the centre taxel that repetitions of the paper's procedure give, beside the true one.
+    """Maximum slopes of the centre taxel in repetitions of the paper's procedure, compared with the true one.
 
     Parameters
     ----------

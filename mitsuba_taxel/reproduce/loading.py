@@ -1,4 +1,4 @@
-"""The pad under load: what the paper's Figs. 9 and 10 and Table 1 show, for all four shapes."""
+"""The pad under load: the paper's Figs. 9 and 10 and Table 1, for all four shapes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ SCENE = "pad.xml"
 TARGET_ERROR, TARGET_SLOPE = 0.005, 0.02
 DIAGONAL_POINTS = 5
 FURTHEST = 30.0
-"""Tangential force in N that no shape here bears at -8 N."""
+"""Tangential force in N that no shape can bear at -8 N."""
 PATHS = ("fz", "fx", "fy", "resultant")
-"""The dimensions that forces run along: normal, tangential along x, y and the secondary diagonal."""
+"""Dimensions along which forces vary: normal, tangential along x, y and the secondary diagonal."""
 
 
 def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
@@ -30,7 +30,7 @@ def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
 
 
 def normal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under normal forces; forces, mesh and number of light paths are those which the targets need."""
+    """Readings under normal forces, with forces, mesh and light paths chosen for the targets."""
     targets: dict[str, Any] = {"target_error": TARGET_ERROR, "target_slope": TARGET_SLOPE}
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}"}
     return store.study(
@@ -67,10 +67,10 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
 
 
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
-    """The tangential paths on from the paper's limits, in steps of 1 N, to where the model ends.
+    """The tangential paths beyond the paper's limits, in steps of 1 N, to the end of the load path.
 
-    With the mesh and the number of light paths of the nominal readings, which are computed if they are missing.
-    The attribute ``failures`` of each says why it ends there; its first line is the nearest.
+    With the mesh and the number of light paths of the nominal readings, which are computed if missing. The attribute
+    ``failures`` of each gives the reason for the end; its first line is the first failure.
     """
     settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)

@@ -1,4 +1,4 @@
-"""A Prony series from what is left of a voltage after release, and what it says of holds and of slow cycles."""
+"""A Prony series fitted to the voltage after release, and its predictions of holds and slow cycles."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import measured
 
 TIMES = (0.05, 0.5, 5.0)
-"""Relaxation times in s, one for each decade of the record; their shares are found."""
+"""Relaxation times in s, one per decade of the record; their shares are fitted."""
 TRAVEL, STEPS = 0.6, 10
-"""mm by which a plate goes down on one cell, a sixth of the height, and steps until then."""
+"""Travel in mm of a plate on one cell, a sixth of the height, and number of steps."""
 
 
 class Loop(NamedTuple):
-    """Of a cycle: percent of the largest force between both ways at equal travel; percent of the energy lost."""
+    """Width of a cycle at equal travel, in percent of the largest force, and energy lost, in percent."""
 
     width: float
     energy: float
@@ -27,7 +27,7 @@ class Loop(NamedTuple):
 def fitted_terms() -> tuple[tuple[float, float], ...]:
     """Shares of the three terms by least squares of the relative error of the tail.
 
-    A pad that was held for long and is let go keeps, of its strain, about the sum of g exp(-t / tau).
+    A pad released after a long hold keeps about the sum of g exp(-t / tau) of its strain.
     """
     left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.REST_VOLTAGE)
     decays = np.exp(-np.array(measured.TAIL_TIMES)[:, None] / TIMES)
@@ -36,7 +36,7 @@ def fitted_terms() -> tuple[tuple[float, float], ...]:
 
 
 def tail(terms: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """What the terms leave after release, relative to the hold, at the times of the record."""
+    """Remaining strain after release, relative to the hold, at the times of the record."""
     shares, times = np.array(terms).T
     return np.exp(-np.array(measured.TAIL_TIMES)[:, None] / times) @ shares
 
@@ -49,7 +49,7 @@ def hold(terms: tuple[tuple[float, float], ...]) -> np.ndarray:
 
 
 def slow_loop(terms: tuple[tuple[float, float], ...]) -> Loop:
-    """The cycle of the measurement's duration of a plate on one cell."""
+    """A cycle of a plate on one cell, with the duration of the measurement."""
     way = np.concatenate([np.linspace(0, TRAVEL, STEPS + 1)[1:], np.linspace(TRAVEL, 0, STEPS + 1)[1:]])
     times = measured.CYCLE_SECONDS * np.arange(1, 2 * STEPS + 1) / (2 * STEPS)
     values = [(0.0, 0.0, -travel) for travel in way]

@@ -1,4 +1,4 @@
-"""The paper's question answered: the best of its sensor for a purpose, beside its four shapes."""
+"""The paper's sensor optimised for several purposes, compared with its four shapes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from mitsuba_taxel.reproduce.scenes import centre_of
 from mitsuba_taxel.studies.plan.files import make_folder
 
 MESH_SIZE = 1.6
-"""In mm, of the designs on the way; the best ones are judged again on a finer one."""
+"""Mesh size in mm of the designs; the best ones are verified on a finer mesh."""
 LEAST_WALL = 0.8
-"""In mm, what the mould allows."""
+"""Thinnest wall that the mould allows, in mm."""
 NOISE = 1e-6
-"""Of a reading in W, as one standard deviation."""
+"""One standard deviation of a reading, in W."""
 HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemispheric": 1.775}
-"""Of the paper's cells, in mm."""
+"""Heights of the paper's cells, in mm."""
 LEAST_HEIGHT = {"hemispheric": 1.5}
 LOWEST = 1.2
-"""Of all others: the roof of a cell, above the board."""
+"""Least height of the roof of other cells above the board, in mm."""
 VARIABLES = {"cell_size": (2.2, 2.75), "height": (3.6, 5.5), "wall": (0.8, 1.6)}
 TABLES = ("figures", "variables")
 
@@ -45,7 +45,7 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
         "x = { fz = -8, fx = [0, 2] }\ny = { fz = -8, fy = [0, 2] }\n",
     ),
 }
-"""By name: the taxels that are read, and what is asked for."""
+"""By name: the taxels that are read, and the problem."""
 
 _SCENE = """\
 <!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
@@ -87,7 +87,7 @@ cell_height = [{lowest}, 2.4]
 
 
 def optima(store: PaperStudies, *, workers: int | None, evaluations: int = 8) -> dict[str, dict[str, xr.Dataset]]:
-    """What was found for each purpose, of each shape."""
+    """Results for each purpose and shape."""
     return {
         purpose: {cell: _optimum(store, purpose, cell, workers, evaluations) for cell in paper.CELLS}
         for purpose in PURPOSES

@@ -1,4 +1,4 @@
-"""The page of a rerun: its tables and figures, and sentences whose numbers come from the studies."""
+"""The page of a rerun: tables, figures, and text whose numbers come from the studies."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _HEAD = """\
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 *Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor* simulates a pad of 3 x 3 cells
-on photo-reflectors with a commercial suite. Here are its figures and tables from `mitsuba_taxel`, beside its numbers.
-The paper does not say where LED and phototransistor lie in the package, which way round, how large the dark
-centre of the LED is, which of two "conical" emission laws it used, or Poisson's ratio. The *nominal* sensor is that
+on photo-reflectors with a commercial suite. Here are its figures and tables recomputed by `mitsuba_taxel`.
+The paper does not state position and orientation of LED and phototransistor in the package, the size of the dark
+centre of the LED, which of two "conical" emission laws it used, or Poisson's ratio. The *nominal* sensor is that
 of `pad.xml`: {spacing:g} mm between the dies, LED at -x, phototransistor's long side along x, dark centre 0.1 mm, LED
 uniform per solid angle up to 88 degrees, neo-Hookean silicone with nu = 0.49, roofs isotropic, all else absorbing.
-Nothing is fitted to the paper's numbers. Errors are one standard deviation: of slopes in total, of readings that of the
-light; 1 W per LED. The source power scales all readings and slopes alike and needs no computation.
+Nothing is fitted to the paper's numbers. Errors are one standard deviation: total for slopes, of the light alone for
+readings; 1 W per LED. The source power scales all readings and slopes alike and needs no computation.
 """
 
 SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
@@ -42,13 +42,13 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
 
 
 def write_pages(found: Found, docs: Path, command: str) -> list[Path]:
-    """Write the pages that some part is there of: ``paper.md``, and ``optimum.md`` of the best sensors."""
+    """Write the pages with any complete part: ``paper.md``, and ``optimum.md`` for the best sensors."""
     pages = [write_page(found, docs, command)] if set(found) - {"optimum"} else []
     return [*pages, *([write_optima(found["optimum"], docs, command)] if "optimum" in found else [])]
 
 
 def write_page(found: Found, docs: Path, command: str) -> Path:
-    """Write ``paper.md`` and, in ``paper/``, the figures of the parts that are there; returns the page."""
+    """Write ``paper.md`` and, in ``paper/``, the figures of the complete parts; returns the page."""
     pictures = docs / "paper"
     make_folder(pictures)
     sections = [_HEAD.format(command=command, spacing=NOMINAL_SPACING)]

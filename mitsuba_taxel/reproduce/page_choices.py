@@ -1,4 +1,4 @@
-"""A section of the page: what the choices do that the paper leaves open."""
+"""A section of the page: effect of the choices that the paper leaves open."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mitsuba_taxel.reproduce.slopes import Sensitivity
 from mitsuba_taxel.reproduce.variations import FINER_MESH, NOMINAL_LAW, NOMINAL_SPACING, choices
 
 NEAR_THE_DATASHEET = 0.03
-"""How far in mm a curve over height may peak from where the datasheet's does, to be called consistent with it."""
+"""Largest distance in mm of a peak from the datasheet's to count as consistent."""
 
 
 def variations(found: Found, pictures: Path) -> str:
@@ -66,7 +66,7 @@ A sensor whose packages are turned by 90 degrees has x and y exchanged; Table 1 
 
 
 def _heights(found: Found) -> dict[str, plate.Peak]:
-    """Where the curve over height peaks for die spacing and law of each choice; not a number where it is not known."""
+    """Height of the peak for die spacing and law of each choice; NaN if unknown."""
     peaks = plate.peaks(found["peak"]) if "peak" in found else {}
 
     def height(values: Mapping[str, Any]) -> plate.Peak:
@@ -82,7 +82,7 @@ def _height(peak: plate.Peak) -> str:
 
 
 def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) -> str:
-    """The single choices by how far they move the eight slopes."""
+    """The single choices, ranked by their effect on the eight slopes."""
     nominal = tables["nominal"]
 
     def moved(words: str) -> float:
@@ -100,7 +100,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
 
 
 def _unexplained(tables: Mapping[str, Any], fits: Mapping[str, Fit], heights: Mapping[str, plate.Peak]) -> str:
-    """What the choices with the least misfit leave, number by number."""
+    """Remaining ratios of the choices with the least misfit, number by number."""
     physical = [words for words in tables if words != FINER_MESH]
     consistent = [words for words in physical if abs(heights[words].at - paper.PEAK_HEIGHT) <= NEAR_THE_DATASHEET]
     groups = {"Of all choices": physical, "Of those that put the peak within 0.03 mm of the datasheet's": consistent}

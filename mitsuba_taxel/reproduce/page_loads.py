@@ -49,8 +49,8 @@ paper's solver went.
 {markdown_table(head, rows)}
 
 The maximum slope is that of all nine curves, which are cubics through readings without random numbers and their
-derivatives by the force; its error is that of the derivatives (light, mechanics and geometry). Tangential: the steeper
-of x and y.
+derivatives with respect to the force; its error is that of the derivatives (light, mechanics and geometry).
+Tangential: the steeper of x and y.
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 
@@ -61,7 +61,7 @@ of x and y.
 
 
 def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
-    """Sentences that set the order of the shapes against the paper's."""
+    """Sentences that compare the order of the shapes with the paper's."""
     lines = []
     for kind, published in PUBLISHED.items():
         values = {cell: one.max_slope for cell, one in table[kind].items()}
@@ -76,7 +76,7 @@ def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
 
 
 def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
-    """Seconds by stage, and how good the readings are."""
+    """Seconds by stage, and accuracy of the readings."""
     studies = [study for paths in nominal.values() for study in paths.values()]
     seconds: dict[str, float] = {}
     for study in studies:
@@ -129,7 +129,7 @@ def beyond(found: Found, pictures: Path) -> str:
     )
     return f"""\
 ### How far the load paths go
-Largest tangential force in N that is borne at -8 N, in steps of 1 N, and where the paper's solver stopped:
+Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and that at which the paper's solver stopped:
 
 {markdown_table(["shape", "paper", *(NAMES[path] for path in TANGENTIAL)], rows)}
 
@@ -139,5 +139,5 @@ What stops them, at the first step that fails:
 
 
 def _shorter(text: str) -> str:
-    """A text whose numbers of many digits have four."""
+    """A text with numbers shortened to four digits."""
     return re.sub(r"\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", text)

@@ -56,17 +56,17 @@ def analog(found: Found, pictures: Path) -> str:
     ]
     repetitions = next(iter(counted.values())).sizes["replicate"]
     return f"""\
-## The paper's own procedure, {repetitions} times over
+## The paper's own procedure, repeated {repetitions} times
 ![Maximum slopes by counted rays](paper/analog.png)
 
 `analog_tracer` counts {counting.RAYS} rays (the power of two next to 20 x 3000) for the centre taxel at each of the 41
-normal forces, anew each time, and the maximum slope over steps of 0.5 N is taken:
+normal forces, with new rays each time, and the maximum slope over steps of 0.5 N is taken:
 
 {markdown_table(head, rows)}
 
-*Binomial*: the mean answer if readings are counts of n rays, of which a share p lands. *Scatter*: the variance of the
-readings over p (1 - p) / n, and the chance of one so far from 1. A ray tracer that repeats its random numbers at every
-step would have less noise.
+*Binomial*: the mean answer if readings are counts of n rays, of which a share p arrives. *Scatter*: the variance of the
+readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have less
+noise.
 """
 
 
@@ -105,8 +105,8 @@ def hypotheses(found: Found, pictures: Path) -> str:
     return f"""\
 ## Is Table 1 counting noise?
 With {paper.RAYS} rays a reading p scatters by sqrt(p (1 - p) / n). The largest of many steps of 0.5 N is then mostly
-noise, and goes with the square root of the reading. Three explanations of Table 1, each with one common factor free;
-the factor of the last is the source's power in W, or whatever else scales:
+noise, and proportional to the square root of the reading. Three explanations of Table 1, each with one free common
+factor; that of the last is the source's power in W, or any other scale:
 
 {markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
 

@@ -1,4 +1,4 @@
-"""The page of the best sensors: what three purposes ask for, and how far the paper's four shapes are from it."""
+"""The page of the best sensors for three purposes, compared with the paper's four shapes."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from mitsuba_taxel.studies.plan.files import make_folder
 Optima = Mapping[str, Mapping[str, xr.Dataset]]
 
 _HEAD = """\
-# The best of the paper's sensor
+# The paper's sensor optimised
 
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the
 dimensions of each shape that are best for a purpose: cell_size {cell_size} mm, height of the pad {height} mm, wall
 around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls from
-{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. All begins at the paper's dimensions:
+{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. The start is the paper's dimensions:
 cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are those of
 `pad.xml`; readings are in W for 1 W per LED.
 
-Values are those judged again on a finer mesh than the {mesh_size:g} mm of the way; ± is what that mesh changed of the
-improvement. *Held by* names bounds that hold a variable, and *left* the slope of the objective that nothing holds,
-relative to it and over the width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh
-lets one see. One descent was made for each shape, so that a better one elsewhere within the bounds is not excluded.
+Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
+mesh. *Held by* names active bounds, and *left* is the unbalanced slope of the objective, relative to it and over the
+width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh can resolve. One descent was
+made for each shape, so a better design elsewhere within the bounds is not excluded.
 
 ![Before and after](optimum/optima.png)
 """
@@ -47,7 +47,7 @@ TITLES = {
 ASKED = {
     "normal": "Mean slope of the worse of taxels 3 (corner) and 5 (centre) to -20 N, nonlinearity at most 3 %.",
     "tangential": "Mean slope of the worse of taxels 3 (corner) and 6 (side at +x) from 0 to 4 N along x, at -8 N.",
-    "resolution": "The worst standard deviation of Fx, Fy and Fz where all three are told at once from the four corner "
+    "resolution": "The worst standard deviation of Fx, Fy and Fz if all three are estimated from the four corner "
     f"taxels, each with a noise of {1e6 * NOISE:g} µW: of mean slopes from 0 to 2 N along x and y at -8 N, and from 0 "
     "to -8 N along z.",
 }
@@ -101,7 +101,7 @@ def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
 
 
 def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
-    """The best of the paper's shapes beside the best of all."""
+    """The best of the paper's shapes compared with the best of all."""
     scale, unit = SCALES[purpose]
     sign = -1 if purpose == "resolution" else 1
     before, best = (max(found, key=lambda cell: sign * _goal(found[cell])[k]) for k in (0, 1))
@@ -118,7 +118,7 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
 
 
 def _goal(one: xr.Dataset) -> tuple[float, float]:
-    """The objective before and after, judged again where it could be."""
+    """The objective before and after, on the finer mesh if possible."""
     ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in one else ''}" for when in ("before", "best"))
     before, best = (float(one[name].values[0]) for name in ends)
     return before, best
@@ -140,7 +140,7 @@ def _cost(found: Optima) -> str:
     ]
     return (
         f"## Cost\n{total['designs']:.0f} designs with {total['load_steps']:.0f} load steps took "
-        f"{total['seconds'] / 60:.0f} minutes, summed over processes; judging the best ones again is not in it.\n\n"
+        f"{total['seconds'] / 60:.0f} minutes, summed over processes, without the verification of the best ones.\n\n"
         f"{markdown_table(head, rows)}\n"
     )
 

@@ -21,15 +21,15 @@ def optics(found: Found, pictures: Path) -> str:
 ![Power over height](paper/fig4.png)
 
 **Fig. 4.** Power, normalised to its largest, against height. The first height is {paper.HEIGHT_STEP:g} mm: at z = 0 the
-plate lies on LED and phototransistor, no light passes, and the reading is 0. Grey: where the datasheet's curve peaks.
+plate lies on LED and phototransistor, no light passes, and the reading is 0. Grey: peak of the datasheet's curve.
 Bands are two standard errors.
 
 ![Power over an edge along x](paper/fig5.png)
 ![Power over an edge along y](paper/fig6.png)
 
-**Figs. 5 and 6.** The plate at {paper.EDGE_HEIGHT:g} mm covers what lies beyond its edge. The edge distance is how far
-the edge has moved in over the package from the package's own edge, along x from the LED's side: at 0 the whole package
-is covered. (The paper speaks of "the space among the reflective plane and the photo-reflector edges".)
+**Figs. 5 and 6.** The plate at {paper.EDGE_HEIGHT:g} mm covers everything beyond its edge. The edge distance is that of
+the plate's edge from the package's own edge, inwards, along x from the LED's side: at 0 the whole package is covered.
+(The paper speaks of "the space among the reflective plane and the photo-reflector edges".)
 """
 
 
@@ -54,8 +54,8 @@ def peaks(found: Found, pictures: Path) -> str:
 {markdown_table(head, rows)}
 
 The peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest; die spacings from {least:g} to
-{most:g} mm, which is what the package holds. The datasheet's peak is a property of the part; the pairs in the last
-column have it, and it alone cannot tell between them.
+{most:g} mm, the range that fits into the package. The datasheet's peak is a property of the part; all pairs in the last
+column reproduce it, so it cannot distinguish between them.
 """
 
 

@@ -1,4 +1,4 @@
-"""What the sections of the page share: studies, and numbers and tables in words."""
+"""Common parts of the sections of the page: studies, and numbers as text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce.slopes import Sensitivity
 
 Found = Mapping[str, Any]
-"""Studies by the name of their part, as :func:`mitsuba_taxel.reproduce.parts.complete` gives them."""
+"""Studies by the name of their part, as returned by :func:`mitsuba_taxel.reproduce.parts.complete`."""
 TANGENTIAL = ("fx", "fy", "resultant")
 NAMES = {"fz": "normal", "fx": "along x", "fy": "along y", "resultant": "along the diagonal"}
 

@@ -1,4 +1,4 @@
-"""What the paper says: Cirillo et al., Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile
+"""Data of the paper: Cirillo et al., Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile
 Sensor. Forces are in N, lengths in mm, sensitivities in W/N (simulated) or V/N (measured)."""
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ MEASURED_NORMAL = {
     "spherical": (0.00467, 0.00716),
     "hemispheric": (0.00335, 0.00869),
 }
-"""Table 2: of the least and the most sensitive taxel."""
+"""Table 2: the least and the most sensitive taxel."""
 MEASURED_TANGENTIAL = {
     "parallelepiped": (0.0342, 0.0314),
     "spherical": (0.00271, 0.00276),
@@ -32,15 +32,15 @@ FORCE_STEP = 0.5
 CONSTANT_NORMAL_FORCE = 8.0
 """Magnitude of the normal force under which tangential forces act (section 2.3)."""
 TANGENTIAL_LIMIT = {"parallelepiped": 11.0, "cylindrical": 13.0, "spherical": 8.0, "hemispheric": 13.0}
-"""Where the paper's solver stopped."""
+"""Force at which the paper's solver stopped."""
 SHOWN_TANGENTIAL_FORCE = 8.0
 """Resultant along the secondary diagonal in Fig. 10."""
 
 RAYS = 20 * 3000
-"""Rays of each LED: 20 points of release with 3000 rays each (section 2.1.3)."""
+"""Rays of each LED: 20 release points with 3000 rays each (section 2.1.3)."""
 
 PEAK_HEIGHT = 0.30
-"""Where the datasheet's curve over a plate's height peaks (section 2.1.1)."""
+"""Plate height at the peak of the datasheet's curve (section 2.1.1)."""
 LARGEST_HEIGHT = 2.5
 HEIGHT_STEP = 0.02
 EDGE_HEIGHT = 0.7

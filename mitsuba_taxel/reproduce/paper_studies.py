@@ -1,4 +1,4 @@
-"""Numbers of a rerun on disk: one NetCDF file for each study, computed once."""
+"""Results of a rerun on disk: one NetCDF file per study, computed once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mitsuba_taxel.studies.run.dataset import stage_totals
 
 
 class MissingStudy(LookupError):
-    """A study is not there, and may not be computed."""
+    """A study is missing, and may not be computed."""
 
 
 class PaperStudies:
@@ -26,14 +26,14 @@ class PaperStudies:
     Parameters
     ----------
     folder : Path
-        Made where it is missing.
+        Created if missing.
     announce : Callable[[str], None], optional
-        Called with the name of a study that is about to be computed; without it, none is.
+        Called with the name of a study before it is computed; without it, none is computed.
 
     Attributes
     ----------
     seconds : dict[str, float]
-        That the studies computed so far took, by stage, summed over processes.
+        Time of the studies computed so far, by stage, summed over processes.
     """
 
     def __init__(self, folder: Path, announce: Callable[[str], None] | None = None) -> None:
@@ -42,20 +42,19 @@ class PaperStudies:
         self.seconds: dict[str, float] = {}
 
     def study(self, name: str, request: Mapping[str, Any], compute: Callable[[], xr.Dataset]) -> xr.Dataset:
-        """The study called ``name``: from its file, or computed and stored whole.
+        """The study called ``name``: from its file, or computed and stored atomically.
 
         Parameters
         ----------
         request : Mapping[str, Any]
-            All that the study was asked for, as JSON can hold it; kept as an attribute, beside the ``wall_seconds``
-            that it took.
+            Settings of the study, fit for JSON; stored as an attribute, with its ``wall_seconds``.
 
         Raises
         ------
         InputError
-            if the file answers another request.
+            if the file is of another request.
         MissingStudy
-            if there is no file, and the store was made for reading alone.
+            if there is no file, and the store is read-only.
         """
         file, asked = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
         if file.is_file():

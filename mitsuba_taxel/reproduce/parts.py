@@ -1,4 +1,4 @@
-"""The parts of a rerun: what each computes, which are asked for, and what is there already."""
+"""The parts of a rerun: computation, selection, and completeness."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ OF_SHAPES: dict[str, ShapePart] = {
     "beyond": loading.beyond,
     "analog": analog.counted,
 }
-"""What is computed of each shape alone, so that shapes can be computed at once."""
+"""Parts computed for each shape separately, so that shapes can be computed concurrently."""
 
 
 def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
-    """What parts compute of a shape, such that each stage needs nothing but what those before have stored."""
+    """Computations of parts for one shape, ordered in stages that depend only on earlier ones."""
     others = [part for name, part in OF_SHAPES.items() if name in names and name != "nominal"]
     stages: list[list[ShapePart]] = [
         [loading.normal] if set(names) - {"analog"} else [],
@@ -47,13 +47,13 @@ PARTS: dict[str, Part] = {
     "variations": variations.vary,
     "optimum": optima.optima,
 }
-"""By name; each returns its studies, from disk where they are there."""
+"""Parts by name; each returns its studies, from disk if available."""
 
 GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "roofs")}
 
 
 def chosen(only: str | None) -> list[str]:
-    """Names of the parts that a comma-separated list of parts and groups asks for, all without one.
+    """Names of the parts selected by a comma-separated list of parts and groups; all without one.
 
     Raises
     ------
@@ -74,14 +74,14 @@ def chosen(only: str | None) -> list[str]:
 def compute(
     folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute what is missing of the parts called ``names`` and store it in ``folder``.
+    """Compute missing studies of the parts called ``names`` and store them in ``folder``.
 
     Parameters
     ----------
     workers : int or None
-        Number of processes to use, in place of this one; each takes parts of a shape where they are of all shapes.
+        Number of worker processes; parts of all shapes are distributed over them by shape.
     announce : Callable[[str], None]
-        Called with the name of each study that is about to be computed, by the process that computes it.
+        Called with the name of each study before it is computed, in the process that computes it.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The photo-reflector under a mirror plate: Figs. 4 to 6, and where the curve over height peaks."""
+"""The photo-reflector under a mirror plate: Figs. 4 to 6, and the peak of the curve over height."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ PEAK_SPACINGS = (*(round(0.4 + 0.05 * i, 2) for i in range(11)), 0.94)
 PEAK_HEIGHTS = tuple(np.geomspace(0.08, 1.4, 30).round(4).tolist())
 PACKAGE = {"x": 1.46, "y": 1.06}
 PLATE = 4.0
-"""Extent of the plate in mm: what lies further out adds nothing that could be seen."""
+"""Extent of the plate in mm: a larger one makes no visible difference."""
 POINTS = 8192
-"""Light paths for each reading and randomisation: far from the peak next to nothing comes back, and no relative error
-could be asked for."""
+"""Light paths for each reading and randomisation: far from the peak almost no light returns, so a relative target error
+is not useful."""
 NEAR_PEAK = 0.8
 """Share of the largest reading above which the curve is fitted for its peak."""
 
 
 class Peak(NamedTuple):
-    """Where a curve is largest, with the standard error that its replicates give."""
+    """Position of a curve's maximum, with its standard error from the replicates."""
 
     at: float
     error: float
@@ -48,10 +48,10 @@ def heights(store: PaperStudies, workers: int | None) -> dict[float, xr.Dataset]
 def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr.Dataset]:
     """Figs. 5 (``axis`` x) and 6 (y) by die spacing: readings over offset and emission law.
 
-    The plate is at 0.7 mm and as wide as ``PLATE`` beyond its edge. The coordinate ``edge`` is how far the edge
-    has moved in over the package from the package's own edge: at 0 all of the package is covered, at 1.5 mm none is.
-    Along x it uncovers the LED first; the response to an edge from the other side is nearly the same, for light that
-    a mirror reflects meets it half-way between LED and phototransistor.
+    The plate is at 0.7 mm and extends by ``PLATE`` beyond its edge. The coordinate ``edge`` is the distance of the edge
+    from the package's own edge, inwards: at 0 all of the package is covered, at 1.5 mm none is. Along x it uncovers the
+    LED first; the response to an edge from the other side is nearly the same, as light meets the mirror half-way
+    between LED and phototransistor.
     """
     distances = np.linspace(0, paper.LARGEST_EDGE_DISTANCE, 76)
     offsets = [plate_offset(axis, distance) for distance in distances]
@@ -66,7 +66,7 @@ def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr
 
 
 def plate_offset(axis: str, distance: float) -> float:
-    """Where the plate's centre lies along an axis, in mm, when its edge is ``distance`` inside the package's own."""
+    """Position in mm of the plate's centre along an axis, with its edge ``distance`` inside the package's own."""
     return round(float(distance) + (PLATE - PACKAGE[axis]) / 2, 6)
 
 
@@ -84,8 +84,8 @@ def _sweep(store: PaperStudies, name: str, vary: dict, fixed: dict, workers: int
 def peak(height: np.ndarray, samples: np.ndarray) -> Peak:
     """The height at which a smooth curve through readings is largest.
 
-    A cubic in ln(height) is fitted to ln(reading) wherever the mean reading is above 80 % of the largest; the error
-    is that of the peaks of the replicates leaving one out (jackknife), since the peak is no linear function.
+    A cubic in ln(height) is fitted to ln(reading) wherever the mean reading is above 80 % of the largest; the error is
+    from the jackknife over replicates, since the peak is a nonlinear function.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _largest(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def peaks(study: xr.Dataset) -> dict[str, dict[float, Peak]]:
-    """Where the curve of each law and die spacing peaks; not a number where that is outside the heights."""
+    """Height of the peak for each law and die spacing; NaN if outside the heights."""
     found = {}
     for law in study.law.values:
         curves = study.replicate_power.sel(law=law, taxel=1).transpose("spacing", "z", "replicate")
@@ -126,9 +126,9 @@ def peaks(study: xr.Dataset) -> dict[str, dict[float, Peak]]:
 
 
 def spacing_for(peaks_by_spacing: dict[float, Peak], height: float) -> Peak:
-    """The die spacing that puts the peak at ``height``, with its error; not a number where none here does.
+    """The die spacing with its peak at ``height``, and its error; NaN if there is none in range.
 
-    The root of a monotone cubic through the peaks; its error is that of a peak near it over the slope there.
+    The root of a monotone cubic through the peaks; its error is that of a nearby peak over the slope there.
     """
     known = {spacing: at for spacing, at in peaks_by_spacing.items() if np.isfinite(at.at)}
     if len(known) < 2:
@@ -144,7 +144,7 @@ def spacing_for(peaks_by_spacing: dict[float, Peak], height: float) -> Peak:
 
 
 def normalised(study: xr.Dataset, dim: str) -> tuple[xr.DataArray, xr.DataArray]:
-    """Readings of taxel 1 over their largest along ``dim``, and the standard error, by that of replicates."""
+    """Readings of taxel 1 over their largest along ``dim``, and the standard error from replicates."""
     samples = study.replicate_power.sel(taxel=1)
     largest = samples.mean("replicate").max(dim)
     shares = samples / largest

@@ -1,4 +1,4 @@
-"""The paper's sensor with every choice that the paper leaves open as a parameter, as a scene on disk."""
+"""The paper's sensor as a scene on disk, with every choice that the paper leaves open as a parameter."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 PITCH = 3.55
 YOUNGS_MODULUS, POISSON_RATIO = NeoHookean().youngs_modulus, NeoHookean().poisson_ratio
 CORNER, CENTRE = 3, 5
-"""The taxels of the variations: that at the corner (+x, +y), and that in the middle."""
+"""The taxels of the variations: the corner (+x, +y) and the centre."""
 
 _SCENE = """\
 <!-- The paper's pad of 3 x 3 cells; only the cells {cells} have photo-reflectors and are read. -->
@@ -80,7 +80,7 @@ _REFLECTOR = """
 
 
 def write_scene(file: Path, taxels: Sequence[int]) -> None:
-    """Write the scene with photo-reflectors in those cells only that ``taxels`` names, read in this order."""
+    """Write the scene with photo-reflectors only in the cells ``taxels``, read in this order."""
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
     c10 = moduli(POISSON_RATIO)["c10"]
@@ -90,7 +90,7 @@ def write_scene(file: Path, taxels: Sequence[int]) -> None:
 
 
 def centre_of(taxel: int) -> tuple[float, float]:
-    """Where the cell of a taxel is centred, in mm."""
+    """Centre of the cell of a taxel, in mm."""
     row, column = divmod(taxel - 1, 3)
     return (column - 1) * PITCH, (1 - row) * PITCH
 

@@ -1,4 +1,4 @@
-"""The paper's four shapes at once: of each first what says how its others are computed, then those."""
+"""Concurrent computation of the paper's four shapes, in stages that determine the settings of the next."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from mitsuba_taxel.studies.run import processes
 COSTLIEST_FIRST = ("hemispheric", "spherical", "cylindrical", "parallelepiped")
 
 MOST_AT_ONCE = 2 * len(COSTLIEST_FIRST)
-"""Processes that have work, but for short whiles."""
+"""Number of processes that are busy most of the time."""
 
 ShapePart = Callable[[PaperStudies, str], Any]
-"""Computes what is missing of the studies of one shape."""
+"""Computes missing studies of one shape."""
 
 
 def compute_shapes(
     folder: Path, stages: Sequence[Sequence[ShapePart]], workers: int, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute what is missing of parts, in at most ``workers`` processes.
+    """Compute missing studies of parts, in at most ``workers`` processes.
 
     Parameters
     ----------
     stages : Sequence[Sequence[ShapePart]]
-        Parts that need nothing but what the stages before have stored of the same shape.
-    stages, announce : Sequence[Sequence[ShapePart]] and Callable[[str], None]
-        Must be such as can be sent to a process; for :class:`PaperStudies`.
+        Parts that depend only on earlier stages of the same shape; must be picklable.
+    announce : Callable[[str], None]
+        As for :class:`PaperStudies`; must be picklable.
 
     Returns
     -------
-    Seconds that studies took by stage, summed over processes.
+    Time of the studies in s by stage, summed over processes.
 
     Raises
     ------
     InputError, ComputationError
-        the first of a part, which ends all others, or that a process died.
+        the first error of a part, which ends all others; or if a process died.
     """
     count = min(workers, MOST_AT_ONCE)
     executor = processes.start(count, sharing=count)

@@ -1,4 +1,4 @@
-"""Slopes of readings over force, and smooth curves of them."""
+"""Slopes of readings against force, and smooth curves through them."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ class Sensitivity(NamedTuple):
     Attributes
     ----------
     max_slope : float
-        Largest in magnitude of all taxels and forces, its sign dropped; ``at`` is that force in N, ``taxel`` the number
-        of the taxel.
+        Largest magnitude over all taxels and forces; ``at`` is that force in N, ``taxel`` the number of the taxel.
     mean_slope : float
-        From the first force to the last of the taxel for which that is largest in magnitude, with its sign.
+        From the first force to the last, of the taxel for which it is largest in magnitude, with its sign.
     """
 
     max_slope: float
@@ -34,9 +33,9 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
-    """What the paper calls sensitivity, the maximum slope of all curves, and the mean slope.
+    """The paper's sensitivity, the maximum slope of all curves, and the mean slope.
 
-    Of the cubic curves through readings without random numbers and their derivatives; where there are none, between
+    From the cubic curves through readings without random numbers and their derivatives; without derivatives, between
     the forces of the study.
     """
     found = characterise.sensitivity(study, force)
@@ -53,14 +52,14 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
 
 
 class Curves(NamedTuple):
-    """Readings over a force in N, from the least to the largest.
+    """Readings against a force in N, from the least to the largest.
 
     Attributes
     ----------
     power : Callable[[ndarray], ndarray]
         (F, taxels) in W at forces (F,).
     force : (N,) ndarray
-        Where derivatives were taken.
+        Forces with derivatives.
     slope_error : (N, taxels) ndarray
         One standard deviation of the curves' slopes there, in W/N.
     """
@@ -71,7 +70,7 @@ class Curves(NamedTuple):
 
 
 def curves(study: xr.Dataset, force: str) -> Curves:
-    """The cubic curves through readings without random numbers, with the slopes that they have."""
+    """The cubic curves through readings without random numbers and their derivatives."""
     from scipy.interpolate import CubicHermiteSpline
 
     run = _branch(study, force)
@@ -88,9 +87,10 @@ def _branch(study: xr.Dataset, force: str) -> Branch:
 
 
 def change(study: xr.Dataset, force: str, shown: float, weights: np.ndarray) -> tuple[float, float]:
-    """How a sum of the taxels' readings, with ``weights`` (taxels,), differs in W at a force from that at none.
+    """Change in W of a sum of the taxels' readings, with ``weights`` (taxels,), from no force to a force, and its
+    error.
 
-    With its error: that of the slopes in between, those of all taxels taken as fully correlated.
+    The error is that of the slopes in between, with those of all taxels taken as fully correlated.
     """
     along = curves(study, force)
     zero, there = along.power(np.array([0.0, shown])) @ weights

@@ -1,4 +1,4 @@
-"""The page that puts simulated sensors beside measured ones, misses included."""
+"""The page that compares simulated with measured sensors, disagreements included."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ EDGE_HEIGHT = 1.0
 _FINE = np.linspace(0.25, 1.0, 76)
 
 _HEAD = """\
-# Beside measured sensors
+# Comparison with measured sensors
 
-Written by `{command}`; do not edit by hand. What is called *found* was chosen from the measurement beside it, all else
-is predicted. The numbers of the measurements are in `mitsuba_taxel/reproduce/measured.py` and in the part's file.
+Written by `{command}`; do not edit by hand. Values called *fitted* come from the measurement itself; all others are
+predicted. The numbers of the measurements are in `mitsuba_taxel/reproduce/measured.py` and in the part's file.
 """
 
 
 def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
-    """Compute what is missing in the store, and write ``validation.md``; returns the page."""
+    """Compute missing studies, and write ``validation.md``; returns the page."""
     make_folder(docs)
     sections = [_HEAD.format(command=command), _vcnt2020(), _memory(), _tables(store), _MISSING]
     page = docs / "validation.md"
@@ -50,15 +50,15 @@ def _vcnt2020() -> str:
     edges = [[word, *(f"{place:.3f}" for place in edge_positions(part, EDGE_HEIGHT, k))] for k, word in enumerate("xy")]
     return f"""\
 ## VCNT2020 under a mirror
-Found: the size of the dies and their depth under the windows, by the distance curve itself. Percent of the largest
+Fitted: the size of the dies and their depth under the windows, to the distance curve itself. Percent of the largest
 current:
 
 {markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
 
 The largest difference is {100 * (model - given)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
-are too low by {far:.0f} % of the value, which no size or depth of the dies mends.
+are too low by {far:.0f} % of the value, for any size and depth of the dies.
 
-Predicted, without a measurement at hand: where the edge of a mirror at {EDGE_HEIGHT:g} mm is, from the middle of the
+Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
 body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):
 
 {markdown_table(["along", "10 % [mm]", "50 % [mm]", "90 % [mm]"], edges)}
@@ -87,25 +87,24 @@ def _memory() -> str:
     ]
     return f"""\
 ## A real pad: hold, release and loop
-A pad of 5 x 5 cells, taxel 13 pressed. Found, from what is left of its voltage after release: the shares of three
-relaxation times, {series}. The first is that of the release itself as much as of the silicone. Percent of the
-change while it is held:
+A pad of 5 x 5 cells, pressed at taxel 13. Fitted to its voltage after release: the shares of three relaxation times,
+{series}. The first is due to the release itself as much as to the silicone. Percent of the change during the hold:
 
 {markdown_table(["s after release", "measured", "fitted"], tail_rows)}
 
-Predicted: the force while it is held, relative to that of the end. Measured with its scatter within the window.
+Predicted: the force during the hold, relative to that at the end. Measured values with their scatter in the window.
 
 {markdown_table(["s", "measured", "here"], hold_rows)}
 
 Predicted: a cycle of {measured.CYCLE_SECONDS:g} s, by finite elements, of a plate on one cell (the width of a slow loop
-relative to the largest force hardly depends on what presses). Percent:
+relative to the largest force hardly depends on the indenter). Percent:
 
 {markdown_table(["loop", "measured", "here"], loop_rows)}
 
 **The hold agrees within its scatter. The loop does not**: it is {measured.FORCE_LOOP / loop.width:.0f} times as wide
-as the memory makes it. A memory that is gone within 10 s cannot lag behind in 147 s: what opens this loop does not
-depend on the rate. Softening by the first strain (Mullins' effect), friction below the indenter and slip of the pad in
-its frame are outside the model.
+as predicted. Relaxation within 10 s causes no lag in 147 s, so what opens this loop does not depend on the rate.
+Softening by the first strain (Mullins' effect), friction below the indenter and slip of the pad in its frame are not
+modelled.
 """
 
 
@@ -134,18 +133,18 @@ def _tables(store: PaperStudies) -> str:
     return f"""\
 ## The paper's Tables 2 and 4 in volts, and its hysteresis
 Cycles to the force per cell of the experiments (10 N on 12 cells) at their rate, on the nominal pad of nine cells.
-Nothing of these tables is used: the electronics are those of the pad above ({electronics}), with LEDs
-that give its mean voltage at rest, {measured.REST_VOLTAGE:g} V; the memory is that found above, of a silicone that may
-be another; in the long run it has the modulus of the paper. Slopes are means from 0 to 10 N.
+Nothing is fitted to these tables: the electronics are those of the pad above ({electronics}), with LEDs
+that give its mean voltage at rest, {measured.REST_VOLTAGE:g} V; the Prony series is that fitted above, possibly of
+another silicone, with the paper's modulus as the long-term one. Slopes are means from 0 to 10 N.
 
 {markdown_table(heads, rows)}
 
 No gain was fitted to these tables. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
-and hemispheric. The spread between taxels is smaller: that of boards and moulds is what
-[tolerances](tutorials/tolerances.md) make. The memory opens loops that are narrower than the measured ones, as above:
+and hemispheric. The spread between taxels is smaller, as it does not include that of boards and moulds
+([tolerances](tutorials/tolerances.md)). Viscoelastic loops are narrower than the measured ones, as above:
 {hysteresis} % of the parallelepiped's. Ratios are not resolved where readings change by little more than their error:
-under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, which the authors blame for
-the nonlinearity of round cells, are not in these pads ([a rough mould](tutorials/rough_mould.md)).
+under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute
+the nonlinearity of round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
 Table 3, of tangential forces, is compared by its ratios in [the paper, rerun](paper.md).
 """
 
@@ -156,8 +155,8 @@ def _resolved(value: float, error: float) -> str:
 
 _MISSING = """\
 ## Not compared yet
-Force over travel, the readings over force, and the map of all taxels of the 5 x 5 pad under its indenter, with height,
-modulus and radius found from taxel 13, and taxels 5 and 17 predicted: one path of a ball on 25 cells takes minutes, and
-the fit some tens of them. The spread of the rest voltages (18 % measured) against that of assumed tolerances is what
-[`taxel tolerance`](tutorials/tolerances.md) tells; the tolerances of that board are not known.
+Force against travel, readings against force, and the map of all taxels of the 5 x 5 pad under its indenter, with
+height, modulus and radius fitted to taxel 13, and taxels 5 and 17 predicted: one path of a ball on 25 cells takes
+minutes, and the fit needs some tens of them. The spread of the rest voltages (18 % measured) could be compared by
+[`taxel tolerance`](tutorials/tolerances.md), but the tolerances of that board are not known.
 """

@@ -1,4 +1,4 @@
-"""What moves the sensitivities: the choices that the paper leaves open, one at a time and in pairs."""
+"""Effect on the sensitivities of the choices that the paper leaves open, one at a time and in pairs."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from mitsuba_taxel.studies import sweep
 from mitsuba_taxel.studies.plan.files import make_folder
 
 POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
-"""Light paths for each reading and randomisation: light that a dome sends back to itself takes more of them."""
+"""Light paths for each reading and randomisation: light scattered many times within a dome needs more."""
 MORE = 16
-"""Times as many where slopes are differences of readings."""
+"""Factor on these if slopes are differences of readings."""
 NORMAL = "0,-10,-20"
 TANGENTIAL = "0,4,8"
-"""Force steps in N; the tangential ones under the paper's normal force, and borne by all shapes."""
+"""Force steps in N; the tangential ones are under the paper's normal force, and within the limits of all shapes."""
 
 NOMINAL_SPACING, NOMINAL_LAW = 0.9, "uniform_solid_angle"
 FINER_MESH = "elements of 1 mm"
-"""No choice of the paper's, but what the finite elements of 1.25 mm are worth."""
+"""Not a choice of the paper, but a test of the finite elements of 1.25 mm."""
 ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror"}
 
 
 @dataclass(frozen=True)
 class Variation:
-    """What differs from the nominal sensor, in words and as parameters of the scene; whether it is one thing alone."""
+    """Difference from the nominal sensor, in words and as parameters of the scene; whether it is a single choice."""
 
     words: str
     values: dict[str, Any]
@@ -44,7 +44,7 @@ class Variation:
 
     @property
     def has_derivatives(self) -> bool:
-        """Whether the light is such that readings have derivatives by the force."""
+        """Whether readings have derivatives with respect to the force."""
         values = self.values
         law, roof, package = (values.get(name) for name in ("law", "scattering", "body_reflectance"))
         return law != "uniform_polar_angle" and roof != "mirror" and not package
