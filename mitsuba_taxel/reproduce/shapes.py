@@ -48,19 +48,19 @@ def compute_shapes(
     waiting = {cell: list(stages) for cell in COSTLIEST_FIRST}
     running: dict[Future[dict[str, float]], str] = {}
 
-    def go_on(cell: str) -> None:
+    def advance(cell: str) -> None:
         while waiting[cell] and cell not in running.values():
             for part in waiting[cell].pop(0):
                 running[executor.submit(_computed, folder, part, cell, announce)] = cell
 
     try:
         for cell in COSTLIEST_FIRST:
-            go_on(cell)
+            advance(cell)
         while running:
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 cell = running.pop(future)
                 add_seconds(seconds, future.result())
-                go_on(cell)
+                advance(cell)
     except BrokenProcessPool as error:
         raise ComputationError("a process died that computed a shape: fewer workers need less memory.") from error
     finally:

@@ -121,7 +121,7 @@ def measured(
     with stages.record() as seconds, stages.stage("optics"):
         prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued)
         run = Run(prepared.ready, seed, irradiance, continued)
-        run.go_on(prepared.settings.points, clock)
+        run.extend_to(prepared.settings.points, clock)
     if not np.all(np.isfinite(run.powers)):
         raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
     live = prepared.ready.scene

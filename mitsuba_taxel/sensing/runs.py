@@ -92,7 +92,7 @@ class Run:
         self.image: np.ndarray | None = None
         self.seconds = 0.0  # of the last step
 
-    def go_on(self, wanted: int, clock: Clock | None = None) -> None:
+    def extend_to(self, wanted: int, clock: Clock | None = None) -> None:
         """Trace until there are ``wanted`` points, or until the next step would not end in time."""
         if not self.points and (clock is None or clock.end == math.inf):
             self._step(wanted)

@@ -111,9 +111,9 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
     points = GEOMETRY_POINTS
     while True:
-        pilot.go_on(points)
+        pilot.extend_to(points)
         with with_chords(ready.scene):
-            chords.go_on(points)
+            chords.extend_to(points)
         changes, power = chords.powers - pilot.powers, pilot.powers.mean(axis=0)
         facets = changes.mean(axis=0)
         share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
@@ -167,7 +167,7 @@ def geometry_points(points: int) -> int:
 
 def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
     run = Run(ready, seed)
-    run.go_on(points)
+    run.extend_to(points)
     return run.powers
 
 
@@ -267,7 +267,7 @@ def points_for(
     points = FIRST_POINTS
     for pilot in range(1, 16):
         run = first or Run(ready, derived_seed(seed, pilot))
-        run.go_on(points)
+        run.extend_to(points)
         first = None
         error = _safety(run.powers) * Readings(run.powers, run.points, seed).relative_error
         if error <= target_error or points >= MOST_POINTS:

@@ -2,5 +2,5 @@
 
 import lazy_loader
 
-# xarray is loaded by those who sweep, and by nobody else.
+# Loaded lazily: only sweeps need xarray.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -86,7 +86,7 @@ def test_a_measurement_in_json(characterise, bench, tmp_path):
 @pytest.mark.parametrize(
     "name, said",
     [
-        ("none", "is not allowed: the folder that a study was written to, with study.toml, is needed."),
+        ("none", "is not allowed: the output folder of a study, with study.toml, is needed."),
         ("none.csv", "cannot be read (No such file or directory): a CSV file is needed."),
     ],
 )

@@ -185,7 +185,7 @@ def test_a_scheduler_that_dies_is_one_line(program, tmp_path):
             cluster.kill()
             cluster.communicate()
             out, err = run.communicate(timeout=60)
-    said = f"taxel: the Dask scheduler at {address} is gone: what came is kept, and the same call goes on.\n"
+    said = f"taxel: the Dask scheduler at {address} is gone: finished jobs are kept, and the same call resumes.\n"
     assert (run.returncode, out, err) == (1, "", said)
 
 

@@ -103,7 +103,7 @@ def test_files_are_named_relative_to_the_study(tmp_path):
         ('scene = "plate.xml"\nsteps = "no.csv"', "cannot be read"),
         ("scenes = 1", "scenes"),
         ('[[scenes]]\nname = "../up"', "names = "),
-        ('[[scenes]]\nname = "a"\n[[scenes]]\nname = "a"', "each once"),
+        ('[[scenes]]\nname = "a"\n[[scenes]]\nname = "a"', "distinct names"),
         ('[[scenes]]\nname = "a"\nsene = 1', "sene is not known"),
     ],
 )

@@ -1,1 +1,1 @@
-"""Pictures of scenes: pads cut open, parts and rays."""
+"""Pictures of scenes: sectioned pads, parts and rays."""

@@ -1,7 +1,7 @@
-"""A picture of a sensor itself: the pad cut open, its photo-reflectors and the board, in soft light.
+"""A picture of a sensor: the sectioned pad, its photo-reflectors and the board, in soft light.
 
-The picture is a scene of its own, of stock plugins, in the variant that has colours. It is made by Mitsuba's parser,
-which takes the variant by name: the one in force stays.
+The picture is a scene of its own, of Mitsuba's plugins, in an RGB variant. It is loaded by Mitsuba's parser, which
+takes the variant by name: the active variant does not change.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ ASPECT = 1.6
 NARROWEST, WIDEST = 16, 8192
 MOST_SAMPLES = 65536
 PER_PASS = 16
-"""Samples of a pixel that are stratified together, a square number, and after which progress is told."""
+"""Samples per pixel and pass, stratified and hence a square number; progress is reported after each pass."""
 
 AZIMUTH, ELEVATION, FIELD_OF_VIEW = 24.0, 19.0, 16.0
-"""Degrees: of the camera to the right of -y and above the board, and of its view in width."""
+"""In degrees: azimuth of the camera to the right of -y, elevation above the board, and horizontal field of view."""
 MARGIN = 1.1
 CREASE = 40.0
-"""Degrees between two triangles from which on their edge is shown as one."""
+"""Least angle between two triangles, in degrees, for which their edge is shown sharp."""
 GLOW = (18.0, 0.30, 0.05)
-"""Radiance of the LEDs' faces, the sky's being about 1: near infrared, shown as red."""
+"""Radiance of the LEDs' faces, relative to about 1 of the sky: near infrared, shown as red."""
 SKY, LAMP = (0.96, 0.98, 1.0), (5.2, 5.05, 4.8)
-"""Radiances by which the ground is a little more than white wherever nothing shades it."""
+"""Radiances with which the unshaded ground is slightly overexposed white."""
 
 SEEN = 0.35
 """Opacity of an indenter: what it presses with shows through it."""
@@ -74,13 +74,13 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "plate": _glossy(0.45, 0.46, 0.48, roughness=0.15),
     "indenter": {"type": "mask", "opacity": SEEN, "bsdf": _matt(0.55, 0.42, 0.25)},
 }
-"""What the materials of `ShownPart` look like."""
+"""Appearance of the materials of `ShownPart`."""
 _COLOURED = _twosided({"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_color"}})
 _PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "r", "g", "b")
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
-    """Write linear pixels (H, W, 3), as they are to OpenEXR, with the curve of sRGB to PNG."""
+    """Write linear pixels (H, W, 3), to OpenEXR unchanged, to PNG with the sRGB transfer curve."""
     numbers = np.ascontiguousarray(pixels, dtype=np.float32)
     if file.suffix.lower() == ".png":
         import mitsuba as mi
@@ -89,7 +89,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
         with replacing(file) as temporary:
             bitmap.write(str(temporary))
         return
-    import OpenEXR  # Mitsuba's own writer waits for ever where Dr.Jit has one thread
+    import OpenEXR  # Mitsuba's own writer deadlocks where Dr.Jit has one thread
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with replacing(file) as temporary, OpenEXR.File(header, {"RGB": numbers}) as image:
@@ -139,13 +139,13 @@ def render_parts(
     width : int
         In pixels; the height is 10/16 of it.
     samples : int
-        Of each pixel, rounded up to a multiple of 16, or to 1, 4 or 9.
+        Samples per pixel, rounded up to a multiple of 16, or to 1, 4 or 9.
     progress : Callable[[int, int], None], optional
-        Called with the number of passes done and the number of all.
+        Called with (passes done, total passes).
 
     Returns
     -------
-    (H, W, 3) linear sRGB, 1 being white.
+    (H, W, 3) linear sRGB; white is 1.
 
     Raises
     ------
@@ -169,10 +169,10 @@ def render_parts(
 
 
 def _instantiate(description: dict[str, Any]) -> Any:
-    """A ``mi.Scene`` of :data:`VARIANT`, whatever variant is in force."""
+    """A ``mi.Scene`` of :data:`VARIANT`, whatever variant is active."""
     import mitsuba as mi
 
-    getattr(mi, VARIANT)  # loads the variant's types, without which the scene would be a nameless object
+    getattr(mi, VARIANT)  # loads the variant's types, without which the scene would be an untyped object
     config = mi.parser.ParserConfig(VARIANT)
     config.parallel = False
     state = mi.parser.parse_dict(config, description)
@@ -210,7 +210,7 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
             "film": film,
             "sampler": {"type": "multijitter"},
         },
-        # An even sky makes no noise on matt surfaces whose rays find it by themselves, but does where they are aimed.
+        # A uniform sky gives no noise on matt surfaces with BSDF sampling, but does with emitter sampling.
         "sky": {"type": "constant", "radiance": _rgb(SKY), "sampling_weight": 0.0},
         "lamp": {
             "type": "rectangle",
@@ -267,7 +267,7 @@ def _linear_colours(pressure: np.ndarray, most: float) -> np.ndarray:
 
 
 def _corner_normals(part: ShownPart) -> np.ndarray:
-    """(T, 3, 3) normals at the corners of triangles, the same on both sides of an edge that is no crease."""
+    """(T, 3, 3) normals at the corners of triangles, equal on both sides of an edge unless it is sharp."""
     normals = area_normals(part.vertices, part.triangles)
     directions, pairs = unit(normals), neighbours(part.triangles)[1]
     one, other = pairs.T
@@ -295,7 +295,7 @@ def _write_ply(file: Path, corners: np.ndarray, normals: np.ndarray, colours: np
 
 
 def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the camera stands and where it looks, so that points (N, 3) fill its view."""
+    """Position and target of the camera, such that points (N, 3) fill its view."""
     azimuth, elevation = math.radians(AZIMUTH), math.radians(ELEVATION)
     level = math.cos(elevation)
     back = np.array([math.sin(azimuth) * level, -math.cos(azimuth) * level, math.sin(elevation)])
@@ -303,7 +303,7 @@ def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     up = np.cross(back, right)
     slope = math.tan(math.radians(FIELD_OF_VIEW / 2)) / MARGIN
     target, distance = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0
-    for _ in range(8):  # the view's centre and its size depend on each other, weakly
+    for _ in range(8):  # centre and size of the view depend on each other, weakly
         x, y, near = ((points - target) @ axis for axis in (right, up, back))
         distance = float(max((np.abs(x) / slope + near).max(), (np.abs(y) * ASPECT / slope + near).max()))
         u, v = x / (distance - near), y / (distance - near)

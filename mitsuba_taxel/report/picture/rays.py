@@ -1,4 +1,4 @@
-"""Pictures of light paths, and the same paths as a file for viewers of VTK's formats."""
+"""Pictures of light paths, and their export in VTK format."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
 
 PICTURES = (".png", ".svg", ".pdf")
 REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"
-"""After M. Okabe and K. Ito: told apart with any colour vision; line widths differ too."""
+"""Palette of M. Okabe and K. Ito, distinguishable with any colour vision; line widths differ too."""
 
 
 def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
     """Write a picture of a taxel's paths, seen along y and along x, in mm.
 
-    Black is the section of the scene's surfaces with the plane through the taxel's centre; paths are projected onto
-    that plane. The view holds all paths that reach the phototransistor, and nearly all of the others.
+    The section of the scene's surfaces with the plane through the taxel's centre is black; paths are projected onto
+    that plane. The view contains all paths that reach the phototransistor, and nearly all others.
 
     Parameters
     ----------
     scene : Any
-        The ``mi.Scene`` that the paths are from.
+        The ``mi.Scene`` of the paths.
     name : str
-        What to call the scene in the title.
+        Name of the scene in the title.
     """
     meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)
@@ -84,7 +84,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
 
 
 def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces: dict, centre: np.ndarray) -> None:
-    """One view along axis ``across``: paths first, what they meet on top."""
+    """One view along axis ``across``: paths first, surfaces on top."""
     from matplotlib.collections import LineCollection
 
     seen = [1 - across, 2]
@@ -99,24 +99,24 @@ def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces:
     for label, (corners, colour) in faces.items():
         low, high = corners[:, seen].min(axis=0), corners[:, seen].max(axis=0)
         ends = np.stack([low, high])
-        # Along y, LED and phototransistor lie behind one another: the wider one shows beside the narrower.
+        # Along y, LED and phototransistor lie behind one another: the wider one extends beyond the narrower.
         ax.plot(
             *ends.T, color=colour, linewidth=5 if label == "LED" else 3, solid_capstyle="butt", label=label, zorder=4
         )
 
 
 def _section(mesh: Any, across: int, centre: np.ndarray) -> np.ndarray:
-    """(S, 2, 3) segments in which a mesh meets the plane through ``centre`` across an axis."""
+    """(S, 2, 3) segments in which a mesh intersects the plane through ``centre`` normal to an axis."""
     import trimesh
 
     normal = np.eye(3)[across]
-    # A plane of symmetry runs along edges of many meshes; beside it each triangle is cut cleanly.
+    # A plane of symmetry often contains edges of the mesh; slightly beside it, each triangle is cut cleanly.
     origin = centre + 1e-6 * np.ptp(mesh.bounds, axis=0).max() * normal
     return trimesh.intersections.mesh_plane(mesh, normal, origin)
 
 
 def shape_mesh(shape: Any) -> Any:
-    """A shape's triangles, or None for one that has none."""
+    """A shape as a triangle mesh, or None if it has no triangles."""
     import mitsuba as mi
     import trimesh
 
@@ -141,7 +141,7 @@ def face_corners(faces: Any, index: int) -> np.ndarray:
 
 
 def _view(paths: RayPaths, faces: dict) -> np.ndarray:
-    """(2, 3) lower and upper corner of what is shown: few paths go far, and would make the rest small."""
+    """(2, 3) lower and upper corner of the view, without the few paths that go far and would make the rest small."""
     corners = np.concatenate([corners for corners, _ in faces.values()])
     points = np.concatenate(paths.vertices)
     kept = [path for path, reached in zip(paths.vertices, paths.reached, strict=True) if reached]

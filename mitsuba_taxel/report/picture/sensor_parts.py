@@ -1,4 +1,4 @@
-"""The surfaces of a scene as a picture of the sensor shows them: pads cut open, packages whole, on a board."""
+"""The surfaces of a scene for a picture of the sensor: sectioned pads, whole packages, on a board."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
 from mitsuba_taxel.report.picture.indenters import indenter_surface
 
 FACING = np.array([0.0, 1.0, 0.0])
-"""Normal of the cut, towards what is kept."""
+"""Normal of the cut, towards the part that is kept."""
 SHEET = 0.2
-"""Thickness in mm that rectangles are given."""
+"""Thickness of rectangles in mm."""
 RIM, BOARD = 0.06, 0.04
-"""How far the board stands out, and its thickness, relative to the diagonal of what stands on it."""
+"""Overhang and thickness of the board, relative to the diagonal of the parts on it."""
 OTHER = "plate"
-"""Material of what has no regions."""
+"""Material of shapes without regions."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShownPart:
-    """A surface.
+    """A surface of the picture.
 
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        Mm.
+        In mm.
     triangles : (T, 3) ndarray
         Vertex numbers, counter-clockwise seen from outside.
     material : (T,) ndarray
@@ -50,40 +50,40 @@ class ShownPart:
 
     @property
     def is_package(self) -> bool:
-        """Whether it holds photo-reflectors."""
+        """Whether it is a package of a photo-reflector."""
         return bool(np.isin(self.material, list(BODY_REGIONS)).any())
 
     def chosen(self, which: np.ndarray) -> ShownPart:
-        """Some of its triangles."""
+        """The part with the selected triangles only."""
         pressure = None if self.pressure is None else self.pressure[which]
         return ShownPart(self.vertices, self.triangles[which], self.material[which], self.cell[which], pressure)
 
     def range(self, axis: int) -> tuple[float, float]:
-        """Least and largest coordinate of its triangles, mm."""
+        """Smallest and largest coordinate of its triangles in mm."""
         places = self.vertices[self.triangles][..., axis]
         return float(places.min()), float(places.max())
 
 
 def shown_parts(scene: Any, cut: float | str = "middle", magnify: float = 1.0) -> tuple[list[ShownPart], float | None]:
-    """What a picture of a ``mi.Scene`` shows, and where it is cut, in mm; None if it is not.
+    """The parts of a picture of a ``mi.Scene``, and the position of its cut in mm, None if there is none.
 
-    Of pads and other surfaces the part at y > cut is left. Photo-reflectors are left whole, as fasteners are in
-    technical drawings. A board is added; rectangles are shown as thin sheets, and those at the height of the board not
-    at all. One that carries an LED or a phototransistor looks like it all over its front. Other shapes without
-    triangles are left out.
+    Of pads and other surfaces the part at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
+    drawings. A board is added; rectangles are shown as thin sheets, those at the height of the board not at all. The
+    whole front of one that carries an LED or a phototransistor looks like it. Other shapes without triangles are left
+    out.
 
     Parameters
     ----------
     cut : float or str
-        Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors where there is no pad),
-        ``none`` to cut nothing.
+        Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors without a pad), ``none`` for
+        no cut.
     magnify : float
-        By what displacements of deformable pads are multiplied; packages stay where they are.
+        Factor of the displacements of deformable pads; packages do not move.
 
     Raises
     ------
     InputError
-        if the scene holds no surface of triangles, or the cut does not go through them.
+        if the scene holds no mesh, or the cut does not intersect it.
     """
     solids = [part for shape in scene.shapes() if (part := _solid(shape, magnify)) is not None]
     bodies = [body for shape in scene.shapes() if (body := _indenter(shape, magnify)) is not None]
@@ -106,7 +106,7 @@ def shown_parts(scene: Any, cut: float | str = "middle", magnify: float = 1.0) -
 def middle_row(parts: list[ShownPart]) -> float:
     """y in mm of the middle row of cells or, without a pad, of photo-reflectors.
 
-    Of an even number of rows it is that nearer to -y. Where there are no rows, it is the middle of the parts.
+    Of an even number of rows, the one nearer to -y; without rows, the middle of the parts.
     """
     ranges = [part.chosen(part.cell == cell).range(1) for part in parts for cell in np.unique(part.cell[part.cell > 0])]
     ranges = ranges or [body.range(1) for part in parts if part.is_package for body in _bodies(part)]
@@ -123,7 +123,7 @@ def _bodies(part: ShownPart) -> list[ShownPart]:
 
 
 def _solid(shape: Any, magnify: float) -> ShownPart | None:
-    """A mesh of a scene; None for a shape that is none."""
+    """A mesh of a scene; None for other shapes."""
     import mitsuba as mi
 
     further: Any = 0.0
@@ -161,7 +161,7 @@ def _indenter(shape: Any, magnify: float) -> ShownPart | None:
 
 
 def _displacements(pad: Any) -> np.ndarray:
-    """(V, 3) mm, how far the vertices of a pad's closed surface have moved from where they are without a load."""
+    """(V, 3) mm, displacements of the vertices of a pad's closed surface from the unloaded state."""
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
     return np.einsum("vi,ji->vj", pad.surface.vertices, turn) + shift - pad.undeformed.vertices
 
@@ -190,14 +190,14 @@ def _board(parts: list[ShownPart]) -> ShownPart:
 
 
 def _box(front: np.ndarray, depth: np.ndarray, material: str) -> ShownPart:
-    """A box of a front (4, 3), its corners counter-clockwise seen from outside, and the way (3,) to its back."""
+    """A box with front (4, 3), corners counter-clockwise seen from outside, and vector (3,) from front to back."""
     quads = np.array([[0, 1, 2, 3], [7, 6, 5, 4], *([k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4] for k in range(4))])
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return ShownPart(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
 
 
 def _opened(part: ShownPart, offset: float) -> ShownPart:
-    """What the cut leaves of a part."""
+    """The part on the kept side of the cut, with the section closed."""
     if part.is_package:
         return part
     half = cut_open(part.vertices, part.triangles, FACING, offset)

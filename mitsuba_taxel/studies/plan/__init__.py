@@ -1,1 +1,1 @@
-"""What a study computes: scenes, varied parameters, load steps."""
+"""Definition of a study: scenes, varied parameters, load steps."""

@@ -1,4 +1,4 @@
-"""A batch: one scene, what is varied in it, and how well it is read; and the TOML file that says the same."""
+"""A batch: one scene, its varied parameters and its targets; and the TOML file that describes it."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ RUN_KEYS = (
     "circuit", "meshes",
 )  # fmt: skip
 CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
-"""Those of them that may be left out."""
+"""Optional keys among them."""
 KEPT_MESHES = ("all", "last", "none")
-"""Of deformed pads, which are kept: those of all scenes, of the last one of each curve, or none."""
+"""Which deformed pads are stored: those of all scenes, of the last scene of each curve, or none."""
 WRITTEN_KEYS = ("provenance",)
-"""What a study file in a folder of results holds besides; it may be run again as it is."""
+"""Additional keys of a study file in a folder of results, which can be run again unchanged."""
 CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
-"""A dotted key that no study has: the memory that reading one takes goes with the square of its length."""
+"""A dotted key longer than any of a study: parsing takes memory quadratic in its length."""
 
 
 @dataclass(frozen=True)
@@ -48,27 +48,27 @@ class Batch:
     Attributes
     ----------
     name : str
-        Label, and folder of the results within those of a study of several scenes; may be blank.
+        Label, and subfolder of the results in a study of several scenes; may be blank.
     file : Path
         The scene.
     defines : dict[str, str]
-        Values of parameters that are not varied, by name.
+        Values of the parameters that are not varied, by name.
     axes : tuple[Axis, ...]
         Dimensions, at least one.
     target_error, points, time_budget, mesh_size, seed : float or None and int or None and int
-        As for ``sweep``; all scenes share them.
+        As for ``sweep``; common to all scenes.
     maps : bool
         Whether irradiance maps are stored as well.
     derivatives : tuple[str, ...]
-        Parameters to differentiate the readings by.
+        Parameters with respect to which readings are differentiated.
     target_slope : float or None
-        Relative error of slopes by the forces that are varied.
+        Relative error of the slopes by the varied forces.
     circuit : Circuit or None
-        Whose volts stand beside the powers.
+        Read-out circuit whose voltages are reported with the powers.
     bare : bool
-        Whether readings alone are wanted, without meshes, and without the errors of mechanics and geometry.
+        Whether to compute readings only, without meshes and errors of mechanics and geometry.
     meshes : str
-        Which meshes are kept: one of :data:`KEPT_MESHES`.
+        Which meshes are stored: one of :data:`KEPT_MESHES`.
     """
 
     name: str
@@ -92,7 +92,7 @@ class Batch:
         return Scene(self.file, {**self.defines, **values}, self.mesh_size)
 
     def as_toml(self) -> dict[str, Any]:
-        """The batch as a study file says it, with every value written out."""
+        """The batch as the content of a study file, with all values written out."""
         vary = {axis.dim: axis.values[axis.dim] for axis in self.axes if axis.dim != STEP}
         together = {
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
@@ -130,7 +130,7 @@ def make_batch(
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
-    """A batch, checked as far as it can be without loading a scene; parameters are those of ``sweep``.
+    """A batch, checked as far as possible without loading a scene; parameters are those of ``sweep``.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def make_batch(
 
 
 def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:
-    """The forces that are varied, whose slopes have a target."""
+    """The varied forces, to whose slopes the target applies."""
     if not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
         raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
     forces = [name for axis in axes if axis.size > 1 for name in axis.values if name in FORCES]
@@ -199,12 +199,12 @@ def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
 
 
 def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A study file as it stands, its scenes in a list under ``scenes``; ``besides`` names what else it may hold.
+    """The content of a study file, its scenes in a list under ``scenes``; ``besides`` names additional allowed keys.
 
     Raises
     ------
     InputError
-        if it cannot be read, or holds what no study has.
+        if it cannot be read, or has unknown keys.
     """
     try:
         text = Path(file).read_bytes().decode("utf-8-sig")
@@ -239,12 +239,12 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
     if several and not all(isinstance(name, str) and name.isidentifier() for name in names):
         raise InputError(f"study {Path(file).name}: names = {names} are not allowed: letters, digits and _ are needed.")
     if len(set(names)) < len(names):
-        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: each once is needed.")
+        raise InputError(f"study {Path(file).name}: names = {names} are not allowed: distinct names are needed.")
     return {**content, "scenes": scenes}
 
 
 def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
-    """The batch of one scene of what :func:`read_study` returned; files are named relative to ``folder``.
+    """The batch of one scene of a study from :func:`read_study`; files are relative to ``folder``.
 
     Raises
     ------
@@ -279,7 +279,7 @@ def columns_of(file: Path) -> dict[str, list[str]]:
 
 
 def _listed(values: object) -> str | list[object]:
-    """Values as :func:`make_axes` takes them: one number alone is a list of one."""
+    """Values in the form that :func:`make_axes` takes: a single number becomes a list."""
     if isinstance(values, list):
         return [_word(value) for value in values]
     return values if isinstance(values, str) else [_word(values)]

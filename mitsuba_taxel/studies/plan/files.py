@@ -1,4 +1,4 @@
-"""Places of results, checked before anything is computed."""
+"""Output files and folders, checked before anything is computed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def make_folder(folder: Path) -> None:
-    """Make ``folder`` and its parents where they are missing, and check that files can be made in it.
+    """Create ``folder`` and its parents if missing, and check that it is writable.
 
     Raises
     ------
     InputError
-        if it cannot be made or written to.
+        if it cannot be created or written to.
     """
     path_of("output folder", folder)
     try:
@@ -31,19 +31,19 @@ def make_folder(folder: Path) -> None:
 
 
 def make_empty_folder(folder: Path) -> None:
-    """The same for a folder that must hold nothing yet, so that two studies never mix."""
+    """The same for a folder that must be empty, so that results of two studies never mix."""
     make_folder(folder)
     if any(folder.iterdir()):
         raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
 
 
 def check_new_file(file: Path, *suffixes: str) -> None:
-    """Check that ``file`` can be written later.
+    """Check that ``file`` will be writable.
 
     Raises
     ------
     InputError
-        if its name ends in none of ``suffixes``, it is a folder, or its folder cannot be written to.
+        if its suffix is none of ``suffixes``, it is a folder, or its folder is missing or not writable.
     """
     if file.suffix.lower() not in suffixes:
         raise InputError(f"output {file} must end in {' or '.join(suffixes)}.")

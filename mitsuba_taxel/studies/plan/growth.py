@@ -1,4 +1,5 @@
-"""Studies that grow: values that are asked for join those that a folder holds already, and a better target replaces."""
+"""Extension of stored studies: new values are added to those of a folder, and a stricter target replaces the old
+one."""
 
 from __future__ import annotations
 
@@ -13,16 +14,16 @@ from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, make_axes
 
 GROWING = ("vary", "together", "define", "target_error", "target_slope", "points", "time_budget", "meshes")
-"""Tables and values of a stored study that may change while it stays the same study."""
+"""Tables and values of a stored study that may change when it is extended."""
 TARGETS = ("target_error", "target_slope", "points")
 
 
 def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
-    """The batch with what a stored study of the same scene has besides.
+    """The batch, extended by the values of a stored study of the same scene.
 
-    Values of a varied parameter are joined, and so is the value that a parameter had before it was varied, or gets now
-    that it no longer is; rows that are taken together may be continued. Of two target errors, or numbers of points, the
-    better one counts. A batch that is no such continuation stays as it is.
+    Values of a varied parameter are merged, including its fixed value where it is varied in only one of the two; rows
+    of values taken together may be continued. Of two target errors, or numbers of points, the stricter one counts. A
+    batch that does not extend the stored study is returned unchanged.
     """
     before = make_axes(stored.get("vary", {}), stored.get("together"))
     fixed, defines = stored["provenance"]["parameters"], dict(batch.defines)
@@ -44,7 +45,7 @@ def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
 
 
 def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """The better of targets that both have; a target that there was stays where nothing is asked for."""
+    """The stricter of the targets that both have; the stored one where none is requested."""
     if all(getattr(batch, name) is None for name in (*TARGETS, "time_budget")):
         return {name: stored.get(name) for name in TARGETS}
     both = [name for name in TARGETS if getattr(batch, name) is not None and name in stored]
@@ -52,7 +53,7 @@ def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _rows(before: Axis, asked: Axis) -> Axis | None:
-    """The longer of two dimensions of rows, if it begins as the other one."""
+    """The longer of two dimensions of rows, if it starts with the rows of the other."""
     longer, shorter = sorted((before, asked), key=lambda axis: axis.size, reverse=True)
     if longer.values.keys() != shorter.values.keys():
         return None
@@ -61,7 +62,7 @@ def _rows(before: Axis, asked: Axis) -> Axis | None:
 
 
 def _values(before: Axis, asked: Axis) -> Axis:
-    """Both dimensions' values, those that there were in their own words."""
+    """The values of both dimensions, stored ones as they were written."""
     old, new = before.values[before.dim], asked.values[asked.dim]
     known = dict(zip(_keys(old), old, strict=True))
     if known.keys() <= set(_keys(new)):
@@ -81,14 +82,14 @@ def _one_way(numbers: Sequence[float] | None) -> bool:
 
 
 def _keys(words: Sequence[str]) -> list[Any]:
-    """Values by which words are the same: as numbers where they are such."""
+    """Keys for comparing words: numbers where they are numbers."""
     return [number[0] if (number := as_numbers([word])) else word for word in words]
 
 
 def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int] | None:
-    """Where the jobs of a stored study are in one that it grows to, by their numbers; None if it is another study.
+    """New numbers of the jobs of a stored study in the extended one, by their old numbers; None if it is another study.
 
-    Both are as study files in folders of results say them.
+    Both are contents of study files in folders of results.
     """
     kept = [
         {name: value for name, value in one.items() if name not in (*GROWING, "provenance")} for one in (before, now)

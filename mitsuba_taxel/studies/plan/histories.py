@@ -1,4 +1,4 @@
-"""What the load of each step of a load path was before it, where steps have times: a silicone may remember it."""
+"""Load history of each step of a load path with times, on which a viscoelastic silicone depends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, TIME
 
 HISTORY = "history"
-"""Parameter of a scene that says what the load was before, in rows of a time and a value."""
+"""Parameter of a scene for the load history: rows of time and load."""
 LOADS = (FORCES, ("ux", "uy", "uz"), ("pressure",))
 """Parameters of a scene that are the components of a load."""
 
@@ -17,27 +17,27 @@ LOADS = (FORCES, ("ux", "uy", "uz"), ("pressure",))
 def histories(
     steps: Mapping[str, Sequence[str]], parameters: Mapping[str, str], varied: Sequence[str] = ()
 ) -> list[str] | None:
-    """The history of each step, None where steps have no times or say it themselves.
+    """The load history of each step; None where steps have no times or give their histories themselves.
 
     Parameters
     ----------
     steps : Mapping[str, Sequence[str]]
         Words by parameter, one for each step.
     parameters : Mapping[str, str]
-        Of the scene. What it has of the components of the load and steps have not, stays; others are 0.
+        Of the scene. Load components that steps do not give keep its values, or are 0.
     varied : Sequence[str]
-        What is varied besides.
+        Parameters that are varied besides.
 
     Raises
     ------
     InputError
-        if the scene takes no history, or none can be told.
+        if the scene takes no history, or it cannot be determined.
     """
     if TIME not in steps or HISTORY in steps:
         return None
     if HISTORY not in parameters:
         raise InputError(
-            "steps with a column time need a parameter history of the scene, to put what the load was before into."
+            "steps with a column time need a scene with the parameter history, which receives the earlier loads."
         )
     known = {**parameters, **steps}
     names = next((names for names in LOADS if set(names) & set(steps)), None)

@@ -1,4 +1,4 @@
-"""Steps of a load path, or any other row of scenes, from a CSV file."""
+"""Steps of a load path, or of any other sequence of scenes, from a CSV file."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mitsuba_taxel.studies.plan.vary import MOST_JOBS
 
 
 def read_steps(file: str | Path) -> list[dict[str, str]]:
-    """The rows of a CSV file: values by the parameter of the scene that heads their column.
+    """The rows of a CSV file, as values by parameter of the scene, which its heading names.
 
     Raises
     ------
     InputError
-        if the file cannot be read, or is no table with a heading and a value in every place.
+        if the file cannot be read, or is not a complete table with a heading.
     """
     given = f"steps = {str(file)!r}"
     try:
@@ -23,12 +23,12 @@ def read_steps(file: str | Path) -> list[dict[str, str]]:
     except OSError as error:
         raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
     except ValueError as error:
-        raise InputError(f"{given} is no text: a CSV file is needed.") from error
+        raise InputError(f"{given} is not a text file: a CSV file is needed.") from error
     lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
     try:
         names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
     except csv.Error as error:
-        raise InputError(f"{given} is no CSV file: {error}.") from error
+        raise InputError(f"{given} is not a CSV file: {error}.") from error
     if not rows or not all(names) or len(set(names)) < len(names):
         raise InputError(f"{given} is not allowed: a heading of distinct parameters and at least one row are needed.")
     if len(rows) > MOST_JOBS:

@@ -1,4 +1,4 @@
-"""Files to start from: scenes, studies, tables of steps, circuits, with comments that say what may stand where."""
+"""Commented templates of scenes, studies, tables of steps and circuits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SCENE = """\
     <default name="fy" value="0"/>
     <default name="fz" value="-5"/>
 
-    <!-- Pad, in mm. The height of a cell is its shape's own; for another, write a cell_height into the pad below. -->
+    <!-- Pad, in mm. The height of a cell follows from its shape; to set it, add cell_height to the pad below. -->
     <default name="cell" value="parallelepiped"/>        <!-- parallelepiped, cylindrical, spherical, hemispheric -->
     <default name="rows" value="3"/>                     <!-- of cells and photo-reflectors, along y -->
     <default name="columns" value="3"/>                  <!-- along x -->
@@ -31,7 +31,7 @@ _SCENE = """\
     <default name="height" value="4.55"/>                <!-- from the board to the loaded top -->
     <default name="cell_size" value="2.55"/>             <!-- side or diameter of a cell -->
 
-    <!-- Silicone: neo-Hookean. Others, some of them measured: taxel plugins deformable_pad. -->
+    <!-- Silicone: neo-Hookean. Other models and measured silicones: taxel plugins deformable_pad. -->
     <default name="youngs_modulus" value="4.16"/>        <!-- MPa, above 0 -->
     <default name="poisson_ratio" value="0.49"/>         <!-- 0 to 0.5; 0.5 is incompressible -->
 
@@ -53,10 +53,10 @@ _SCENE = """\
     <default name="depth" value="0.3"/>                  <!-- mm, along y -->
     <default name="quantum_efficiency" value="1"/>       <!-- electrons per photon, above 0, at most 1 -->
 
-    <!-- Assembly: how the board, with all packages, lies off the pad. -->
-    <default name="dx" value="0"/>                       <!-- mm, packages to the right of their cells' centres -->
+    <!-- Assembly: misalignment of the board, with all packages, to the pad. -->
+    <default name="dx" value="0"/>                       <!-- mm, of packages from their cells' centres, towards +x -->
     <default name="dy" value="0"/>                       <!-- mm, towards +y -->
-    <default name="gap" value="0"/>                      <!-- mm, from board to pad, as of glue; 0 or more -->
+    <default name="gap" value="0"/>                      <!-- mm, from board to pad, such as glue; 0 or more -->
     <default name="tilt" value="0"/>                     <!-- degrees, of all packages about the x axis -->
     <default name="turn" value="0"/>                     <!-- degrees, of the board about the z axis -->
     <default name="board" value="absorbing"/>            <!-- mirror, lambertian, isotropic, absorbing -->
@@ -73,10 +73,10 @@ _SCENE = """\
         <float name="cell_size" value="$cell_size"/>
         <float name="youngs_modulus" value="$youngs_modulus"/>
         <float name="poisson_ratio" value="$poisson_ratio"/>
-        <!-- A target error chooses the finite elements, unless their size is given here:
+        <!-- With a target error, finite elements are chosen by it, unless their size is given here:
              <float name="mesh_size" value="1.25"/> in mm -->
         <vector name="force" value="$fx, $fy, $fz"/>
-        <bsdf type="region">                             <!-- what is not named here absorbs -->
+        <bsdf type="region">                             <!-- regions not named here absorb -->
             <bsdf name="roof" type="wall">
                 <string name="scattering" value="$roof"/>
                 <float name="reflectance" value="$roof_reflectance"/>
@@ -174,20 +174,20 @@ _TOUCH = _exchanged(
 _STUDY = """\
 # taxel sweep study.toml -o runs/study
 
-target_error = 0.005      # relative, of light and mechanics, for the worst taxel; or: points = 4096
+target_error = 0.005      # relative, of light and mechanics, for the worst taxel; alternatively: points = 4096
 seed = 0                  # 0 to 2**32 - 1
 
-# Any number of scenes. For one alone, leave out [[scenes]] and name, and write scene, [define], [vary] and
+# Any number of scenes. For a single one, leave out [[scenes]] and name, and write scene, [define], [vary] and
 # [together] instead of scene, [scenes.define], [scenes.vary] and [scenes.together].
 
 [[scenes]]
-name = "normal"           # its results' folder and label: letters, digits and _
-scene = "pad.xml"         # a shipped scene, or a file beside this one
+name = "normal"           # label and folder of its results: letters, digits and _
+scene = "pad.xml"         # a shipped scene, or a path relative to this file
 
 [scenes.define]           # values of the scene's <default>s
 cell = "hemispheric"
 
-[scenes.vary]             # each a dimension; several make a product
+[scenes.vary]             # each parameter is a dimension; all combinations are computed
 fz = "0:-20:-0.5"         # N; start:stop:step (stop included), a list, "a,b,c", or "@file.txt" with one value per line
 
 [[scenes]]
@@ -199,14 +199,14 @@ cell = "hemispheric"
 fz = -8                   # N
 
 [scenes.together]         # values taken row by row, as one dimension "step";
-fx = "0:4:0.25"           # or, in [[scenes]], steps = "path.csv": see taxel new steps
+fx = "0:4:0.25"           # alternatively, in [[scenes]]: steps = "path.csv" (taxel new steps)
 fy = "0:4:0.25"
 """
 
 _STEPS = """\
 # taxel deform pad.xml --steps steps.csv -o runs/steps
-# The first line that is no comment names parameters of the scene; each line after it is a step, taken in this order.
-# Forces in N; compression is fz below 0. Here: pressed first, then pushed along x.
+# The first line after the comments names parameters of the scene; each following line is a step, in this order.
+# Forces in N; compression is fz below 0. Here: pressed first, then sheared along x.
 fx,fy,fz
 0,0,-2
 0,0,-4
@@ -220,33 +220,33 @@ fx,fy,fz
 
 _CIRCUIT = """\
 # taxel render pad.xml --circuit circuit.toml
-# A phototransistor as emitter follower, a buffer, a converter. The numbers are an example: take those of your parts.
-# The table [circuit] may stand in a study file as well.
+# A phototransistor as emitter follower, a buffer and a converter, with example values: replace them by your parts'.
+# The table [circuit] can also be part of a study file.
 
 [circuit]
 supply = 3.3                # V
 load_resistance = 22e3      # Ohm, from the emitter to ground; inf for an open emitter
-transfer = 8                # A/W, photocurrent per light that reaches the phototransistor, its gain included
+transfer = 8                # A/W, photocurrent per optical power on the phototransistor, gain included
 
-# With a current the LEDs' power in the scene is a factor, 1 for all alike; without, it is what they emit.
+# With a current, the power of LEDs in the scene is a relative factor (1 for equal LEDs); without, the emitted power.
 led_current = 0.005         # A
-led_efficiency = 0.2        # W/A, light per current
+led_efficiency = 0.2        # W/A, optical power per current
 
-saturation_voltage = 0.1    # V, between collector and emitter, where half of the photocurrent passes
+saturation_voltage = 0.1    # V, collector-emitter voltage at which half of the photocurrent flows
 dark_current = 1e-9         # A, at 25 degrees C
-dark_decade = 23            # K, for ten times as much
+dark_decade = 23            # K, temperature rise for ten times the dark current
 temperature = 25            # degrees C
 transfer_drift = 0.004      # 1/K, relative
 led_drift = -0.005          # 1/K, relative
 
 buffer_gain = 1
 adc_bits = 12               # 1 to 24
-# adc_reference = 3.3       # V, of the full scale; without, the supply
-bandwidth = 1000            # Hz, low pass before the converter
+# adc_reference = 3.3       # V, full scale; by default, the supply
+bandwidth = 1000            # Hz, of the low pass before the converter
 
-current_gain = 0            # of the phototransistor: amplifies the shot noise of its base current
-flicker_noise = 0           # V at 1 Hz, in 1 Hz; goes with 1/f
-flicker_from = 0.1          # Hz, the lowest frequency of it that counts
+current_gain = 0            # of the phototransistor; amplifies the shot noise of its base current
+flicker_noise = 0           # V at 1 Hz, in a band of 1 Hz; power density proportional to 1/f
+flicker_from = 0.1          # Hz, lowest frequency that counts
 other_noise = 4e-4          # V, of supply, buffer and converter
 """
 
@@ -254,7 +254,7 @@ _TEXTS = {"scene": _SCENE, "touch": _TOUCH, "study": _STUDY, "steps": _STEPS, "c
 
 
 def write_template(kind: str, file: str | Path) -> None:
-    """Write a commented file to start from; it can be used as it is.
+    """Write a commented template, which can be used unchanged.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def write_template(kind: str, file: str | Path) -> None:
         ``scene`` or, with a ball that presses on the pad, ``touch`` (Mitsuba XML), ``study`` (TOML), ``steps`` (CSV)
         or ``circuit`` (TOML).
     file : str or Path
-        A new file, named after its kind: ``.xml``, ``.toml`` or ``.csv``.
+        New file, with the suffix of its kind: ``.xml``, ``.toml`` or ``.csv``.
 
     Raises
     ------

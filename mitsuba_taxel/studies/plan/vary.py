@@ -1,4 +1,4 @@
-"""What a study varies: ranges, lists and files of parameter values; products of them, or values taken row by row."""
+"""Varied parameters of a study: ranges, lists and files of values; their products, or values taken row by row."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 
 MOST_CHECKED = 5
-"""Places along a smooth curve where it is found out what the mechanics' error does."""
+"""Number of places along a smooth curve where the effect of the mechanics' error is computed."""
 MOST_JOBS = 100_000
-"""More scenes than this in one study are taken for a slip."""
+"""More scenes than this in one study are taken for a mistake."""
 STEP = "step"
-"""The dimension of values that are taken together, row by row."""
+"""Dimension of values taken together, row by row."""
 TAKEN = frozenset(
     "step taxel replicate stage parameter derivative_unit power standard_error total_error replicate_power seconds "
     "responsivity deviation roof_error slope_error geometry_error smooth_power smooth_power_error derivative "
@@ -35,11 +35,11 @@ class Axis(NamedTuple):
     Attributes
     ----------
     dim : str
-        Its name: that of its one parameter, or ``step``.
+        Name: that of its parameter, or ``step``.
     values : dict[str, list[str]]
-        By parameter, one word for each place along the dimension.
+        By parameter, one word for each index along the dimension.
     is_open : bool
-        Whether these are the ends of a range whose steps are still to be chosen.
+        Whether these are the ends of a range whose steps have yet to be chosen.
     """
 
     dim: str
@@ -48,7 +48,7 @@ class Axis(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of places along the dimension."""
+        """Length of the dimension."""
         return len(next(iter(self.values.values())))
 
 
@@ -62,16 +62,16 @@ def make_axes(
     Parameters
     ----------
     vary : Mapping[str, str or Iterable[object]]
-        Values by parameter, a dimension each.
+        Values by parameter; each makes a dimension.
     together : Mapping[str, str or Iterable[object]], optional
-        Values by parameter, all of one length, that make one more dimension.
+        Values by parameter, of equal lengths, which make one further dimension.
     folder : Path
-        What files of values are named relative to.
+        Folder to which the paths of files with values are relative.
 
     Raises
     ------
     InputError
-        if nothing is varied, a parameter comes twice, values are not allowed, or there are too many scenes.
+        if nothing is varied, a parameter is varied twice, values are not allowed, or there are too many scenes.
     """
     vary, together = table_of("vary", vary, "values"), table_of("together", together, "values")
     rows = {name: parse_values(name, values, folder) for name, values in together.items()}
@@ -79,7 +79,7 @@ def make_axes(
     lengths = {name: len(words) for name, words in rows.items()}
     if len(set(lengths.values())) > 1:
         shown = ", ".join(f"{name} has {length}" for name, length in lengths.items())
-        raise InputError(f"values that go together must be equally many, but {shown}.")
+        raise InputError(f"values taken together must be of equal number, but {shown}.")
     for name in rows:
         if name in vary:
             raise InputError(f"{name} is varied twice, alone and together with others: take one of them out.")
@@ -87,7 +87,7 @@ def make_axes(
         axes.append(Axis(STEP, rows))
     for name in (*vary, *rows):
         if name in TAKEN:
-            raise InputError(f"{name} cannot be varied, as there are results of that name: give it another name.")
+            raise InputError(f"{name} cannot be varied, as a result has that name: rename the parameter.")
     if not axes:
         raise InputError("nothing is varied: values of at least one parameter are needed, by vary, together or steps.")
     count = prod(axis.size for axis in axes)
@@ -103,12 +103,12 @@ def _axis(name: str, values: str | Iterable[object], folder: Path) -> Axis:
     start, _, stop = values.partition(":")
     ends = [start.strip(), stop.strip()]
     if as_numbers(ends) is None or float(start) == float(stop):
-        raise InputError(f"{name} = {values!r} is no range: start:stop, two numbers that differ, is needed.")
+        raise InputError(f"{name} = {values!r} is not a range: start:stop, two different numbers, is needed.")
     return Axis(name, {name: ends}, is_open=True)
 
 
 def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
-    """The values of one varied parameter, as the words that the scene gets.
+    """The values of one varied parameter, as words passed to the scene.
 
     Parameters
     ----------
@@ -117,12 +117,12 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
     values : str or Iterable[object]
         ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values.
     folder : Path
-        What a file is named relative to.
+        Folder to which a file's path is relative.
 
     Raises
     ------
     InputError
-        if the range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
+        if a range is empty, endless, or does not end at its stop; if a file cannot be read, or a value is missing.
     """
     if not isinstance(values, str):
         words = [str(value) for value in (values if isinstance(values, Iterable) else [values])]
@@ -136,11 +136,11 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
 
 
 def _lines(name: str, file: Path) -> list[str]:
-    """The lines of a file without what follows a #."""
+    """The lines of a file without comments, which begin with #."""
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
         raise InputError(
             f"{name} = '@{file}' cannot be read ({reason}): a file with a value per line is needed."
         ) from error
@@ -149,12 +149,13 @@ def _lines(name: str, file: Path) -> list[str]:
 
 def _distinct(name: str, words: list[str]) -> list[str]:
     if len(set(as_numbers(words) or words)) < len(words):
-        raise InputError(f"{name} = {','.join(words)!r} holds a value twice: each once is needed.")
+        raise InputError(f"{name} = {','.join(words)!r} holds a value twice: distinct values are needed.")
     return words
 
 
 def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[str, str]]]:
-    """Every combination of values: its index along each dimension, and its values; the last dimension runs fastest."""
+    """All combinations of values, each as its indices and its values by parameter; the last dimension varies
+    fastest."""
     for index in product(*(range(axis.size) for axis in axes)):
         places = zip(axes, index, strict=True)
         yield index, {name: words[i] for axis, i in places for name, words in axis.values.items()}
@@ -165,7 +166,7 @@ def _range(name: str, text: str) -> list[str]:
         start, stop, step = (Decimal(part) for part in text.split(":"))
     except (ValueError, InvalidOperation):
         raise InputError(
-            f"{name} = {text!r} is no range: start:stop:step, three numbers, is needed (of fx, fy or fz, start:stop)."
+            f"{name} = {text!r} is not a range: start:stop:step, three numbers, is needed (for fx, fy, fz, start:stop)."
         ) from None
     if not all(map(_is_in_range, (start, stop, step))):
         raise InputError(f"{name} = {text!r} is not allowed: finite numbers, none too close to 0, are needed.")
@@ -182,12 +183,12 @@ def _range(name: str, text: str) -> list[str]:
 
 
 def _is_in_range(number: Decimal) -> bool:
-    """Whether a number is one in double precision too, where others overflow, or vanish."""
+    """Whether a number neither overflows nor underflows in double precision."""
     return number.is_finite() and isfinite(float(number)) and (number == 0 or float(number) != 0)
 
 
 def curve_dimension(axes: Sequence[Axis]) -> str:
-    """What readings are drawn against: steps or the first force, else the first number, else the first parameter."""
+    """Dimension to plot readings against: steps or the first force, else the first number, else the first parameter."""
     longer = [axis for axis in axes if axis.size > 1]
     forces = [axis.dim for axis in longer if axis.dim in (STEP, *FORCES)]
     numeric = [axis.dim for axis in longer if as_numbers(next(iter(axis.values.values())))]
@@ -195,9 +196,10 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
 
 
 def checked_places(axis: Axis) -> set[int]:
-    """Where along an axis it is found out what the mechanics' error does: that changes slowly along a smooth curve.
+    """Indices along an axis where the effect of the mechanics' error is computed: it changes slowly along a smooth
+    curve.
 
-    Everywhere, where the values do not all rise or fall, or there are few.
+    All indices, if the values are not monotonic or few.
     """
     steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
     smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)

@@ -1,1 +1,1 @@
-"""Studies computed: jobs, processes, pilot runs, results."""
+"""Execution of studies: jobs, processes, pilot runs, results."""

@@ -1,7 +1,8 @@
-"""Steps of a force that a study leaves open: as few as its curves and their slopes need.
+"""Choice of the steps of a force that a study leaves open: as few as its curves and their slopes need.
 
-Between two steps a curve is the cubic through their readings and slopes. Where one in between is not as that says,
-it becomes a step, and both halves are looked at; else the cubics through all three are some sixteen times as close.
+Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. Where a reading
+in between deviates from it, it becomes a step, and both halves are examined; otherwise the cubics through all three
+steps are about sixteen times as accurate.
 """
 
 from __future__ import annotations
@@ -25,29 +26,29 @@ from mitsuba_taxel.studies.run.job import describe
 from mitsuba_taxel.studies.run.provenance import provenance
 
 SLOPE_ERROR = 0.01
-"""Of the largest slope of a curve, where nobody asks for anything."""
+"""Default tolerance, relative to the largest slope of a curve."""
 MOST_HALVINGS = 6
 MOST_CURVES = 4
-"""Of a study, spread evenly over it, whose steps are looked for; those of one are those of all."""
+"""Number of curves, spread evenly over a study, whose steps are determined; all curves get the steps of all of them."""
 
 
 @in_turn
 def with_chosen_steps(batch: Batch) -> Batch:
-    """The batch with values for the force that it leaves open, and with the derivatives by it.
+    """The batch with values of the force that it leaves open, and with the derivatives by it.
 
     Raises
     ------
     InputError
-        if readings have no derivative by it: where light goes by way of mirrors, a step has to be given.
+        if readings have no derivative by it: with mirrors, a step has to be given.
     ComputationError
-        if a pad cannot be loaded so far, or a curve has a kink.
+        if the load path fails, or a curve has a kink.
     """
     open_axes = [axis for axis in batch.axes if axis.is_open]
     if not open_axes:
         return batch
     if len(open_axes) > 1:
         names = " and ".join(axis.dim for axis in open_axes)
-        raise InputError(f"{names} have no step: only one force may do without.")
+        raise InputError(f"{names} have no step: only one force may be without.")
     (axis,) = open_axes
     others = [one for one in batch.axes if one is not axis]
     curves = [values for _, values in combinations(others)]
@@ -60,7 +61,7 @@ def with_chosen_steps(batch: Batch) -> Batch:
 
 
 class _Curve:
-    """Readings of all taxels along one force, all else being equal."""
+    """Readings of all taxels along one force, other parameters being fixed."""
 
     def __init__(self, batch: Batch, axis: Axis, others: Mapping[str, str]) -> None:
         self._batch, self._name, self._others = batch, axis.dim, others
@@ -68,7 +69,7 @@ class _Curve:
         self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     def steps(self) -> list[float]:
-        """Places from 0 to 1."""
+        """Steps, as fractions of the range."""
         self._known = {share: self._read(share) for share in (0.0, 0.5, 1.0)}
         left = [(0.0, 1.0)] if self._ends[0] != self._ends[1] else []
         for _ in range(MOST_HALVINGS):
@@ -119,7 +120,7 @@ class _Curve:
         return {"power": found.power, "slope": found.values[:, 0]}
 
     def _follows(self, one: float, other: float) -> bool:
-        """Whether the reading between two is as the cubic through them says."""
+        """Whether the reading between two steps agrees with the cubic through them."""
         (a, slope_a), (b, slope_b) = self._known[one], self._known[other]
         value, slope = self._known[(one + other) / 2]
         length = other - one

@@ -38,7 +38,7 @@ def assemble(
     Parameters
     ----------
     results, failures : Mapping[Place, Kept] and Mapping[Place, Failure]
-        By place along the axes; where there is no result, readings are not a number.
+        By place along the axes; readings without a result are NaN.
     about : Mapping[str, Any]
         ``scene``, ``seed``, ``target_error``, ``target_slope``, ``points``, ``mesh_size``, ``parameters``, ``units``,
         ``versions``, ``pilot_seconds``.
@@ -46,12 +46,12 @@ def assemble(
     Raises
     ------
     InputError
-        if not all results are of the same number of taxels.
+        if results differ in the number of taxels.
     """
     counts = sorted({result.readings.replicates.shape[1] for result in results.values()})
     if len(counts) > 1:
         raise InputError(
-            f"the study holds scenes of {' and '.join(map(str, counts))} taxels: as many in each are needed."
+            f"the study holds scenes of {' and '.join(map(str, counts))} taxels: the same number in each is needed."
         )
     shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
     first = next(iter(results.values())).readings
@@ -111,7 +111,7 @@ def assemble(
 def _files(
     name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Place, Kept]
 ) -> dict[str, tuple]:
-    """The variable ``name``: the files in a folder that came with each result; nothing if there are none."""
+    """The variable ``name``: the files of each result in a folder; empty if there are none."""
     names = np.full(shape, "", dtype=object)
     for place, result in results.items():
         names[place] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
@@ -119,11 +119,11 @@ def _files(
 
 
 def _coordinates(axes: Sequence[Axis], units: Mapping[str, str]) -> dict[str, tuple]:
-    """Values along each dimension; the parameters that go together are values along ``step``."""
+    """Values along each dimension; parameters taken together are coordinates of ``step``."""
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
-            if name == HISTORY:  # the steps before, which are there themselves
+            if name == HISTORY:  # repeats the earlier steps
                 continue
             numbers = as_numbers(words)
             unit = {"units": units[name]} if numbers and name in units else {}
@@ -134,7 +134,7 @@ def _coordinates(axes: Sequence[Axis], units: Mapping[str, str]) -> dict[str, tu
 
 
 def _notes(results: Mapping[Place, Kept]) -> list[str]:
-    """What the reader of the numbers must know, each once; of the mechanics, the worst."""
+    """Distinct notes of all readings; of those on mechanics, the worst."""
     remarks = [remark for result in results.values() for remark in result.readings.remarks]
     errors = [error for result in results.values() for error in result.readings.roof_errors]
     most = max(result.readings.points for result in results.values())
@@ -157,7 +157,7 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
 
 
 def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
-    """(..., T) W, what the mechanics' error does to each reading."""
+    """(..., T) W, effect of the mechanics' error on each reading."""
 
     def found(readings: Readings) -> np.ndarray | None:
         unloaded = readings.deviation is None and not readings.roof_errors
@@ -167,14 +167,14 @@ def _deviation(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> 
 
 
 def _facets(results: Mapping[Place, Kept], power: np.ndarray, curve: int) -> np.ndarray:
-    """(..., T) W, what chords instead of the facets of curved walls do to each reading."""
+    """(..., T) W, effect of the facets of curved walls on each reading, from that of chords."""
     facets = _along_curves({place: result.readings.facets for place, result in results.items()}, power, curve)
     return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
 
 
 def _along_curves(changes: Mapping[Place, np.ndarray | None], power: np.ndarray, curve: int) -> np.ndarray:
-    """(..., T) W, changes of readings; along the curve, between scenes where they were found out, by straight lines of
-    their share of the power."""
+    """(..., T) W, changes of readings; along the curve, between scenes where they are known, the share of the power is
+    interpolated linearly."""
     share = np.full(power.shape, math.nan)
     open_places = np.zeros(power.shape[:-1], dtype=bool)
     for place, change in changes.items():
@@ -198,13 +198,13 @@ def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
 
 
 def _shares(change: np.ndarray, power: np.ndarray, share: Callable[[np.ndarray, np.ndarray], float]) -> np.ndarray:
-    """(..., 1) relative error of each scene whose readings change so."""
+    """(..., 1) relative error of each scene, from the changes of its readings."""
     shares = [share(change[place], power[place]) for place in np.ndindex(power.shape[:-1])]
     return np.reshape(shares, (*power.shape[:-1], 1))
 
 
 def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, Kept]) -> dict[str, tuple]:
-    """What the mechanics does to the readings, and the worst error of the pads; not a number where it is unknown."""
+    """Effect of the mechanics on the readings, and the worst error of the pads; NaN where unknown."""
     if not any(result.readings.roof_errors for result in results.values()):
         return {}
     shape = deviation.shape[:-1]
@@ -213,8 +213,8 @@ def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, K
         errors = result.readings.roof_errors
         displacement[index] = max((math.nan if error is None else error.displacement for error in errors), default=0.0)
         slope[index] = max((math.nan if error is None else error.slope for error in errors), default=0.0)
-    about = "error of the roofs' {} by finite elements, root mean square"
-    off = {"units": "W", "long_name": "change of power if roofs were as coarser finite elements have them"}
+    about = "finite-element error of the roofs' {}, root mean square"
+    off = {"units": "W", "long_name": "change of power with the roofs of coarser finite elements"}
     return {
         "deviation": ([*dims, "taxel"], deviation, off),
         "roof_error": (dims, displacement, {"units": "mm", "long_name": about.format("displacement")}),
@@ -225,7 +225,7 @@ def _mechanics(dims: list[str], deviation: np.ndarray, results: Mapping[Place, K
 def _of_derivatives(
     dims: list[str], results: Mapping[Place, Kept], shape: tuple[int, ...], curve: str
 ) -> dict[str, Any]:
-    """Derivatives and the readings that they belong to; errors on straight lines between those known on a curve."""
+    """Derivatives and the readings they belong to; errors are interpolated linearly along a curve where unknown."""
     found = _derivatives(results)
     if not found:
         return {}
@@ -248,7 +248,7 @@ def _of_derivatives(
 
 
 def _parameters(results: Mapping[Place, Kept]) -> dict[str, tuple]:
-    """By what there are derivatives, and their units."""
+    """Parameters of the derivatives, and units."""
     for each in _derivatives(results).values():
         return {"parameter": ("parameter", list(each.parameters)), "derivative_unit": ("parameter", list(each.units))}
     return {}
@@ -260,7 +260,7 @@ def _derivatives(results: Mapping[Place, Kept]) -> dict[Place, Derivatives]:
 
 
 def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
-    """What to say of readings (..., T) in W whose total error is beyond a target, or unknown; empty if none is."""
+    """Note on readings (..., T) in W whose total error exceeds the target or is unknown; empty if there are none."""
     read = np.isfinite(power).all(axis=-1)
     lit = power[read] > 0
     shares = total[read][lit] / power[read][lit]
@@ -272,7 +272,8 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
 
 
 def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place, Kept]) -> str:
-    """What to say of slopes whose error, relative to the steepest, is beyond a target, or unknown; empty if none is."""
+    """Note on slopes whose error, relative to the steepest, exceeds the target or is unknown; empty if there are
+    none."""
     names = next((each.parameters for each in _derivatives(results).values()), ())
     if not names:
         return f"target slope {target:g} not reached: there are no derivatives"
@@ -290,13 +291,13 @@ def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place
 
 
 def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:
-    """The error by the facets of curved walls; nothing where there are none."""
+    """The error due to the facets of curved walls; empty without such walls."""
     about = {"units": "W", "long_name": "1 sigma of power (flat triangles of curved walls)"}
     return {"geometry_error": ([*dims, "taxel"], geometry, about)} if np.nan_to_num(geometry).any() else {}
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """As that of `Readings`, for the worst of a study that is not missing."""
+    """The error budget of `Readings`, for the worst reading of a study."""
     power, light = study.power.values, study.standard_error.values
     geometry = study.geometry_error.values if "geometry_error" in study else np.zeros_like(light)
     mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2 - geometry**2, 0))
@@ -304,7 +305,7 @@ def study_error_budget(study: xr.Dataset) -> dict[str, float]:
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:
-    """Seconds that a study took by stage, pilot runs included."""
+    """Seconds of a study by stage, pilot runs included."""
     totals = json.loads(study.attrs["pilot_seconds"])
     for stage in study.stage.values:
         totals[str(stage)] = totals.get(str(stage), 0.0) + float(study.seconds.sel(stage=stage).sum())

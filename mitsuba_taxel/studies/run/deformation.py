@@ -1,4 +1,4 @@
-"""The deformed pads of a scene, as meshes on disk."""
+"""Export of the deformed pads of a scene."""
 
 from __future__ import annotations
 
@@ -37,29 +37,29 @@ def deform(
     defines : Mapping[str, object]
         Values for the scene's parameters.
     folder : Path
-        Made where it is missing; meshes of the same name are replaced.
+        Created if missing; meshes of the same name are replaced.
     steps : Sequence[Mapping[str, object]]
-        Of a load path: values for the scene's parameters that each step has of its own.
+        Of a load path: additional values for the scene's parameters at each step.
     vtu : bool
         Whether to write displacement, stress and strain inside the silicone too, for ParaView.
     progress : Callable[[int, int], None], optional
-        Called with (steps done, steps in all).
+        Called with (steps done, total steps).
 
     Returns
     -------
-    Per pad and step ``file`` (PLY, mm; a VTU bears the same name), the load's ``quantity``, ``value`` and ``unit``,
-    ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest force
-    out of balance where the path was solved, relative to the load), ``stable`` (None if it was not checked),
-    ``imbalance`` (board's reaction against the load, relative, of this very state), ``roof_error_mm`` and
-    ``slope_error_degrees`` (estimated discretisation error; None if unknown). Of a silicone with a memory, ``time_s``
-    and ``time_error`` (of the stress, relative, for the steps of time; else None).
+    Per pad and step ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``, ``value`` and ``unit``,
+    ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest
+    out-of-balance force where the path was solved, relative to the load), ``stable`` (None if not checked),
+    ``imbalance`` (of load and reaction of the board in this state, relative), ``roof_error_mm`` and
+    ``slope_error_degrees`` (estimated discretisation error; None if unknown). Of a viscoelastic silicone also
+    ``time_s`` and ``time_error`` (relative error of the stress due to time steps), else None.
 
     Raises
     ------
     InputError
         if the scene is refused, holds no pad, or the folder cannot be written to.
     ComputationError
-        if the pad could not be deformed so far.
+        if the load path fails.
     """
     make_folder(folder)
     rows = []
@@ -81,7 +81,7 @@ def deform(
 
 
 def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
-    """Write one deformed pad, and say what it is."""
+    """Write one deformed pad, and return its row."""
     from mitsuba_taxel.mechanics import contact_pressure, reactions, write_vtu
 
     state = pad.state
@@ -119,7 +119,7 @@ def write_mesh(pad: Any, file: Path) -> None:
 
 
 def mesh_key(pad: Any) -> str:
-    """A key that two pads share only if they are the same surface."""
+    """A key that two pads share only if their surfaces are identical."""
     import mitsuba as mi
 
     parameters = mi.traverse(pad)

@@ -1,4 +1,4 @@
-"""One job of a study: a scene read once. It and its result can be sent to another process."""
+"""One job of a study, which reads a scene. Job and result can be sent to another process."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 MESHES, MAPS = "meshes", "maps"
-"""Folders of a study for the files that come with results."""
+"""Folders of a study for the files of results."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Job:
     Attributes
     ----------
     number : int
-        Place in its batch's row of scenes, from 0; the last dimension runs fastest.
+        Number of the scene in its batch, from 0; the last dimension varies fastest.
     file : Path
         The scene.
     parameters : dict[str, str]
-        Values that it gets.
+        Values of its parameters.
     varied : dict[str, str]
         Those of them that the batch varies.
     points, seed : int
@@ -48,13 +48,13 @@ class Job:
     mechanics_error : bool
         As for ``measure``.
     meshes, maps : bool
-        Whether the surfaces of its pads, and its irradiance map, are wanted.
+        Whether to return the surfaces of its pads, and its irradiance map.
     derivatives : tuple[str, ...]
-        As for ``measure``; their errors are found out where that of the mechanics is.
+        As for ``measure``; their errors are computed together with that of the mechanics.
     bare : bool
-        Whether the error of the pads' shape may stay unknown.
+        Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
-        Readings of the same scene with fewer points, that this job goes on from.
+        Readings of the same scene with fewer points, which this job extends.
     """
 
     number: int
@@ -78,7 +78,7 @@ class Job:
 
 
 class Result(NamedTuple):
-    """What a job gave: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
+    """Result of a job: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
 
     readings: Readings
     seconds: dict[str, float]
@@ -87,14 +87,14 @@ class Result(NamedTuple):
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a job gave nothing.
+    """Failure of a job.
 
     Attributes
     ----------
     message : str
         One line.
     bad_input : bool
-        Whether the scene was refused, as against a computation that failed.
+        Whether the scene was refused, rather than its computation failed.
     """
 
     message: str
@@ -106,7 +106,8 @@ class Failure:
 
 
 def run(job: Job) -> Result | Failure:
-    """Read the scene of a job; whatever goes wrong in it is its result, so that others go on. An interrupt ends it."""
+    """Read the scene of a job. Exceptions are returned as failures, so that other jobs continue; interrupts are
+    raised."""
     with _scenes_ended():
         try:
             return _read(job)
@@ -122,10 +123,9 @@ _at_work = 0  # jobs in this process: a worker of a cluster may have several thr
 
 @contextmanager
 def _scenes_ended() -> Iterator[None]:
-    """Let no scene made within live on: it would add its plugins to the kernels of the next one.
+    """Free all scenes created within: their plugins would be compiled into the kernels of the next one.
 
-    Looking for what nobody refers to any more goes through all objects; those that were there before are left out,
-    which makes it some ten times as quick.
+    Garbage collection visits all objects; excluding those that existed before makes it about ten times as fast.
     """
     global _at_work
     with _LOCK:
@@ -150,7 +150,7 @@ def failure_of(error: BaseException) -> Failure:
 
 
 def describe(values: Mapping[str, str]) -> str:
-    """Values of parameters, in words, without those of the steps before."""
+    """Values of parameters, in words, without the load history."""
     shown = {name: value for name, value in values.items() if name != HISTORY}
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
@@ -180,7 +180,7 @@ def _read(job: Job) -> Result:
 
 
 def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
-    """With the derivatives that are wanted, or a remark why there are none."""
+    """With the requested derivatives, or a remark why there are none."""
     if not job.derivatives:
         return readings
     from mitsuba_taxel.sensing.derivatives import derivatives_by
@@ -195,7 +195,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
 
 
 def _name(pad: object) -> str:
-    """A name that only the same surface has."""
+    """A file name that identifies the surface."""
     return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
 
 

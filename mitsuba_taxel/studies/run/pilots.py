@@ -1,4 +1,4 @@
-"""How many points, and how fine a mesh, the scenes of a batch need, from pilot runs of some of them."""
+"""Numbers of points and mesh sizes for the scenes of a batch, from pilot runs of some of them."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
 
 MOST_PILOT_CURVES = 8
-"""Curves of a study, spread evenly over it, whose scenes say how many points it takes."""
+"""Number of curves, spread evenly over a study, whose scenes determine the number of points."""
 
 
 @in_turn
 def piloted_settings(batch: Batch, machines: int) -> Settings:
-    """Points and mesh size by which the first, middle and last scene of some of the curves reach the target.
+    """Points and mesh size with which the first, middle and last scene of some of the curves reach the target.
 
-    Without a target that is 0.005 for the light alone, on the scene's own mesh. Under a time budget there are at most
-    as many points as so many machines would trace in what is left of it.
+    The default target is 0.005 for the light alone, on the scene's own mesh. A time budget limits the points to those
+    that ``machines`` can trace in the remaining time.
 
     Raises
     ------
     InputError, ComputationError
-        that of the first scene, if none of them can be read.
+        of the first scene, if none can be read.
     """
     pilot = _Pilot(batch, machines)
     failed = []
@@ -49,14 +49,14 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
 
 
 class _Pilot:
-    """What the pilot scenes of a batch need, and what they cost."""
+    """Requirements and costs of the pilot scenes of a batch."""
 
     def __init__(self, batch: Batch, machines: int) -> None:
         self.batch, self.machines = batch, machines
         self.clock = Clock(batch.time_budget)
         self.points: list[int] = []
         self.mesh_size = batch.mesh_size
-        self._seconds: list[tuple[float, float]] = []  # of a scene, apart from tracing; of tracing the first points
+        self._seconds: list[tuple[float, float]] = []  # of a scene without tracing; of tracing the first points
 
     def read(self, values: Mapping[str, str]) -> None:
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
@@ -71,15 +71,15 @@ class _Pilot:
         self.points.append(points)
 
     def _costs(self, scene: Scene) -> tuple[float, float]:
-        """Seconds that a scene takes apart from tracing, and for the first points."""
+        """Seconds of a scene without tracing, and of tracing the first points."""
         start = time.perf_counter()
         run = Run(prepare(scene), self.batch.seed)
         apart = time.perf_counter() - start
-        run.go_on(FIRST_POINTS)
+        run.extend_to(FIRST_POINTS)
         return apart, run.seconds
 
     def affordable_points(self) -> int:
-        """Points for each taxel and replicate that the rest of the time budget is enough for."""
+        """Points for each taxel and replicate that the remaining time budget allows."""
         if self.batch.time_budget is None:
             return MOST_POINTS
         jobs = math.prod(axis.size for axis in self.batch.axes)

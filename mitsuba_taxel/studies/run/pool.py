@@ -1,6 +1,6 @@
-"""Where the jobs of a study are done: in this process, in processes of this machine, or on a Dask cluster.
+"""Execution of the jobs of a study: in this process, in local processes, or on a Dask cluster.
 
-A result depends on its job alone, and not on who does it, how many there are, or in which order.
+A result depends on its job alone, not on the kind or number of workers or the order of the jobs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mitsuba_taxel.studies.run import processes
 from mitsuba_taxel.studies.run.job import Failure, Job, Result, failure_of, run
 
 MOST_WORKERS = 120
-"""Each takes eight of the 1024 open files that a process is commonly allowed."""
+"""Each uses eight of the 1024 open files that a process is commonly allowed."""
 
 Curve = Sequence[Job]
 """Jobs that may share a load path."""
@@ -29,14 +29,14 @@ Outcomes = Iterator[tuple[Job, "Result | Failure"]]
 
 
 class Pool(Protocol):
-    """Does jobs; says what became of each as it comes, in any order.
+    """Executes jobs, and yields their outcomes as they arrive, in any order.
 
     Attributes
     ----------
     name : str
-        What it is, in words.
+        Description.
     machines : int
-        About how many times as fast as this machine it is: local processes share its cores.
+        Approximate speed relative to this machine, whose cores local processes share.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Pool(Protocol):
 
 @contextmanager
 def open_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
-    """Those who do jobs: this process, ``workers`` processes, or the Dask cluster of a ``scheduler``.
+    """The pool that executes jobs: this process, ``workers`` processes, or the Dask cluster of a ``scheduler``.
 
     Raises
     ------
@@ -82,10 +82,10 @@ class _Here:
 
 
 class _Processes:
-    """Local processes, each at a curve of its own while there are enough: of those at one, one solves, others wait.
+    """Local processes, each on a curve of its own while there are enough: on a shared curve, one solves and others
+    wait.
 
-    One that dies is replaced. Its job is tried again when nothing else is left, alone, as it may have been for want of
-    memory.
+    A process that dies is replaced. Its job is repeated alone at the end, as the cause may have been lack of memory.
     """
 
     machines = 1
@@ -93,7 +93,7 @@ class _Processes:
     def __init__(self, count: int) -> None:
         self.name = f"{count} {'process' if count == 1 else 'processes'}"
         self._count = count
-        self._executors: dict[int, ProcessPoolExecutor] = {}  # of one process each, which alone can be chosen
+        self._executors: dict[int, ProcessPoolExecutor] = {}  # one process each, so that a process can be chosen
 
     def outcomes(self, curves: Iterable[Curve]) -> Outcomes:
         deadly = []
@@ -108,9 +108,9 @@ class _Processes:
             yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
 
     def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, Result | Failure | None]]:
-        """What became of each job, as it comes, by so many processes; None if its process died.
+        """The outcomes of jobs from so many processes, as they arrive; None if the process died.
 
-        Each process goes along a curve, then along the next that nobody was at, then helps where most is left.
+        Each process works along a curve, then along the next unassigned one, then joins the one with most jobs left.
         """
         threads = processes.share_of_cores(min(count, max(len(curves), 1)))
         untouched = deque(map(deque, curves))
@@ -141,18 +141,18 @@ class _Processes:
             self._executors[process] = processes.start(1, sharing=self._count)
         try:
             return self._executors[process].submit(do, job, threads)
-        except BrokenProcessPool:  # it died when there was nothing to do
+        except BrokenProcessPool:  # it died while idle
             processes.end(self._executors.pop(process))
             return self._submit(process, job, threads)
 
     def stop(self) -> None:
-        """End all processes, whatever they are at."""
+        """Terminate all processes at once."""
         processes.end(*self._executors.values())
         self._executors.clear()
 
 
 def do(job: Job, threads: int) -> Result | Failure:
-    """What a process does with a job; with so many threads for the mechanics."""
+    """Execute a job in a worker process, with so many threads for the mechanics."""
     set_thread_count(threads)
     return run(job)
 
@@ -164,13 +164,13 @@ def _cluster(address: str) -> Iterator[Pool]:
     except ImportError as error:
         raise InputError("a scheduler needs Dask: install mitsuba_taxel[cluster].") from error
     try:
-        # As the default of this process xarray would use it too, even one that does not answer.
+        # As this process's default client, xarray would use it too, even if it does not answer.
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"scheduler = {address!r} is not allowed: no Dask scheduler answers there.") from error
     log = logging.getLogger("distributed.client")
     before = log.level
-    log.setLevel(logging.CRITICAL)  # of a scheduler that is gone it writes pages
+    log.setLevel(logging.CRITICAL)  # it writes pages when a scheduler is lost
     try:
         yield _Cluster(client, address)
     finally:
@@ -179,7 +179,7 @@ def _cluster(address: str) -> Iterator[Pool]:
 
 
 class _Cluster:
-    """The workers of a Dask cluster; Dask gives the jobs of one that dies to others."""
+    """The workers of a Dask cluster; Dask reassigns the jobs of one that dies."""
 
     def __init__(self, client, address: str) -> None:
         self.name = f"scheduler {address}"
@@ -198,9 +198,9 @@ class _Cluster:
             try:
                 error = future.exception()
                 outcome = future.result() if error is None else failure_of(error)
-            except (CancelledError, CommClosedError) as error:  # at once, or on its way here
+            except (CancelledError, CommClosedError) as error:  # immediately, or while the result is transferred
                 raise ComputationError(
-                    f"the Dask scheduler at {self._address} is gone: what came is kept, and the same call goes on."
+                    f"the Dask scheduler at {self._address} is gone: finished jobs are kept, and the same call resumes."
                 ) from error
             yield job, outcome
             future.release()

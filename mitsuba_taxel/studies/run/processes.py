@@ -1,4 +1,4 @@
-"""Processes that work for this one: they share its cores, leave interrupts to it, and do not outlive it."""
+"""Worker processes of this one: they share its cores, leave interrupts to it, and do not outlive it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mitsuba_taxel.base.threads import set_thread_count
 
 
 def start(count: int, sharing: int) -> ProcessPoolExecutor:
-    """``count`` processes, of ``sharing`` that share the cores; each starts when there is work for it."""
+    """``count`` of ``sharing`` processes that share the cores; each starts when there is work for it."""
     _start_tracker()
     return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin, (sharing,))
 
 
 def _start_tracker() -> None:
-    """Start Python's process that clears up after others, deaf to what a terminal sends to all when it closes."""
+    """Start Python's resource tracker such that it ignores the signal of a terminal that closes."""
     if threading.current_thread() is not threading.main_thread():
         resource_tracker.ensure_running()
         return
@@ -32,7 +32,7 @@ def _start_tracker() -> None:
 
 
 def end(*executors: ProcessPoolExecutor) -> None:
-    """End all processes, whatever they are at."""
+    """Terminate all processes at once."""
     for executor in executors:
         for process in list((executor._processes or {}).values()):
             process.terminate()
@@ -41,12 +41,12 @@ def end(*executors: ProcessPoolExecutor) -> None:
 
 
 def share_of_cores(sharing: int) -> int:
-    """Cores for each of so many."""
+    """Cores for each of ``sharing`` processes."""
     return max(1, (os.cpu_count() or 1) // sharing)
 
 
 def keep_to_share(sharing: int) -> None:
-    """Compute with the threads of one of so many processes: those of Dr.Jit that wait take time as well."""
+    """Limit threads to the share of one of ``sharing`` processes: waiting threads of Dr.Jit take time too."""
     import drjit as dr
 
     dr.set_thread_count(share_of_cores(sharing))
@@ -54,7 +54,7 @@ def keep_to_share(sharing: int) -> None:
 
 
 def _begin(sharing: int) -> None:
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent says when to end
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal sends them to all; the parent decides when to end
         signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=_follow, args=(multiprocessing.parent_process(),), daemon=True).start()
     keep_to_share(sharing)

@@ -1,4 +1,4 @@
-"""Where results come from: versions, this package's own code, and the content of a scene and its files."""
+"""Provenance of results: versions, the package's code, and the content of a scene and its files."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ ROOMS = (
     "backend", "base", "geometry", "parameters", "parts", "pads", "mechanics", "transport", "specification", "kernels",
     "electronics", "sensing", "plugins", "studies",
 )  # fmt: skip
-"""Where the code is that decides what a reading of a study is."""
+"""The code that readings of a study depend on."""
 
 
 def provenance(batch: Batch) -> dict[str, Any]:
-    """What the results of a batch depend on besides its values.
+    """What the results of a batch depend on in addition to its values.
 
     Returns
     -------
     ``scene_content``, digest of the scene and of the files that it or a value names; ``code``, digest of the sources
-    that decide what a reading is; ``versions`` by name; ``parameters``, values of all that are not varied; and
-    ``units`` of parameters, as far as they are known.
+    that readings depend on; ``versions`` by name; ``parameters``, values of those that are not varied; and ``units`` of
+    parameters, as far as known.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     parameters = batch.scene(first).parameters
@@ -44,7 +44,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
 
 
 def own_code() -> str:
-    """Digest of the sources that decide what a reading is."""
+    """Digest of the sources that readings depend on."""
     return code_digest(*ROOMS)[:16]
 
 

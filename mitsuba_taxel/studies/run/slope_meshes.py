@@ -1,4 +1,4 @@
-"""How fine a mesh the slopes of a batch's curves need."""
+"""Mesh sizes for the slopes of a batch's curves."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
 
 MOST_CURVES = 4
-"""Of a study, spread evenly over it, the last scenes of which are looked at."""
+"""Number of curves, spread evenly over a study, whose last scenes are examined."""
 
 
 @in_turn
 def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
-    """In mm: ``mesh_size``, or a smaller one with which slopes by the force reach the batch's target.
+    """In mm: ``mesh_size``, or a smaller one with which the slopes by force reach the batch's target.
 
     Raises
     ------
     InputError, ComputationError
-        if there is no derivative, or a pad cannot be loaded so far.
+        if there is no derivative, or the load path fails.
     """
     assert batch.target_slope is not None
     forces = [name for name in batch.derivatives if name in FORCES]
@@ -57,7 +57,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         try:
             ready = prepare(scene)
             found = derivatives_by([rates(scene, name) for name in forces], ready.scene)
-        except ComputationError:  # the load path ends a little earlier
+        except ComputationError:  # the load path fails a little earlier
             if not tried:
                 raise
             assert scene.mesh_size is not None
@@ -75,7 +75,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
 
 
 def _between(size: float, failed: float) -> float | None:
-    """The mesh size halfway down the ladder from one that is not fine enough to one that is too fine."""
+    """The mesh size halfway between one that is too coarse and one that fails."""
     rungs = round(math.log(failed / size) / math.log(RUNG)) // 2
     return size * RUNG**rungs if rungs else None
 

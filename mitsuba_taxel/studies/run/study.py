@@ -1,4 +1,4 @@
-"""Studies: scenes read at every combination of their varied parameters."""
+"""Studies: scenes read at all combinations of their varied parameters."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from mitsuba_taxel.studies.store.opening import open_study, stored_study
 
 
 class Progress(NamedTuple):
-    """How far a study is.
+    """Progress of a study.
 
     Attributes
     ----------
     done, failed, total : int
-        Jobs that are finished, failed ones among them, and all.
+        Finished jobs, failed ones among them, and all jobs.
     error : float
         Largest relative total error of a reading so far.
     """
@@ -70,11 +70,11 @@ def sweep(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
-    """Read a scene at every combination of the varied parameters.
+    """Read a scene at all combinations of the varied parameters.
 
-    All readings use the same seed and the same number of points, so that neighbouring ones share their random
-    numbers and a slope between them is not noise. With ``output``, each is on disk as soon as it is there, and the same
-    call goes on where one before was stopped.
+    All readings use the same seed and number of points: they share their random numbers, which keeps noise out of the
+    slopes between neighbours. With ``output``, each reading is stored as soon as it is computed, and the same call
+    resumes an interrupted one.
 
     Parameters
     ----------
@@ -82,48 +82,48 @@ def sweep(
         Path of a scene, or the name of a shipped one.
     vary : Mapping[str, str or Iterable[object]]
         By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
-        values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: it gets the steps that
-        its curves need, and the readings their derivatives by it.
+        values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: its steps are then
+        chosen as the curves need, and derivatives by it are computed.
     defines : Mapping[str, object], optional
         Values for other parameters of the scene.
     together : Mapping[str, str or Iterable[object]], optional
-        Values by parameter, all of one length, that are taken row by row along a dimension ``step``.
+        Values by parameter, of equal lengths, taken row by row along a dimension ``step``.
     target_error : float, optional
-        Relative total error, of mechanics and light, wanted for the worst taxel of the first, middle and last scene of
-        each curve; without target and points, 0.005 for the light alone.
+        Target for the relative total error, of mechanics and light, of the worst taxel of the first, middle and last
+        scene of each curve; without target and points, 0.005 for the light alone.
     points : int, optional
         Light paths for each taxel and randomisation, instead of a target.
     time_budget : float, optional
-        Seconds in which the study should end: limits the points, and how fine a mesh is tried.
+        Seconds that the study should take: limits the points and the refinement of meshes.
     mesh_size : float, optional
-        In mm, of the finite elements of pads that the scene leaves open; a target error may make them smaller.
+        In mm, of finite elements, for pads whose size the scene leaves open; a target error may reduce it.
     seed : int
         Whole number from 0 to 2**32 - 1.
     output : str or Path, optional
-        Folder for the results; new, empty, or that of the same study, to which more values of a parameter that is
-        varied, a second one, or a better target may be added: what is there is kept.
+        Folder for the results; new, empty, or that of the same study, to which further values or varied parameters or a
+        stricter target may be added: existing results are kept.
     workers : int, optional
         Number of processes to use, in place of this one.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers to use; they must see the same files.
+        Address of a Dask scheduler whose workers to use; they need access to the same files.
     retry_failed : bool
         Whether scenes that failed in an earlier call are computed again.
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR.
     derivatives : Sequence[str]
-        Parameters to differentiate the readings by, as for :func:`measure`. Of a force, slopes are then taken from
-        them. Where the light is not diffuse there are none, and a note says so.
+        Parameters with respect to which to differentiate the readings, as for :func:`measure`. Slopes by force are then
+        taken from the derivatives. Where light is not diffuse there are none, which a note states.
     target_slope : float, optional
-        Error wanted for the slopes by the forces that are varied, relative to that of the steepest taxel: pads whose
-        mesh the scene leaves open get one that is fine enough at the end of some curves.
+        Target for the error of the slopes by the varied forces, relative to that of the steepest taxel: pads whose mesh
+        the scene leaves open get one that is fine enough at the end of some curves.
     circuit : Circuit, optional
-        Whose volts and counts are told beside the powers.
+        Read-out circuit, whose voltages and counts are returned with the powers.
     meshes : str
-        Which deformed pads ``output`` keeps: ``all``, the ``last`` of each curve, or ``none``.
+        Which deformed pads to write to ``output``: ``all``, the ``last`` of each curve, or ``none``.
     parquet : bool
         Whether to write the readings to ``output`` as ``readings.parquet`` as well.
     progress : Callable[[Progress], None], optional
-        Called when a scene is done.
+        Called after each scene.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def sweep(
     Raises
     ------
     InputError
-        if a parameter, a value or the folder is refused, or every scene.
+        if a parameter, a value, the folder, or every scene is refused.
     ComputationError
         if no scene could be computed, or results could not be stored.
     """
@@ -193,7 +193,7 @@ def run_batch(
 
 
 def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr.Dataset:
-    """What was computed, as :func:`sweep` returns it; raises the first failure if there is nothing else."""
+    """The results, as :func:`sweep` returns them; raises the first failure if there are none."""
     failures = computed.failures
     if not computed.results:
         index, failure = next(iter(failures.items()))
@@ -207,7 +207,7 @@ def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _Computed) -> xr
 
 
 class _Computed(NamedTuple):
-    """What the jobs of a batch gave, by place along its dimensions."""
+    """Outcomes of the jobs of a batch, by place along its dimensions."""
 
     results: dict[tuple[int, ...], Kept]
     failures: dict[tuple[int, ...], Failure]
@@ -248,19 +248,19 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
 
 
 def _is_enough(readings: Readings, settings: Settings) -> bool:
-    """Whether readings of an earlier run are what is asked for now."""
+    """Whether readings of an earlier run meet the present settings."""
     return readings.points >= settings.points and readings.mesh_size == settings.mesh_size
 
 
 def _continued(job: Job, kept: Kept | None, settings: Settings) -> Job:
-    """The job, going on from readings of fewer points where there are such."""
+    """The job, extending earlier readings of fewer points if there are any."""
     if kept is None or job.maps or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
 
 
 def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
-    """The jobs, those of one curve together: they may share a load path."""
+    """The jobs grouped by curve: those of one curve may share a load path."""
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     keeps = {"all": stored, "none": False}
     checked = checked_places(batch.axes[curve])
@@ -285,7 +285,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
-    """Points and mesh size for every scene: those asked for, those of an earlier run, or those that pilot runs say."""
+    """Points and mesh size for every scene: as requested, from an earlier run, or from pilot runs."""
     if batch.points is not None and batch.target_slope is None:
         return Settings(batch.points, batch.mesh_size), {}
     choice = store.choice if store else None
@@ -312,21 +312,21 @@ def run_study(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset | xr.DataTree:
-    """Run a study file: one scene, or several whose results go to folders of their own.
+    """Run a study file of one scene, or of several, whose results go to subfolders.
 
     Parameters
     ----------
     file : str or Path
-        TOML, as ``taxel new study`` writes it.
+        TOML file; ``taxel new study`` writes a template.
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
 
-    The others are those of :func:`sweep`.
+    Other parameters are those of :func:`sweep`.
 
     Returns
     -------
-    The dataset of :func:`sweep`, or a tree of them by the scenes' names. A scene that failed as a whole is not there;
-    the tree's attribute ``failures`` says why, a line for each.
+    The dataset of :func:`sweep`, or a tree of such datasets by the scenes' names. Scenes that failed as a whole are
+    missing; the tree's attribute ``failures`` gives the reasons, one per line.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Training sets: force against readings, with noise, in three parts that share no force."""
+"""Training sets of forces and noisy readings, in three parts that share no force."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from mitsuba_taxel.studies.store.datasheet import Making, datasheet
 PARTS = ("train", "validation", "test")
 
 LEAST_FORCES = 10
-"""Fewer different forces than this cannot be split into three parts that each say something."""
+"""Smallest number of distinct forces that can be split into three useful parts."""
 
 
 class _Rows(NamedTuple):
-    """One row for each job: its parameters as columns; power and standard error in W, of shape (rows, taxels)."""
+    """One row for each job: parameters as columns; power and standard error in W, of shape (rows, taxels)."""
 
     parameters: pd.DataFrame
     power: np.ndarray
@@ -48,35 +48,33 @@ def training_set(
 ) -> dict[str, pd.DataFrame]:
     """Tables of force and readings to train a calibration model on.
 
-    Every force, with all its noisy copies and all values of the other parameters, goes into one part. Forces are
-    ranked by a hash of seed and force, and the ranking is cut at the shares. So the part of a force changes neither
-    with noise, copies or other parameters, nor when failed jobs are done again; where forces are added, the ranking
-    of the old ones stays, and only those beside a cut can change part.
+    Each force, with all noisy copies and all values of other parameters, belongs to one part. Forces are ranked by a
+    hash of seed and force, and the ranking is cut at the shares. The part of a force thus depends neither on noise,
+    copies and other parameters nor on failed jobs; when forces are added, only those next to a cut can change part.
 
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        Readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such.
+        Readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such datasets.
     output : str or Path, optional
-        Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be empty or not
-        exist.
+        Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be new or empty.
     noise : float or str
         Standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W, or a
-        share of the reading, as ``"0.5%"``.
+        share of the reading, such as ``"0.5%"``.
     copies : int
         Noisy copies of each job.
     split : sequence of float
-        Shares of train, validation and test, above 0, together 1.
+        Shares of train, validation and test, above 0, of sum 1.
     seed : int
-        Of split and noise, from 0 to 2**32 - 1.
+        Seed of split and noise, from 0 to 2**32 - 1.
     parquet : bool
         Whether to write each table as Parquet too.
 
     Returns
     -------
-    By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name where
-    there are several, other parameters that differ between jobs, ``power_1_W``, ... with the noise, and
-    ``standard_error_1_W``, ..., which is that of the light, without the noise. Jobs without a reading are left out.
+    By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if there
+    are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and ``standard_error_1_W``, ...,
+    of the light without the noise. Jobs without a reading are left out.
 
     Raises
     ------
@@ -114,21 +112,21 @@ def training_set(
 
 
 def _read_noise(noise: float | str) -> tuple[float, bool]:
-    """Standard deviation of the noise, and whether it is a share of the reading; else it is in W."""
+    """Standard deviation of the noise, and whether it is a share of the reading rather than in W."""
     words = str(noise).strip()
     try:
         sigma = float(words.removesuffix("%"))
     except ValueError:
         sigma = math.nan
     if not 0 <= sigma < math.inf:
-        raise InputError(f"noise = {noise!r} is not allowed: 0 or above, in W or as 0.5% of each reading, is needed.")
+        raise InputError(f"noise = {noise!r} is not allowed: 0 or above, in W or in % of each reading, is needed.")
     return (sigma / 100, True) if words.endswith("%") else (sigma, False)
 
 
 def _check(split: Sequence[float], copies: int, seed: int, sigma: float) -> None:
     good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
     if not (good and math.isclose(sum(split), 1)):
-        raise InputError(f"split = {split!r} is not allowed: three shares above 0 that together make 1 are needed.")
+        raise InputError(f"split = {split!r} is not allowed: three shares above 0, of sum 1, are needed.")
     if not is_whole(copies) or copies < 1 or (copies > 1 and sigma == 0):
         raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
     if not (is_whole(seed) and 0 <= seed < 1 << 32):
@@ -136,7 +134,7 @@ def _check(split: Sequence[float], copies: int, seed: int, sigma: float) -> None
 
 
 def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
-    """The studies of single scenes by name, which is blank for a study of one scene; raises `InputError`."""
+    """Studies of single scenes by name, which is blank for a study of one scene; raises `InputError`."""
     require("study", study, (xr.Dataset, xr.DataTree), "what sweep or open_study returned")
     if isinstance(study, xr.Dataset):
         scenes = {"": study}
@@ -149,12 +147,12 @@ def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
 
 
 def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
-    """The jobs of all scenes, one below the other.
+    """The jobs of all scenes, concatenated.
 
     Raises
     ------
     InputError
-        if the scenes have not the same taxels, or not the same components of force.
+        if scenes differ in their taxels or components of force.
     """
     each = [_rows_of(study) for study in studies.values()]
     first, *others = each
@@ -162,7 +160,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
         if rows.power.shape[1] != first.power.shape[1]:
             raise InputError(f"scene {name} has {rows.power.shape[1]} taxels: {first.power.shape[1]} are needed.")
         if _force_columns(rows.parameters) != _force_columns(first.parameters):
-            raise InputError(f"scene {name} has not the forces that others have as parameters: the same are needed.")
+            raise InputError(f"scene {name} has other forces as parameters than the first: the same are needed.")
     if len(studies) > 1:
         for name, rows in zip(studies, each, strict=True):
             rows.parameters.insert(0, "scene", name)
@@ -176,13 +174,13 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _Rows:
 
 
 def _rows_of(study: xr.Dataset) -> _Rows:
-    """The jobs of one scene, with the values of all of its parameters, varied or not."""
+    """The jobs of one scene, with the values of all parameters, varied or not."""
     power = study.power.transpose(..., "taxel")
     dims = power.dims[:-1]
     one_each = power.isel(taxel=0, drop=True)
     values: dict[Hashable, object] = dict(json.loads(study.attrs["parameters"]))
     for name, coordinate in one_each.coords.items():
-        if name != "step":  # it only counts
+        if name != "step":  # only an index
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
     count = power.shape[-1]
     return _Rows(
@@ -205,17 +203,17 @@ def _force_columns(parameters: pd.DataFrame) -> list[str]:
 
 
 def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
-    """The number of the part that each row belongs to.
+    """The number of each row's part.
 
     Raises
     ------
     InputError
-        if there are too few different forces.
+        if there are too few distinct forces.
     """
     words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
     ranked = sorted(set(words), key=lambda force: sha256(f"{seed} {force}".encode()).digest())
     if len(ranked) < LEAST_FORCES:
-        raise InputError(f"different forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
+        raise InputError(f"distinct forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
     cuts = np.round(np.cumsum(split)[:-1] * len(ranked))
     parts = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
     return np.array([parts[force] for force in words])

@@ -1,1 +1,1 @@
-"""Studies on disk, and opened again."""
+"""Storage of studies on disk."""

@@ -1,4 +1,4 @@
-"""The datasheet of a training set: where it comes from, what its columns are, and what it is not good for."""
+"""The datasheet of a training set: its origin, columns and limits of use."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import xarray as xr
 from mitsuba_taxel.base.markdown import markdown_table
 
 MOST_NAMED = 20
-"""Of jobs that are left out, no more than this are named one by one."""
+"""Largest number of omitted jobs that are listed individually."""
 
 
 class Making(NamedTuple):
-    """How a training set was made: standard deviation of the noise in words, if any is added, copies and seed."""
+    """How a training set was made: standard deviation of the noise in words, whether any is added, copies and seed."""
 
     noise: str
     noisy: bool
@@ -32,13 +32,13 @@ def datasheet(
     Parameters
     ----------
     studies : Mapping[str, xr.Dataset]
-        What the readings are of, by the scene's name.
+        Studies of the readings, by the scene's name.
     tables : Mapping[str, DataFrame]
-        The training set by part.
+        Training set by part.
     making : Making
         How it was made.
     left_out : DataFrame
-        Parameters of the jobs without readings, one row for each.
+        Parameters of the jobs without readings, one row each.
     """
     sections = {
         "Where the readings come from": _source(studies),
@@ -71,7 +71,7 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
 
 
 def _columns(rows: pd.DataFrame) -> str:
-    """What each column is, and the range of its values."""
+    """Meaning and range of each column."""
     lines = []
     for name, column in rows.items():
         unit, meaning = _meaning(str(name))
@@ -80,7 +80,7 @@ def _columns(rows: pd.DataFrame) -> str:
         else:
             extent = f"one of {', '.join(_distinct(column.astype(str)))}", ""
         lines.append((str(name), unit, meaning, *extent))
-    headings = ("column", "unit", "what it is", "smallest", "largest")
+    headings = ("column", "unit", "meaning", "smallest", "largest")
     table = markdown_table(headings, lines, headings[:3])
     return f"Each row is one job of the study, or one noisy copy of it.\n\n{table}"
 
@@ -107,14 +107,14 @@ def _noise(making: Making) -> str:
         return "None was added. Readings carry the Monte Carlo error of the light, which has its own columns."
     copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
     return (
-        "Gaussian, added to each reading, independent from number to number and of the Monte Carlo error; its standard "
+        "Gaussian, added to each reading, independent of other readings and of the Monte Carlo error; its standard "
         f"deviation is {making.noise}. {copies} of each job. "
-        "Nothing is clipped: where the noise is large, a reading can be negative."
+        "Nothing is clipped: with large noise, a reading can be negative."
     )
 
 
 def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:
-    """How rows were split, and how many there are."""
+    """The split of the rows, and their numbers."""
     counts = []
     for name, table in tables.items():
         forces = [column for column in ("fx_N", "fy_N", "fz_N") if column in table]
@@ -122,16 +122,16 @@ def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:
     return (
         f"{markdown_table(('part', 'forces', 'rows'), counts)}\n\n"
         "All rows of one force, whatever their noise and other parameters, are in the same part. Forces are ranked by "
-        f"a hash of force and seed ({making.seed}), and the ranking is cut at the shares that were asked for. The part "
-        "of a force changes neither with noise, copies or other parameters, nor when failed jobs are done again. Where "
-        "forces are added to the study, only those beside a cut can change part."
+        f"a hash of force and seed ({making.seed}), and the ranking is cut at the requested shares. The part of a "
+        "force depends neither on noise, copies and other parameters nor on failed jobs. When forces are added to the "
+        "study, only those next to a cut can change part."
     )
 
 
 def _left_out(jobs: pd.DataFrame) -> str:
-    """Jobs that gave no reading."""
+    """List of the jobs without readings."""
     if jobs.empty:
-        return "Nothing: every job of the study gave readings."
+        return "None: every job of the study gave readings."
     varied = jobs[[name for name in jobs if name in ("fx", "fy", "fz", "scene") or jobs[name].nunique() > 1]]
     named = ["; ".join(f"{name} = {value}" for name, value in job.items()) for job in varied.to_dict("records")]
     lines = [f"{len(jobs)} jobs of the study that failed or were not done:", "", *(f"- {job}" for job in named)]
@@ -140,19 +140,19 @@ def _left_out(jobs: pd.DataFrame) -> str:
 
 
 def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
-    """What the numbers do not say by themselves."""
+    """Limits of the data."""
     notes = _distinct(note for study in studies.values() for note in study.attrs.get("notes", "").splitlines())
     caveats = [
-        "Readings of one study share their random numbers: their Monte Carlo errors are correlated from row to row, "
-        "and across the parts. A model can learn the common error without the test showing it; a test set from a study "
-        "with another seed would.",
-        "The standard error is that of the light alone. What the deformed pad is off by is not in it, and is the "
-        "same in all copies of a job; what the study knows of it stands below.",
-        "All parts draw on the same ranges of force: the test tells how well a model interpolates within them, and "
-        "nothing of forces beyond.",
-        "Nothing here is measured: hysteresis, drift, temperature and the spread between sensors are not in it.",
+        "Readings of one study share their random numbers: their Monte Carlo errors are correlated between rows and "
+        "between parts. A model can learn the common error, which this test set does not show; one from a study with "
+        "another seed would.",
+        "The standard error is that of the light alone. The error of the deformed pad is not included, and is the same "
+        "in all copies of a job; the study's notes on it are given below.",
+        "All parts cover the same ranges of force: the test measures how well a model interpolates within them, not "
+        "how it extrapolates.",
+        "All data are simulated: hysteresis, drift, temperature and the spread between sensors are not included.",
     ]
-    return "\n".join([*(f"- {caveat}" for caveat in caveats), *(f"- The study says: {note}" for note in notes)])
+    return "\n".join([*(f"- {caveat}" for caveat in caveats), *(f"- Note of the study: {note}" for note in notes)])
 
 
 def _distinct(words: Iterable[str]) -> list[str]:

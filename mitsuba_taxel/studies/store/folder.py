@@ -1,7 +1,7 @@
-"""The folder of a study: what it is, and one file for each job that is done or has failed.
+"""The folder of a study: its definition, and one file for each job that is done or has failed.
 
-``study.toml`` says what is computed and by what; ``jobs/000042.npz`` is a result, whole or not there, and
-``failed/000042.json`` says why there is none. Everything else in the folder is derived from them.
+``study.toml`` holds the definition of the study and the versions; ``jobs/000042.npz`` is a result, complete or absent,
+and ``failed/000042.json`` the reason of a failure. Everything else in the folder is derived from them.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, Result
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
 JOBS, FAILED = "jobs", "failed"
 GROWING, GROWN = ".growing", ".grown"
-"""Folders of a study that becomes a larger one: not yet whole, and whole."""
+"""Folders of a study that is being extended: incomplete, and complete."""
 MOST_LETTERS = 200
-"""Of a line of a study file, that a message shows."""
+"""Largest length of a line of a study file in a message."""
 _LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
-HEADING = "# What the results beside this file are of; it can be run again, into another folder.\n"
+HEADING = "# The study whose results lie beside this file; it can be run again into another folder.\n"
 
 
 class StoreError(ComputationError):
-    """Results cannot be written: there is no sense in computing more of them."""
+    """Results cannot be written, so that computing more of them is pointless."""
 
 
 class Kept(NamedTuple):
-    """The result of a job as it is stored: files that come with it are named, and lie beside it."""
+    """The result of a job as stored, with the names of its files."""
 
     readings: Readings
     seconds: dict[str, float]
@@ -64,16 +64,16 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.aims_higher = False
-        """Whether the study that is written now has a better target than what is there."""
+        """Whether the study now being written has a stricter target than the stored one."""
 
     @contextmanager
     def writing(self, content: Mapping[str, Any], workers: str) -> Iterator[None]:
-        """Keep the folder for one run of the study ``content``, which begins it or goes on with it.
+        """Lock the folder for one run of the study ``content``, which starts or resumes it.
 
         Raises
         ------
         InputError
-            if the folder cannot be written to, another run is at work in it, or it holds something else.
+            if the folder cannot be written to, is in use by another run, or holds something else.
         """
         from filelock import FileLock, Timeout
 
@@ -82,7 +82,7 @@ class Store:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            raise InputError(f"output folder {self.folder} is in use: another run is at work in it.") from None
+            raise InputError(f"output folder {self.folder} is in use by another run.") from None
         try:
             self._begin(content)
             self._note_run(workers)
@@ -108,10 +108,10 @@ class Store:
                 stale.unlink()  # a temporary file of a run that was killed
 
     def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
-        """Let the study become one that holds all of its jobs, under their new numbers; False if it is another one.
+        """Extend the stored study to one that holds all of its jobs, renumbered; False if it is another study.
 
-        All is made ready beside the results. From when it bears its last name, a run that is killed is made up for by
-        the next one.
+        The extended study is prepared in a folder beside the results. Once that has its final name, a run that is
+        killed is completed by the next one.
         """
         try:
             stored = tomllib.loads(before)
@@ -134,7 +134,7 @@ class Store:
         return True
 
     def _finish_growing(self) -> None:
-        """Put what :meth:`_grow` has made ready in the place of what was there."""
+        """Replace the results by those that :meth:`_grow` has prepared."""
         ready = self.folder / GROWN
         if not ready.is_dir():
             return
@@ -147,18 +147,18 @@ class Store:
         shutil.rmtree(ready)
 
     def _note_run(self, workers: str) -> None:
-        """Who is at work, and since when: for :func:`status`."""
+        """Record the process and start of this run, for :func:`study_status`."""
         about = {"started": time.time(), "finished_before": len(self.done()) + len(self.failures()), "workers": workers}
         self._write_json(RUN, {**about, "host": socket.gethostname(), "process": os.getpid()})
 
     @property
     def choice(self) -> tuple[Settings, dict[str, float]] | None:
-        """What pilot runs have led to, and the seconds that these took by stage; None before.
+        """Settings chosen by pilot runs, and the seconds these took by stage; None before.
 
         Raises
         ------
         InputError
-            if that can no longer be read: other points would not belong to the results that there are.
+            if they can no longer be read: results of other settings would not match the stored ones.
         """
         file = self.folder / CHOICE
         try:
@@ -174,7 +174,7 @@ class Store:
         return settings, seconds
 
     def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
-        """Store what :attr:`choice` is from now on."""
+        """Store :attr:`choice`."""
         self._write_json(CHOICE, {**settings._asdict(), "pilot_seconds": dict(pilot_seconds)})
 
     def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -182,22 +182,22 @@ class Store:
             file.write_text(json.dumps(content), encoding="utf-8")
 
     def done(self) -> list[int]:
-        """Numbers of the jobs that a result is there of."""
+        """Numbers of the jobs that have a result."""
         return sorted(_numbered(self.folder / JOBS, ".npz"))
 
     def failures(self) -> dict[int, Failure]:
-        """Why there is none, by the numbers of the jobs that failed; a damaged file says nothing."""
+        """Failures by job number; damaged files are skipped."""
         files = sorted(_numbered(self.folder / FAILED, ".json").items())
         read = {number: _failure(file) for number, file in files}
         return {number: failure for number, failure in read.items() if failure is not None}
 
     def forget_failures(self) -> None:
-        """Let the jobs that failed be done again."""
+        """Remove all failures, so that their jobs are repeated."""
         for file in (self.folder / FAILED).glob("*.json"):
             file.unlink()
 
     def keep(self, job: Job, outcome: Result | Failure) -> None:
-        """Store what a job gave; it is on disk when this returns. Raises `StoreError`."""
+        """Store the outcome of a job; it is on disk when this returns. Raises `StoreError`."""
         try:
             if isinstance(outcome, Failure):
                 with replacing(self._failed(job.number)) as file:
@@ -208,8 +208,8 @@ class Store:
                 file.write_bytes(archive.pack(_arrays(keepable(outcome))))
         except (OSError, WriteError) as error:
             raise StoreError(
-                f"results cannot be kept in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are kept; "
-                "the same command goes on from there."
+                f"results cannot be stored in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are stored; "
+                "the same command resumes from there."
             ) from error
 
     def _keep_files(self, files: Mapping[str, bytes]) -> None:
@@ -221,11 +221,11 @@ class Store:
                     file.write_bytes(content)
 
     def load(self, number: int, parameters: Mapping[str, str]) -> Kept | None:
-        """What a job with these parameters gave; None if there is no result, or one that is damaged or another's."""
+        """Stored result of a job with these parameters; None if it is missing, damaged or of other parameters."""
         try:
             arrays = archive.unpack(self._job(number).read_bytes())
             kept = None if arrays is None else _kept(arrays)
-        except Exception:  # not there, or whole, but not what this version writes
+        except Exception:  # missing, or in the format of another version
             return None
         return kept if kept is not None and kept.readings.parameters == parameters else None
 
@@ -237,12 +237,12 @@ class Store:
 
 
 def keepable(result: Result) -> Kept:
-    """A result with its files named, and not held."""
+    """A result with the names of its files instead of their contents."""
     return Kept(result.readings, result.seconds, list(result.files))
 
 
 BY = "derivatives_"
-"""Before the names of the arrays of what `Derivatives` holds."""
+"""Prefix of the names of the arrays of `Derivatives`."""
 _OPTIONAL = ("responsivity", "deviation", "facets")
 
 
@@ -312,7 +312,7 @@ def _is_seconds(seconds: object) -> bool:
 
 
 def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
-    """The files of jobs in a folder by number; others that lie there do not count."""
+    """The files of jobs in a folder by number; other files are ignored."""
     return {int(file.stem): file for file in folder.glob(f"*{suffix}") if re.fullmatch("[0-9]{6}", file.stem)}
 
 
@@ -325,9 +325,9 @@ def _failure(file: Path) -> Failure | None:
 
 
 def _difference(now: str, before: str) -> str:
-    """The first parameter in which two study files differ, or nothing."""
+    """The first line in which two study files differ, or an empty text."""
     pairs = zip_longest(*(_LIST.sub(_on_one_line, text).splitlines() for text in (now, before)), fillvalue="nothing")
-    return next((f"it says {_short(old)}, and not {_short(new)}" for new, old in pairs if new != old), "")
+    return next((f"it has {_short(old)} instead of {_short(new)}" for new, old in pairs if new != old), "")
 
 
 def _on_one_line(found: re.Match[str]) -> str:
@@ -339,7 +339,7 @@ def _short(line: str) -> str:
 
 
 def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
-    """Make the folder of a study of several scenes, which each get a folder in it.
+    """Create the folder of a study of several scenes, each with a subfolder.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Results that are on disk, as labelled arrays; no scene is loaded for it, and nothing executed."""
+"""Stored results as labelled arrays, read without loading a scene or executing code."""
 
 from __future__ import annotations
 
@@ -23,12 +23,11 @@ OF_OTHER_CODE = "computed by another version of the program, which may have stat
 
 
 def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
-    """The results in a folder, as far as they go.
+    """The results in a folder, also of a study that is incomplete.
 
     Returns
     -------
-    What ``sweep`` or ``run_study`` returned, or of a study that has not ended what there is of it; what is missing is
-    not a number.
+    The return value of ``sweep`` or ``run_study``; missing readings are NaN.
 
     Raises
     ------
@@ -70,7 +69,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
 
 
 def stored_study(folder: Path) -> dict[str, Any]:
-    """What a folder of one scene's results says that it holds, as its study file has it; nothing of any other."""
+    """Content of the study file of a folder of one scene's results; empty for any other folder."""
     try:
         study = read_results(folder)
     except InputError:
@@ -80,20 +79,18 @@ def stored_study(folder: Path) -> dict[str, Any]:
 
 
 def read_results(folder: Path) -> dict[str, Any]:
-    """The study that the results in a folder are of, as :func:`read_study` returns it.
+    """The study of the results in a folder, as :func:`read_study` returns it.
 
     Raises
     ------
     InputError
-        if there is none, or one that no run has written.
+        if there is none, or it was not written by a run.
     """
     reason = why_unreadable(folder / STUDY)
     if reason:
         raise InputError(f"study {folder} cannot be read: {reason}.")
     if not is_file(folder / STUDY):
-        raise InputError(
-            f"study {folder} is not allowed: the folder that a study was written to, with {STUDY}, is needed."
-        )
+        raise InputError(f"study {folder} is not allowed: the output folder of a study, with {STUDY}, is needed.")
     study = read_study(folder / STUDY)
     if not study["scenes"][0].get("name"):
         origin, scene = study.get("provenance"), study["scenes"][0].get("scene")

@@ -1,4 +1,4 @@
-"""How far a study on disk is, for whoever looks from outside."""
+"""Progress of a study on disk, seen from another process."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from mitsuba_taxel.studies.store.opening import read_results
 
 
 class Status(NamedTuple):
-    """How far the study of one scene is.
+    """Progress of the study of one scene.
 
     Attributes
     ----------
     name : str
-        Of the scene in a study of several, else blank.
+        Of the scene in a study of several scenes, else blank.
     done, failed, total : int
-        Jobs with a result, jobs that failed, and all.
+        Jobs with a result, failed jobs, and all jobs.
     error : float
         Largest relative standard error of a reading so far.
     running : bool
-        Whether a run is at work on it.
+        Whether a run is in progress.
     seconds_left : float or None
-        Estimated from this run's pace so far; None where nothing runs or nothing is done yet.
+        Estimated from the pace of this run; None if nothing runs or nothing is done yet.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Status(NamedTuple):
 
 
 def study_status(folder: str | Path) -> list[Status]:
-    """How far each scene of the study in a folder is; raises `InputError` if it holds none."""
+    """Progress of each scene of the study in a folder; raises `InputError` if it holds none."""
     return list(_states(Path(folder), ""))
 
 
@@ -86,6 +86,6 @@ def _seconds_left(folder: Path, finished: int, total: int) -> float | None:
     try:
         run = json.loads((folder / RUN).read_text(encoding="utf-8"))
         now, seconds = finished - run["finished_before"], time.time() - run["started"]
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not yet there, or damaged
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # not written yet, or damaged
         return None
     return seconds / now * (total - finished) if now > 0 else None

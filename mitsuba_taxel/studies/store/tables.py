@@ -1,4 +1,4 @@
-"""A study on disk: NetCDF, CSV, summary and plot, each file written whole or not at all."""
+"""Output files of a study: NetCDF, CSV, summary and plot, each written atomically."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
 
 
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
-    """Slopes by every force that is varied, in W/N and, with a circuit, beside them what it shows."""
+    """Slopes by each varied force, in W/N and, with a circuit, in its units too."""
     table, circuit = sensitivity_table(study), circuit_of_study(study)
     volts = () if circuit is None else volts_table(study, circuit)
     return table.merge(volts, how="left") if len(volts) else table
@@ -66,7 +66,7 @@ def check_parquet() -> None:
 
 
 def _head(study: xr.Dataset) -> list[str]:
-    """Lines that start with # and tell where the numbers come from."""
+    """Comment lines, starting with #, with the provenance of the numbers."""
     lines = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")]
     return lines + [f"# {note}" for note in study.attrs["notes"].splitlines()]
 

@@ -31,7 +31,7 @@ def test_other_loads_and_steps_without_times():
 @pytest.mark.parametrize(
     ("steps", "scene", "varied", "words"),
     [
-        ({"time": ["1"]}, {"fz": "0"}, (), "need a parameter history"),
+        ({"time": ["1"]}, {"fz": "0"}, (), "the parameter history"),
         ({"time": ["1"], "fz": ["-1"]}, SCENE, ("fx",), "fx cannot be varied"),
         ({"time": ["1"], "fz": ["much"]}, SCENE, (), "finite numbers for time, fx, fy, fz"),
     ],

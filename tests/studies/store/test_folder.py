@@ -131,7 +131,7 @@ with filelock.FileLock(r"{folder / ".lock"}"):
     command = [sys.executable, "-c", holder]
     with started(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "held\n"
-        with pytest.raises(InputError, match="another run is at work"):
+        with pytest.raises(InputError, match="in use by another run"):
             run(folder)
         assert study_status(folder)[0].running
         process.communicate("")
@@ -141,7 +141,7 @@ with filelock.FileLock(r"{folder / ".lock"}"):
 @pytest.mark.parametrize(
     "change, complaint",
     [
-        ({"seed": 4}, "it says seed = 3, and not seed = 4"),
+        ({"seed": 4}, "it has seed = 3 instead of seed = 4"),
         ({"maps": True}, "and not maps = true"),
     ],
 )
@@ -209,7 +209,8 @@ def test_a_full_disk_stops_cleanly_and_keeps_what_there_is(tmp_path, monkeypatch
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"^study .* is not allowed: the folder .* with study\.toml, is needed\.$"):
+    needed = r"^study .* is not allowed: the output folder .* with study\.toml, is needed\.$"
+    with pytest.raises(InputError, match=needed):
         open_study(tmp_path)
 
 
