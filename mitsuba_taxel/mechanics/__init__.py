@@ -1,6 +1,6 @@
-"""The deformed pad: finite strain, nearly incompressible finite elements, and the path to a load."""
+"""The deformed pad: nearly incompressible finite elements at finite strain, and load paths."""
 
 import lazy_loader
 
-# A scene without a pad imports none of this.
+# Loaded lazily: a scene without a pad imports none of this.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

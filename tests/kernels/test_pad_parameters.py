@@ -140,7 +140,7 @@ def test_loads_deform_the_pad_as_load_path_does(loaded, words, load, value):
             string("load", "patch_force")
             + numbers(patch_width=1, patch_depth=1, patch_x=50)
             + '<vector name="force" value="0, 0, -1"/>',
-            "it lies beside the top",
+            "it lies outside the top",
         ),
         (numbers(mesh_tolerance=0.1), "mesh_size and mesh_tolerance exclude each other"),
         (string("read_cells", "one"), "read_cells = 'one' is not allowed"),

@@ -1,4 +1,4 @@
-"""Residual and tangent of a meshed solid over the unknowns that its constraints leave."""
+"""Residual and tangent of a meshed solid over the unconstrained unknowns."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class InternalForces:
     residual : ndarray
         Forces and volumes over the unknowns.
     entries : ndarray or None
-        Of the tangent, as :class:`Sparsity` lists them; None if not asked for, or an element is inverted.
+        Of the tangent, in the order of :class:`Sparsity`; None if not requested, or an element is inverted.
     min_jacobian : float
-        Least volume ratio J at any quadrature point.
+        Smallest volume ratio J at any quadrature point.
     """
 
     residual: np.ndarray
@@ -36,12 +36,12 @@ class InternalForces:
 
 
 class Assembly:
-    """A mesh of one material, over the unknowns of a numbering.
+    """A mesh of one material, assembled over the unknowns of a numbering.
 
     Parameters
     ----------
     like : Assembly, optional
-        Another assembly of the same mesh and material, with which it shares its elements.
+        Another assembly of the same mesh and material, whose elements it shares.
     """
 
     def __init__(
@@ -54,22 +54,22 @@ class Assembly:
 
     @cached_property
     def sparsity(self) -> Sparsity:
-        """Where elements' matrices are summed, before constraints."""
+        """Pattern of the sum of element matrices, before constraints."""
         return self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
 
     def evaluate(
         self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True, past: Past | None = None
     ) -> InternalForces:
-        """The solid at a state; the residual is that of no load.
+        """Internal forces and tangent at a state, without load.
 
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Mm.
+            In mm.
         pressure : (corners,) ndarray
             In MPa, positive in tension.
         past : Past, optional
-            What a solid with a memory keeps of what was before.
+            History of a viscoelastic solid.
         """
         state = self.elements.evaluate(displacement, pressure, with_tangent, past)
         if not state.min_jacobian > 0:
@@ -80,11 +80,11 @@ class Assembly:
         return InternalForces(self.over_unknowns(state.forces, state.volumes), entries, state.min_jacobian)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
-        """The lower triangle over the unknowns, from the entries of a state of the mesh."""
+        """The lower triangle over the unknowns, from the entries at a state."""
         return self._pattern.matrix(entries)
 
     def over_unknowns(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """(unknowns,) what elements' forces (m, 10, 3) and volumes (m, 4) do on each unknown."""
+        """(unknowns,) sum of element forces (m, 10, 3) and volumes (m, 4) on each unknown."""
         degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
         displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
         corners = len(self.numbering.unknown) - 3 * self._nodes
@@ -97,7 +97,7 @@ class Assembly:
 
 
 class _Pattern:
-    """Where the entries of a mesh's matrix go in the lower triangle of the sparse one over the unknowns."""
+    """Map from the entries of a mesh's matrix to the sparse lower triangle over the unknowns."""
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         first, second = numbering.unknown[sparsity.rows], numbering.unknown[sparsity.columns]
@@ -111,7 +111,7 @@ class _Pattern:
         self._indices = (keys % self._size).astype(np.int32)
         count = np.bincount(keys // self._size, minlength=self._size)
         self._indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
-        # Two degrees of freedom that follow the same unknown meet on the diagonal, twice.
+        # Two degrees of freedom tied to the same unknown contribute to the diagonal twice.
         factor = np.where((first == second) & (rows != columns), 2.0, 1.0)
         factor *= numbering.sign[rows] * numbering.sign[columns]
         self._factor = None if np.all(factor == 1) else factor

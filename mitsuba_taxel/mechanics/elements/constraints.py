@@ -1,7 +1,7 @@
-"""Which unknown each degree of freedom is: held at the board, on planes of symmetry, tied to a rigid plate.
+"""Numbering of the unknowns under constraints: fixed at the board, on planes of symmetry, tied to a rigid plate.
 
-All of it is a choice of numbers: a degree of freedom is held, or it is plus or minus one unknown, which others may
-share. Assembly then needs no constraint equations, and matrices stay symmetric.
+A degree of freedom is fixed, or equals plus or minus one unknown, which others may share. Assembly then needs no
+constraint equations, and matrices remain symmetric.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class Numbering:
     unknown : (3 N + corners,) ndarray
         Unknown of each displacement (x, y, z of each node) and pressure; -1 where it is 0.
     sign : (3 N + corners,) ndarray
-        What the unknown is multiplied with.
+        Factor of the unknown.
     nodes : int
         N.
     displacements, pressures : int
-        How many unknowns there are of each.
+        Numbers of unknowns of each kind.
     plate : (3,) ndarray or None
         Unknown of each component of the plate's displacement, -1 where it is 0; None without a plate.
     plate_sign : ndarray or None
@@ -51,7 +51,7 @@ class Numbering:
         return values[: 3 * self.nodes].reshape(-1, 3), values[3 * self.nodes :]
 
     def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The unknowns of a state that keeps the constraints; the opposite of :meth:`split`."""
+        """The unknowns of a state that satisfies the constraints; the inverse of :meth:`split`."""
         unknowns = np.zeros(self.displacements + self.pressures)
         free = self.unknown >= 0
         values = np.concatenate([displacement.ravel(), pressure])
@@ -59,11 +59,11 @@ class Numbering:
         return unknowns
 
     def summed(self, forces: np.ndarray) -> np.ndarray:
-        """(unknowns,) what nodal forces (N, 3) do on each unknown."""
+        """(unknowns,) sum of nodal forces (N, 3) on each unknown."""
         return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
 
     def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
-        """(unknowns,) what forces and volumes (3 N + corners,) do on each unknown."""
+        """(unknowns,) sum of forces and volumes (3 N + corners,) on each unknown."""
         free = self.unknown >= 0
         total = self.displacements + self.pressures
         return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
@@ -75,14 +75,14 @@ class Numbering:
         return np.unique(self.plate[self.plate >= 0])
 
     def on_plate(self, force: np.ndarray) -> np.ndarray:
-        """(unknowns,) what a force (3,) on the plate does on each unknown."""
+        """(unknowns,) share of a force (3,) on the plate on each unknown."""
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
         weights = (self.plate_sign * force)[moving]
         return np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
 
     def of_plate(self, forces: np.ndarray) -> np.ndarray:
-        """(3,) the force on the plate that does ``forces`` on the unknowns; the opposite of :meth:`on_plate`."""
+        """(3,) the force on the plate equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
         assert self.plate is not None and self.plate_sign is not None
         shared = np.array([np.count_nonzero(self.plate == unknown) for unknown in self.plate])
         return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / shared, 0.0)
@@ -105,16 +105,16 @@ def number_unknowns(
     Parameters
     ----------
     held : (N,) ndarray
-        Whether each node stays where it is.
+        Whether each node is fixed.
     walls : Mapping[Mirror, int]
-        Planes of symmetry that bound the mesh, with 1 for states that are their own mirror image there, -1 for those
-        that are its opposite, and 0 for any that have no pressure there.
+        Planes of symmetry that bound the mesh, with 1 for symmetric states, -1 for antisymmetric ones, and 0 for any
+        states without pressure there.
     plate : ndarray, optional
-        Nodes that move together, as on a rigid plate that does not turn.
+        Nodes that move together, as on a rigid plate that does not rotate.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
-    body = _Dofs(np.append(held, False), corners)  # the plate is one node more
-    for mirror in MIRRORS:  # diagonal ones last: they tie what the others may hold
+    body = _Dofs(np.append(held, False), corners)  # the plate is an additional node
+    for mirror in MIRRORS:  # diagonal ones last: they tie what the others may fix
         if mirror not in walls:
             continue
         on_plane = np.append(mirror.side(mesh.points) == 0, True)
@@ -125,7 +125,7 @@ def number_unknowns(
 
 
 class _Dofs:
-    """Per node and component: held or not, and the degree of freedom that it follows."""
+    """Per node and component: whether it is fixed, and the degree of freedom that it is tied to."""
 
     def __init__(self, held: np.ndarray, corners: int) -> None:
         self.root = np.arange(3 * len(held)).reshape(-1, 3)
@@ -134,7 +134,7 @@ class _Dofs:
         self.no_pressure = np.zeros(corners, dtype=bool)
 
     def reflect(self, nodes: np.ndarray, mirror: Mirror, sign: int) -> None:
-        """Keep what a mirror with ``sign`` leaves of displacement and pressure at nodes on it."""
+        """Constrain displacement and pressure at nodes on a mirror according to ``sign``."""
         if sign <= 0:
             self.no_pressure[nodes[nodes < len(self.no_pressure)]] = True
         if sign == 0:

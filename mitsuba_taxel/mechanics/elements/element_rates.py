@@ -1,9 +1,9 @@
-"""Rates of the internal forces of elements with their material, and while their undeformed nodes move.
+"""Rates of the internal forces of elements with the material and with the undeformed nodes.
 
 With G the gradient of the nodes' velocity V, integrals over the undeformed solid change by its divergence tr G, and
-gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation:
-J. Sokolowski and J.-P. Zolesio, Introduction to Shape Optimization, 1992, chapter 2). The discrete forces follow to the
-last digit.
+gradients by -(grad ...) G, so that F changes by -(F - 1) G (the material derivative of shape optimisation: J.
+Sokolowski and J.-P. Zolesio, Introduction to Shape Optimization, 1992, chapter 2). This is exact for the discrete
+forces.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class _Piece:
-    """Some of the elements at a state: F, det F, its cofactors and p at their points, the whole stress, its moduli."""
+    """Some of the elements at a state: F, det F, its cofactors and p at their points, the total stress, its moduli."""
 
     here: slice
     gradient: np.ndarray
@@ -34,7 +34,7 @@ class _Piece:
 
 
 class StrainedElements:
-    """Elements at a displacement (N, 3) and pressure (corners,) at which none is turned inside out."""
+    """Elements at a displacement (N, 3) and pressure (corners,) at which none is inverted."""
 
     def __init__(self, elements: Elements, displacement: np.ndarray, pressure: np.ndarray) -> None:
         self._elements = elements

@@ -1,11 +1,11 @@
-"""Taylor-Hood finite elements for finite strain: forces, volumes and matrices of elements, a few at a time.
+"""Taylor-Hood finite elements for finite strain: element forces, volumes and matrices, computed in chunks.
 
 Displacements are quadratic, the pressure linear on each tetrahedron (total Lagrangian, perturbed Lagrangian)::
 
     Pi(u, p) = int W_iso(F) + p (J - 1) - p^2 / (2 kappa) dV - f . u,    F = 1 + grad u,  J = det F
 
-(G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, section 8.3). The constitutive law is asked for its isochoric
-stress and tangent only.
+(G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, section 8.3). The constitutive law provides the isochoric stress and
+tangent only.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ QUADRATURE_WEIGHTS = np.repeat([0.1362178425370874, 0.1137821574629126], 4) / 6
 _PRESSURE_SHAPES = np.concatenate([1 - QUADRATURE_POINTS.sum(axis=1, keepdims=True), QUADRATURE_POINTS], axis=1)
 
 ELEMENTS_AT_ONCE = 256
-"""As many as the processor's cache holds."""
+"""Chosen to fit the processor's cache."""
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 Points = tuple[np.ndarray, np.ndarray, np.ndarray]
 """F, det F and F^-T at points."""
@@ -45,7 +45,7 @@ Points = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Matrices:
-    """Elements' tangents, as :meth:`Sparsity.summed` takes them."""
+    """Element tangents, in the form that :meth:`Sparsity.summed` takes."""
 
     blocks: np.ndarray
     mixed: np.ndarray
@@ -54,7 +54,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class ElementState:
-    """Internal forces (m, 10, 3), volumes (m, 4) and tangents of m elements at a state; least volume ratio."""
+    """Internal forces (m, 10, 3), volumes (m, 4) and tangents of m elements at a state; smallest volume ratio."""
 
     forces: np.ndarray
     volumes: np.ndarray
@@ -69,7 +69,7 @@ class Elements:
     ----------
     nodes : (m, 10) ascending; corners : (m, 4)
     weight : (m, q) ndarray
-        mm³ that each quadrature point stands for.
+        Volume of each quadrature point in mm³.
     gradients : (m, q, 10, 3) ndarray
         Of the shape functions of ``nodes``, 1/mm.
     """
@@ -88,9 +88,9 @@ class Elements:
     def evaluate(
         self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool, past: Past | None = None
     ) -> ElementState:
-        """Elements at displacement (N, 3) and pressure (corners,); without matrices where one is turned inside out.
+        """Elements at displacement (N, 3) and pressure (corners,); without matrices if one is inverted.
 
-        What they keep of their ``past`` is part of the stress.
+        The stress includes that of the ``past``.
         """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
@@ -134,7 +134,7 @@ class Elements:
     def _stiffness(
         self, here: slice, state: Points, pressure: np.ndarray, past: Past | None, kept: np.ndarray | None
     ) -> np.ndarray:
-        """Blocks of some elements: the derivative of F S by F, with S not changing, is that of a prestressed solid."""
+        """Blocks of some elements: the derivative of F S by F at constant S is that of a prestressed solid."""
         weight, gradients = self.weight[here], self.gradients[here]
         if past is None or kept is None:
             return self.material.moduli(*state, pressure).stiffness(weight, gradients)
@@ -142,7 +142,7 @@ class Elements:
         return past.share * moduli.stiffness(weight, gradients)
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa, the second Piola-Kirchhoff stress that the material gives at a displacement (N, 3)."""
+        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3)."""
 
         def stress(start: int) -> np.ndarray:
             here = slice(start, start + ELEMENTS_AT_ONCE)
@@ -165,31 +165,31 @@ class Elements:
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
-        """(m, 4) volumes of relative ones (m, q)."""
+        """(m, 4) volumes from relative ones (m, q)."""
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
-        """(m, q) of the corners (C,) at the quadrature points of some elements."""
+        """(m, q) pressure at the quadrature points of some elements, from that at the corners (C,)."""
         return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
 
     def gradient(self, here: slice, field: np.ndarray) -> np.ndarray:
-        """(m, q, 3, 3) of a field (N, 3) at the quadrature points of some elements."""
+        """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of some elements."""
         gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
 
 
 def in_turns(work: Callable[[int], Any], count: int) -> list[Any]:
-    """What ``work`` gives for the first of each :data:`ELEMENTS_AT_ONCE` of so many elements."""
+    """Results of ``work`` for each chunk of :data:`ELEMENTS_AT_ONCE` of ``count`` elements, given its first."""
     starts = range(0, count, ELEMENTS_AT_ONCE)
     threads = min(thread_count(), len(starts))
     if threads < 2:
         return [work(start) for start in starts]
-    with ThreadPoolExecutor(threads) as pool:  # numpy works outside Python's lock
+    with ThreadPoolExecutor(threads) as pool:  # numpy releases Python's global lock
         return list(pool.map(work, starts))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
-    """(m, 3 q, 3) transposes of tensors (m, q, 3, 3), times weights (m, q), one below the other."""
+    """(m, 3 q, 3) transposes of tensors (m, q, 3, 3), times weights (m, q), stacked."""
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 
 

@@ -1,4 +1,4 @@
-"""How nodal forces of a load change while the nodes of the undeformed mesh move and displacements stay."""
+"""Rates of the nodal forces of a load with the undeformed nodes, at constant displacements."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, wet_faces
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 LOAD_STEP = 1e-4
-"""Fastest node's way, relative to the mesh's height, that differences of a load's shares are taken with."""
+"""Largest displacement of a node, relative to the mesh's height, for finite differences of load shares."""
 
 
 def load_rate(
@@ -26,13 +26,13 @@ def load_rate(
 ) -> np.ndarray:
     """(N, 3) rate of the nodal forces of a load on a whole pad.
 
-    A spread force keeps its total, a patch its place in space, a pressure follows the surface, a body stands as
-    high above the pad as before; what is on a bonded plate stays as it is.
+    A spread force keeps its total, a patch its position in space, a pressure follows the surface, an indenter keeps its
+    height above the pad; loads on a bonded plate do not change.
     """
     if isinstance(load, Pressure):
         faces, rate = wet_faces(mesh), np.zeros_like(displacement)
         places, moves = (mesh.points + displacement)[faces], velocity[faces]
-        # the forces are quadratic in the places, so that this difference is exact
+        # forces are quadratic in the positions, so that this difference is exact
         np.add.at(rate, faces, 0.5 * (pressure_forces(places + moves) - pressure_forces(places - moves)))
         return value[0] * rate
     if isinstance(load, IndenterDisplacement):

@@ -1,7 +1,7 @@
-"""How a pad may be loaded.
+"""Loads of a pad.
 
-A load has a ``value`` that a load path varies: the three components of a force [N] or of a displacement [mm], or one
-pressure [MPa].
+A load has a ``value``, which a load path varies: three components of a force [N] or displacement [mm], or a pressure
+[MPa].
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mitsuba_taxel.pads.pad import REGIONS
 
 
 class _Loading:
-    """What a path varies, and whether a rigid plate is bonded to the top."""
+    """Quantity that a path varies, and whether a rigid plate is bonded to the top."""
 
     quantity: ClassVar[str] = "force"
     unit: ClassVar[str] = "N"
@@ -32,7 +32,7 @@ class _Loading:
 
     @property
     def gives_displacement(self) -> bool:
-        """Whether forces follow from what is given."""
+        """Whether displacements are prescribed, and forces follow."""
         return self.unit == "mm"
 
 
@@ -41,7 +41,7 @@ class SpreadForce(_Loading):
     """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load)."""
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) mm² of the loaded area that each node stands for.
+        """(N,) loaded area in mm² of each node.
 
         The consistent load of a flat six-node triangle lies on its mid-edge nodes, a third of the area each.
         """
@@ -59,7 +59,7 @@ class PatchForce(_Loading):
     centre : tuple[float, float]
         (x, y) in mm.
     size : tuple[float, float]
-        Of the rectangle along x and y, in mm; what lies beside the top carries nothing.
+        Of the rectangle along x and y, in mm; parts outside the top carry no force.
     """
 
     centre: tuple[float, float]
@@ -78,7 +78,7 @@ class PatchForce(_Loading):
             object.__setattr__(self, name, pair)
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """(N,) mm² of the loaded area that each node stands for, by exact integration over clipped triangles."""
+        """(N,) loaded area in mm² of each node, by exact integration over clipped triangles."""
         top = mesh.faces[mesh.face_region == REGIONS["top"]]
         flat = mesh.points[top[:, :3], :2]
         middle, half = np.array(self.centre), 0.5 * np.array(self.size)
@@ -91,14 +91,14 @@ class PatchForce(_Loading):
 
 @dataclass(frozen=True)
 class PlateForce(_Loading):
-    """A force on a rigid plate bonded to the top, which moves but does not turn, as the flange of a robot."""
+    """A force on a rigid plate bonded to the top, which moves but does not rotate, like the flange of a robot."""
 
     bonded_plate: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
 class PlateDisplacement(_Loading):
-    """A displacement of a rigid plate bonded to the top, which does not turn."""
+    """A displacement of a rigid plate bonded to the top, which does not rotate."""
 
     quantity: ClassVar[str] = "displacement"
     unit: ClassVar[str] = "mm"
@@ -107,7 +107,7 @@ class PlateDisplacement(_Loading):
 
 @dataclass(frozen=True)
 class Pressure(_Loading):
-    """A hydrostatic pressure on top and outside; it stays normal to the deformed surface. The cells are vented."""
+    """A hydrostatic pressure on top and outside, normal to the deformed surface. The cells are vented."""
 
     quantity: ClassVar[str] = "pressure"
     unit: ClassVar[str] = "MPa"
@@ -116,7 +116,7 @@ class Pressure(_Loading):
 
 @dataclass(frozen=True)
 class IndenterDisplacement(_Loading):
-    """A displacement of a rigid body that touches the pad, and does not turn."""
+    """A displacement of a rigid indenter, which does not rotate."""
 
     indenter: Indenter
 
@@ -129,10 +129,7 @@ class IndenterDisplacement(_Loading):
 
 @dataclass(frozen=True)
 class IndenterForce(_Loading):
-    """A normal force on a rigid body that touches the pad without friction, and does not turn or move sideways.
-
-    It is pushed down as far as that takes.
-    """
+    """A normal force on a rigid frictionless indenter, which neither rotates nor moves sideways; its depth follows."""
 
     indenter: Indenter
 
@@ -140,7 +137,7 @@ class IndenterForce(_Loading):
         require("indenter", self.indenter, Indenter, "an Indenter")
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:
-        """Refuse forces that it cannot bear; raises `InputError`."""
+        """Refuse forces that contact cannot transmit; raises `InputError`."""
         x, y, z = value
         if x or y or z > 0:
             shown = ", ".join(f"{component:g}" for component in value)
@@ -158,24 +155,24 @@ def loaded_area(mesh: VolumeMesh, load: Load) -> float:
     Raises
     ------
     InputError
-        if a patch lies beside the top.
+        if a patch lies outside the top.
     """
     if isinstance(load, PatchForce):
         area = float(load.nodal(mesh).sum())
         if not area > 0:
             raise InputError(
-                f"patch centre = {load.centre}, size = {load.size} is not allowed: it lies beside the top."
+                f"patch centre = {load.centre}, size = {load.size} is not allowed: it lies outside the top."
             )
         return area
     return float(_areas(mesh, mesh.faces[mesh.face_region == REGIONS["top"]]).sum())
 
 
 def keeps(load: Load, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
-    """Whether a mirror, which takes nodes to their ``image`` (N,), leaves the distribution of a load as it is."""
+    """Whether the distribution of a load is symmetric in a mirror, which maps nodes to their ``image`` (N,)."""
     if isinstance(load, IndenterDisplacement | IndenterForce):
         return load.indenter.keeps(mirror)
     if not isinstance(load, PatchForce):
-        return True  # it covers a region of the surface, as the mesh does
+        return True  # it covers a region of the surface, symmetric like the mesh
     nodal = load.nodal(mesh)
     return bool(np.allclose(nodal[image], nodal, rtol=0, atol=1e-12 * nodal.max(initial=0.0)))
 
@@ -186,7 +183,7 @@ def _areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
 
 
 def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(6,) integrals of a triangle's quadratic shape functions over its part between ``low`` and ``high`` (x, y)."""
+    """(6,) integrals of a triangle's quadratic shape functions over the part between ``low`` and ``high`` (x, y)."""
     polygon = corners
     for axis in range(2):
         for limit, sign in ((low[axis], 1), (high[axis], -1)):

@@ -1,4 +1,4 @@
-"""Memory that ends is an error in one line; a compiled solver that is let run out of it ends the process instead."""
+"""Lack of memory, reported as a one-line error before a compiled solver would crash the process."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from pathlib import Path
 from mitsuba_taxel.base.errors import ComputationError
 
 ROOM = 1e8
-"""Bytes beside what a computation itself takes, for its threads and the rest of the process."""
+"""Bytes in addition to those of a computation, for its threads and the rest of the process."""
 
 _PROCESS, _MACHINE, _GROUP = Path("/proc/self/status"), Path("/proc/meminfo"), Path("/sys/fs/cgroup")
 
 
 def require_memory(size: float, purpose: str) -> None:
-    """Raise MemoryError if ``size`` bytes and some `ROOM` are more than is free."""
+    """Raise MemoryError if ``size`` bytes plus `ROOM` exceed the free memory."""
     free = free_memory()
     if size + ROOM > free:
         raise MemoryError(f"{purpose} takes {(size + ROOM) / 1e9:.2g} GB, and {free / 1e9:.2g} GB are free")
 
 
 def free_memory() -> float:
-    """Bytes that this process can still get, as far as Linux tells; infinite elsewhere."""
+    """Bytes that this process can still allocate, as reported by Linux; infinite on other systems."""
     return min(_left_by_limit(), _left_by_machine(), _left_by_group())
 
 
 def _left_by_limit() -> float:
-    """What limits on addresses and data (``ulimit -v``, ``-d``) leave; what is reserved and not filled is free."""
+    """Bytes left by limits on addresses and data (``ulimit -v``, ``-d``); reserved but unused memory counts as free."""
     try:
         import resource
 
@@ -52,7 +52,7 @@ def _left_by_machine() -> float:
 
 
 def _left_by_group() -> float:
-    """What the process's control group leaves, where it has a limit; pages of files make room."""
+    """Bytes left by a limit of the process's control group; cached pages of files count as free."""
     try:
         limit = float((_GROUP / "memory.max").read_text().replace("max", "inf"))
         used = float((_GROUP / "memory.current").read_text())
@@ -64,7 +64,7 @@ def _left_by_group() -> float:
 
 @contextmanager
 def memory_for(purpose: str) -> Iterator[None]:
-    """Let memory that ends be a ComputationError, which says for what."""
+    """Turn a lack of memory into a ComputationError that names the purpose."""
     try:
         yield
     except (MemoryError, RuntimeError) as error:

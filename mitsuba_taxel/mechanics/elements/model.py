@@ -1,4 +1,4 @@
-"""Residual and tangent of a loaded pad, or of the part of it that its symmetry leaves."""
+"""Residual and tangent of a loaded pad, or of its symmetric part."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ from mitsuba_taxel.pads.pad import REGIONS
 
 @dataclass(frozen=True)
 class Configuration:
-    """A pad at a state, not necessarily one of balance.
+    """A pad at a state, not necessarily in equilibrium.
 
     Attributes
     ----------
     residual : ndarray
         Out-of-balance forces [N] and volumes [mm³] over the unknowns.
     load : ndarray
-        The part of it that the load makes.
+        Contribution of the load.
     entries : ndarray or None
-        Of the derivative of the residual, for `Assembly.matrix`; None if not asked for, or an element is inverted.
+        Of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is inverted.
     min_jacobian : float
-        Least volume ratio J at any quadrature point.
+        Smallest volume ratio J at any quadrature point.
     pressing : Pressing or None
-        How a rigid body stands to the faces, if one is the load.
+        State of contact with an indenter, if that is the load.
     """
 
     residual: np.ndarray
@@ -61,12 +61,11 @@ class Model:
     Parameters
     ----------
     signs : Mapping[Mirror, int]
-        At the walls of the part, 1 for states that are their own mirror image, -1 for those that are its opposite, 0
-        for all that have no pressure there.
+        At the walls of the part, 1 for symmetric states, -1 for antisymmetric ones, 0 for any without pressure there.
     held_plate : bool
-        Whether a bonded plate stays where it is, instead of being one more unknown.
+        Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
-        Another model of the same part, material and load, with which it shares its elements.
+        Another model of the same part, material and load, whose elements it shares.
     """
 
     def __init__(
@@ -100,8 +99,8 @@ class Model:
     ) -> Configuration:
         """The part with displacement (n, 3) and pressure (corners,) under a load of the whole pad's ``value``.
 
-        A rigid body pushes by pressures and tractions ``pushed_by``, if they are given, else by those of the
-        gaps. They do not change in the tangent: what they keep apart is :meth:`held`.
+        An indenter acts by the pressures and tractions ``pushed_by`` if given, else by those of the gaps. In the
+        tangent they are constant: the contact constraints are in :meth:`held`.
         """
         inside = self.assembly.evaluate(displacement, pressure, with_tangent, past)
         if inside.entries is not None and isinstance(self.load, Pressure):
@@ -120,7 +119,7 @@ class Model:
         return Configuration(inside.residual - load, load, inside.entries, inside.min_jacobian, pressing)
 
     def held(self, displacement: np.ndarray, value: np.ndarray) -> Held:
-        """What the load sets instead of forces: the plate's displacement, or gaps where a body presses."""
+        """Constraints of the load: the plate's displacement, or the gaps of contact with an indenter."""
         if isinstance(self.load, IndenterDisplacement):
             pressing = self.indentation.pressing(displacement, value)
             pressed = self.pressed(pressing)
@@ -133,16 +132,16 @@ class Model:
         return Held(rows, np.zeros(len(moved)))
 
     def pressed(self, pressing: Pressing) -> np.ndarray:
-        """Numbers of the pressures above 0, but for those that :attr:`may_press` leaves out."""
+        """Numbers of the positive pressures among those of :attr:`may_press`."""
         return np.flatnonzero((pressing.pressure > 0) & self.may_press)
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """(m,) whether the node of a pressure moves; on a mirror, states that are opposite in it have no pressure."""
+        """(m,) whether the node of a pressure can move; antisymmetric states have no pressure on their mirror."""
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Rows (k, 3 n) over displacements of nodes as rows over the unknowns."""
+        """Rows (k, 3 n) over nodal displacements, as rows over the unknowns."""
         return rows @ self._displacements_of_unknowns
 
     @cached_property
@@ -154,12 +153,12 @@ class Model:
         return sparse.csr_array(entries, shape=(degrees, self.assembly.unknowns))
 
     def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
-        """Least volume ratio J at any node of any element, where it may be far below that at quadrature points."""
+        """Smallest volume ratio J at any node of any element, which may be far below that at quadrature points."""
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
         return float((deformed / self._determinants).min())
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """Forces of the load over the unknowns, linear in ``value``; none where the load is a displacement."""
+        """Forces of the load over the unknowns, linear in ``value``; zero for a prescribed displacement."""
         if isinstance(self.load, Pressure):
             nodal = np.zeros_like(displacement)
             np.add.at(nodal, self._wet_faces, pressure_forces((self.mesh.points + displacement)[self._wet_faces]))
@@ -179,7 +178,7 @@ class Model:
         return self.load_vector(displacement, direction)
 
     def pushed_as(self, material: Material, displacement: np.ndarray, value: np.ndarray) -> np.ndarray | float:
-        """Forces over the unknowns of a rigid body at what is in it, by the stiffness that a material has it hold."""
+        """Forces over the unknowns of an indenter on what penetrates it, with the contact stiffness for a material."""
         if not isinstance(self.load, IndenterDisplacement):
             return 0.0
         own = self.assembly.elements.material
@@ -191,7 +190,7 @@ class Model:
 
     @cached_property
     def _determinants(self) -> np.ndarray:
-        """Of the undeformed elements, as :func:`map_determinants` gives them."""
+        """Result of :func:`map_determinants` for the undeformed elements."""
         return map_determinants(self.mesh.points, self.mesh.tets)
 
     @cached_property
@@ -207,6 +206,6 @@ class Model:
 
     @cached_property
     def indentation(self) -> Indentation:
-        """What the rigid body of the load does."""
+        """Contact with the indenter of the load."""
         assert isinstance(self.load, IndenterDisplacement)
         return Indentation(self.mesh, self.load.indenter, self.assembly.elements.material.youngs_modulus)

@@ -1,4 +1,4 @@
-"""Forces that it takes to keep a pad in its shape, with nothing held."""
+"""Nodal internal forces of a deformed pad, without constraints."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def internal_forces(
 ) -> np.ndarray:
     """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa.
 
-    What stresses are above those of the material, (m, q, 6) MPa, is that of a solid with a memory.
+    ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the material.
     """
     nodes = len(mesh.points)
     nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
@@ -43,6 +43,6 @@ def board_force(
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
 ) -> np.ndarray:
-    """(3,) N by which the board holds a pad that nothing but a plate on its top loads; see :func:`internal_forces`."""
+    """(3,) N, reaction of the board to a pad loaded only by a plate on its top; see :func:`internal_forces`."""
     forces = internal_forces(mesh, material, displacement, pressure, overstress)
     return forces[nodes_of(mesh, "bottom")].sum(axis=0)

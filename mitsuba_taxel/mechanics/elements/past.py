@@ -1,4 +1,4 @@
-"""What a solid with a memory keeps of its past, at the quadrature points of its elements."""
+"""Internal variables of a viscoelastic solid at the quadrature points of its elements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """The stress at the end of a step: a ``share`` of what the law gives there, and one that is known before.
+    """The stress at the end of a step: a ``share`` of that of the law there, plus one known beforehand.
 
     Attributes
     ----------
@@ -35,20 +35,20 @@ class Past:
 
 @dataclass(frozen=True, eq=False)
 class Relaxing:
-    """The internal variables of a solid with a memory at a time.
+    """The internal variables of a viscoelastic solid at a time.
 
     Attributes
     ----------
     stress : (m, q, 6) ndarray
-        MPa, S that the law gives, second Piola-Kirchhoff.
+        MPa, second Piola-Kirchhoff stress S of the law.
     held : (k, m, q, 6) ndarray
         MPa, Q of each term.
     error : (k, m, q, 6) ndarray
-        MPa, by which these are estimated to be off, as S does not change evenly in a step.
+        MPa, estimated errors of ``held``, as S does not change linearly within a step.
     slope : (m, q, 6) ndarray or None
-        MPa/s, the even change of S in the last step; None before the first, and where the load has just jumped.
+        MPa/s, rate of S in the last step; None before the first, and just after a jump of the load.
     step : float
-        How long that took, in s.
+        Duration of that step in s.
     """
 
     stress: np.ndarray
@@ -63,7 +63,7 @@ class Relaxing:
         return cls(np.zeros((elements, points, 6)), nothing, nothing)
 
     def past(self, material: Viscoelastic, step: float, part: SymmetricPart) -> Past:
-        """What the stress is made of at the end of a further step of some s."""
+        """Composition of the stress at the end of a further step in s."""
         weights = material.over(step)
         gained = float(material.shares @ weights.ramp)
         known = np.tensordot(weights.decay, self.held, axes=1) - gained * self.stress
@@ -83,16 +83,16 @@ class Relaxing:
         return (self.slope - before.slope) / (0.5 * (self.step + before.step))
 
     def missed(self, material: Viscoelastic, bend: np.ndarray, step: float | None = None) -> np.ndarray:
-        """(k, m, q, 6) MPa, what an even change of S in a step, this one's by default, is off by."""
+        """(k, m, q, 6) MPa, error of a linear change of S in a step, by default the last one."""
         step = self.step if step is None else step
         return _times(material.shares * material.over(step).bend * step**2, bend)
 
     def off_by(self, error: np.ndarray) -> Relaxing:
-        """The same with so much (k, m, q, 6) more of an error."""
+        """The same with an ``error`` (k, m, q, 6) added."""
         return replace(self, error=self.error + error)
 
     def overstress(self, material: Viscoelastic) -> np.ndarray:
-        """(m, q, 6) MPa, by which the stress is above that of the law."""
+        """(m, q, 6) MPa, stress in addition to that of the law."""
         return self.held.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def spread(self, part: SymmetricPart, whole: VolumeMesh, to: SymmetricPart) -> Relaxing:
@@ -111,7 +111,7 @@ class Relaxing:
 def spread(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
     """(M, q, 6) tensors at the quadrature points of a whole mesh, from those (m, q, 6) of a symmetric part."""
     element, corner, turn = part.element_images(whole)
-    families = field.reshape(len(field), -1, 4, 6)  # quadrature points go by the corners that they are near
+    families = field.reshape(len(field), -1, 4, 6)  # quadrature points are numbered by the corners they are near
     found = tensors(families[element[:, None], :, corner].swapaxes(1, 2).reshape(len(element), -1, 6))
     turned = turn[:, None] @ found @ np.swapaxes(turn, -1, -2)[:, None]
     return components(turned)

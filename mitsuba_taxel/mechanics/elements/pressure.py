@@ -1,8 +1,8 @@
-"""Forces of a pressure on the deformed surface, and how they change with it.
+"""Forces of a pressure on the deformed surface, and their derivatives.
 
-With x the deformed place, f_a = -p int N_a (x,xi x x,eta) dxi deta over a face (P. Wriggers, Nonlinear Finite Element
-Methods, 2008, section 4.2.5). Where the rim of the loaded surface is held, or moves in a plane of symmetry, these are
-the derivatives of -p times the volume enclosed, so that their own derivatives are symmetric.
+With x the deformed position, f_a = -p int N_a (x,xi x x,eta) dxi deta over a face (P. Wriggers, Nonlinear Finite
+Element Methods, 2008, section 4.2.5). If the rim of the loaded surface is fixed, or moves in a plane of symmetry, these
+are the derivatives of -p times the enclosed volume, so that their own derivatives are symmetric.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
-# Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985): as high as the forces of a
-# quadratic face go.
+# Six points, exact to degree 4 (D. A. Dunavant, Int. J. Numer. Methods Eng. 21, 1985), that of the forces of a
+# quadratic face.
 _A, _B = 0.445948490915965, 0.091576213509771
 _POINTS = np.array([(x, y) for a in (_A, _B) for x, y in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))])
 _WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3) / 2
@@ -30,13 +30,13 @@ def wet_faces(mesh: VolumeMesh) -> np.ndarray:
 
 
 def pressure_forces(places: np.ndarray) -> np.ndarray:
-    """(B, 6, 3) nodal forces of a unit pressure on faces whose nodes are at ``places`` (B, 6, 3), outwards turned."""
+    """(B, 6, 3) nodal forces of a unit pressure on outward-oriented faces with nodes at ``places`` (B, 6, 3)."""
     normal = np.cross(_BY_XI @ places, _BY_ETA @ places)
     return -np.einsum("q,qa,bqi->bai", _WEIGHTS, _VALUES, normal)
 
 
 def pressure_stiffness(places: np.ndarray) -> np.ndarray:
-    """(B, 18, 18) derivative of :func:`pressure_forces` by the places of the nodes, its symmetric part."""
+    """(B, 18, 18) symmetric part of the derivative of :func:`pressure_forces` by the positions of the nodes."""
     along_xi, along_eta = _BY_XI @ places, _BY_ETA @ places
     turned_xi, turned_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
     weighted = _WEIGHTS[:, None] * _VALUES
@@ -48,7 +48,7 @@ def pressure_stiffness(places: np.ndarray) -> np.ndarray:
 
 
 def _cross_matrices(v: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) matrices that multiply as v x."""
+    """(..., 3, 3) matrices of the cross product with v."""
     matrices = np.zeros((*v.shape, 3))
     matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0] = v[..., 0], v[..., 1], v[..., 2]
     return matrices - np.swapaxes(matrices, -1, -2)

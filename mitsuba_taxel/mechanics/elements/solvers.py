@@ -1,11 +1,10 @@
-"""Direct solvers for symmetric indefinite matrices, behind one small interface.
+"""Direct solvers for symmetric indefinite matrices, with a common interface.
 
-`rslab` factors L D L^T and knows the inertia; SuperLU of scipy is always there.
+`rslab` factors L D L^T and gives the inertia; SuperLU of scipy is always available.
 
-Factors are of single precision where that tells as much. What it leaves out, E, does not matter to the inertia of A if
-no matrix between A and A + E is singular, for which it is enough that all eigenvalues of E (A + E)^-1 lie within the
-unit circle (R. A. Horn and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refinement converges
-then, too.
+Single precision is used where it suffices. Its rounding error E does not change the inertia of A if no matrix between A
+and A + E is singular, for which it suffices that all eigenvalues of E (A + E)^-1 lie within the unit circle (R. A. Horn
+and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refinement then converges too.
 """
 
 from __future__ import annotations
@@ -19,32 +18,33 @@ from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.mechanics.elements.memory import require_memory
 
 MOST_THREADS = 4
-"""More do not pay for matrices of pads."""
+"""More threads bring no gain for matrices of pads."""
 
 FEW_UNKNOWNS = 12_000
-"""Fewer are ordered by minimum fill, in half the time of nested dissection, which makes less of it for more."""
+"""Smaller matrices are ordered by minimum fill, in half the time of nested dissection, which gives less fill for larger
+ones."""
 
 ANALYSIS_BYTES = 150
-"""Per entry, that the analysis of a pattern takes, as measured."""
+"""Memory per entry for the analysis of a pattern, as measured."""
 
 
 MOST_LEFT_OUT = 0.05
-"""Estimate of the norm of E (A + E)^-1 up to which a factor of single precision will do; it is 1e-3 as a rule."""
+"""Largest estimated norm of E (A + E)^-1 for which a single-precision factor is used; it is typically 1e-3."""
 REFINEMENTS = 10
-"""At most, of a solution that is asked for to all digits."""
+"""Maximum, for a solution in full precision."""
 
 
 class Factorisation(Protocol):
     """A factored matrix."""
 
     negative_pivots: int | None
-    """How many eigenvalues are negative, or None if the solver does not know."""
+    """Number of negative eigenvalues, or None if the solver does not provide it."""
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solution for one right-hand side (n,)."""
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
-        """The same to a few digits, which is enough where an iteration follows."""
+        """The same to a few digits, for use within an iteration."""
 
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
         """The same for the columns of (n, k)."""
@@ -53,7 +53,7 @@ class Factorisation(Protocol):
 class Solver(Protocol):
     """Factors a sequence of matrices of one pattern, given by their lower triangles.
 
-    It raises RuntimeError where a matrix is singular, and MemoryError where memory does not suffice.
+    It raises RuntimeError for a singular matrix, and MemoryError for lack of memory.
     """
 
     knows_inertia: bool
@@ -77,7 +77,7 @@ class _RslabFactorisation:
 
 
 class Rslab:
-    """L D L^T by `rslab`; the analysis of the pattern is made once."""
+    """L D L^T by `rslab`; the pattern is analysed once."""
 
     knows_inertia = True
 
@@ -130,7 +130,7 @@ class _SuperLuFactorisation:
 
 
 class SuperLu:
-    """L U by scipy; slower, and without the inertia."""
+    """L U by scipy: slower, and without inertia."""
 
     knows_inertia = False
 
@@ -145,7 +145,7 @@ SOLVERS: dict[str, type] = {"rslab": Rslab, "superlu": SuperLu}
 
 
 def available_solvers() -> list[str]:
-    """Names of the solvers that are installed, the preferred one first."""
+    """Names of the installed solvers, the preferred one first."""
     import importlib.util
 
     return [name for name in SOLVERS if name == "superlu" or importlib.util.find_spec(name)]

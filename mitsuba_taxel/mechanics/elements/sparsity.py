@@ -1,8 +1,7 @@
-"""Which degrees of freedom of a mesh meet in an element, and sums of elements' matrices over them.
+"""Sparsity pattern of the degrees of freedom of a mesh, and sums of element matrices.
 
-The same for all choices of unknowns: what is held or tied is a matter of
-:class:`~mitsuba_taxel.mechanics.elements.assembly`. Node by node there is one block of 3 x 3 for each pair, which keeps
-the search for equal pairs small.
+It does not depend on constraints, which :mod:`~mitsuba_taxel.mechanics.elements.assembly` applies. There is one block
+of 3 x 3 for each pair of nodes, which keeps the search for equal pairs small.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 
 _UPPER = np.array([1, 2, 5])
-"""Entries of a block of a node with itself that its symmetry gives."""
+"""Entries of a diagonal block that follow from its symmetry."""
 
 
 class Sparsity:
@@ -26,7 +25,7 @@ class Sparsity:
     nodes : (m, 10) ndarray
         Of each element, ascending.
     corners : (m, 4) ndarray
-        Of each element, which have a pressure.
+        Corners of each element, which have a pressure.
     count : int
         Number of nodes.
 
@@ -35,7 +34,7 @@ class Sparsity:
     rows, columns : (E,) ndarray
         Degree of freedom of each entry: 3 of each node, then one of each corner.
     lower : (E,) ndarray
-        Whether it counts; the other half of symmetric blocks does not.
+        Whether it belongs to the lower triangle.
     """
 
     def __init__(self, nodes: np.ndarray, corners: np.ndarray, count: int) -> None:
@@ -54,7 +53,7 @@ class Sparsity:
         self.lower = self.rows >= self.columns
 
     def summed(self, blocks: np.ndarray, mixed: np.ndarray, pressures: np.ndarray) -> np.ndarray:
-        """(E,) entries of the sum of elements' matrices.
+        """(E,) entries of the sum of element matrices.
 
         Parameters
         ----------
@@ -69,7 +68,7 @@ class Sparsity:
         return np.concatenate(parts)
 
     def add_blocks(self, entries: np.ndarray, nodes: np.ndarray, matrices: np.ndarray) -> None:
-        """Add symmetric matrices (n, 3 k, 3 k) over the displacements of nodes (n, k) that lie in one element."""
+        """Add symmetric matrices (n, 3 k, 3 k) over the displacements of nodes (n, k) of a common element."""
         order = np.argsort(nodes, axis=1)
         nodes = np.take_along_axis(nodes, order, axis=1)
         first, second = np.tril_indices(nodes.shape[1])
@@ -84,7 +83,7 @@ class Sparsity:
 
 
 class _Merged:
-    """Equal keys as one."""
+    """Groups of equal keys."""
 
     def __init__(self, keys: np.ndarray) -> None:
         self.keys, target = np.unique(keys.ravel(), return_inverse=True)
@@ -92,5 +91,5 @@ class _Merged:
         self._sum = sparse.csr_array((ones, (target.ravel(), places)), shape=(len(self.keys), len(target)))
 
     def summed(self, values: np.ndarray, size: int) -> np.ndarray:
-        """Flattened sums of blocks of ``size`` values over the blocks whose keys are equal."""
+        """Flattened sums of blocks of ``size`` values with equal keys."""
         return (self._sum @ values.reshape(-1, size)).ravel()

@@ -1,9 +1,9 @@
-"""The part of a symmetric pad that has to be solved for, and how its state gives that of the whole.
+"""Reduction of a symmetric pad to a part, and expansion of its states to the whole.
 
-Mirrors that leave pad and load as they are form a group; a stable solution can be sought among the states that they
-leave alone, on one part of the mesh between their planes. Whether it is stable against all displacements is another
-matter: the tangent of the whole falls into blocks, one for each way in which a displacement can behave under the
-group, and all of them have to be looked at (J.-P. Serre, Linear Representations of Finite Groups, chapter 2).
+The mirrors of pad and load form a group; a stable solution can be sought among symmetric states, on the part of the
+mesh between their planes. Its stability against all displacements is a separate question: the tangent of the whole
+decomposes into blocks, one for each irreducible representation of the group, all of which must be checked (J.-P. Serre,
+Linear Representations of Finite Groups, chapter 2).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CUT = 0
-"""In place of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
+"""Instead of a sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are 0."""
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
-    """The mirrors that map a mesh on itself to the last bit, each with the image (N,) of each node."""
+    """The mirrors that map a mesh onto itself exactly, each with the image (N,) of each node."""
     images = {}
     for mirror in MIRRORS:
         image = _matched(mesh.points, mirror.image(mesh.points))
@@ -32,7 +32,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
 
 
 def _matched(points: np.ndarray, moved: np.ndarray) -> np.ndarray | None:
-    """(N,) the point that each moved point coincides with, or None if one has no partner."""
+    """(N,) the point that each moved point coincides with, or None if one has none."""
     order, other = (np.lexsort((p + 0.0).T) for p in (points, moved))
     if not np.array_equal(points[order], moved[other]):
         return None
@@ -42,7 +42,7 @@ def _matched(points: np.ndarray, moved: np.ndarray) -> np.ndarray | None:
 
 
 def _maps(mesh: VolumeMesh, image: np.ndarray) -> bool:
-    """Whether elements and tagged faces go over into elements and faces of the same region."""
+    """Whether elements and tagged faces map to elements and faces of the same region."""
     own, moved = (_rows(nodes) for nodes in (mesh.tets[:, :4], image[mesh.tets[:, :4]]))
     if not np.array_equal(own, moved):
         return False
@@ -66,17 +66,17 @@ class SymmetricPart:
     mesh : VolumeMesh
         Of the part.
     nodes : (n,) ndarray
-        Node of the whole that each of its nodes is; corners come first here too.
+        Node of the whole for each node of the part; corners come first here too.
     elements : (m,) ndarray
-        Element of the whole that each of its elements is.
+        Element of the whole for each element of the part.
     walls : tuple[Mirror, ...]
         The mirrors that bound it.
     group : tuple[Mirror, ...]
-        The mirrors that make it.
+        The mirrors that define it.
     source : (N,) ndarray
-        Node of the part that each node of the whole is an image of.
+        Node of the part of which each node of the whole is an image.
     turn : (N, 3, 3) ndarray
-        What turns a displacement there into that of the node of the whole.
+        Orthogonal matrix from the displacement there to that of the node of the whole.
     """
 
     mesh: VolumeMesh
@@ -92,19 +92,19 @@ class SymmetricPart:
         return displacement[self.nodes], pressure[self.nodes[: self.mesh.corner_count]]
 
     def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure of the whole, from those of a state that all mirrors leave as it is."""
+        """Displacement and pressure of the whole, from those of a symmetric state of the part."""
         corners = self._whole_corners
         place, sign = self._components
         return sign * displacement.ravel()[place], pressure[self.source[:corners]]
 
     @cached_property
     def _components(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) component of a displacement of the part that each of the whole is, and its sign: mirrors swap them."""
+        """(N, 3) component of a displacement of the part for each of the whole, and its sign: mirrors permute them."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the elements of the whole: (M,) the part's that each is an image of, (M, 4) which of its corners each
-        corner is an image of, and (M, 3, 3) what turns vectors there into its own."""
+        """Of the elements of the whole: (M,) the element of the part of which each is an image, (M, 4) the same for its
+        corners, and (M, 3, 3) matrices that transform vectors there into its own."""
         own, corners = self.mesh.tets[:, :4], self.source[whole.tets[:, :4]]
         of_part, of_whole = (np.lexsort(np.sort(nodes, axis=1).T) for nodes in (own, corners))
         element = np.empty(len(corners), dtype=np.int64)
@@ -114,12 +114,12 @@ class SymmetricPart:
 
     @property
     def mirrors(self) -> int:
-        """How many make the group."""
+        """Number of mirrors of the group."""
         return len(self.group)
 
     @property
     def copies(self) -> int:
-        """How many images of the part make the whole."""
+        """Number of images of the part in the whole."""
         return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
 
     @cached_property
@@ -128,7 +128,7 @@ class SymmetricPart:
 
 
 def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> SymmetricPart:
-    """The part of a symmetric mesh that ``mirrors``, a whole group of them, complete; ``images`` from node_images."""
+    """The part of a symmetric mesh that ``mirrors``, a complete group, define; ``images`` from node_images."""
     corner = mesh.points[mesh.tets[:, :4]].mean(axis=1)
     inside = np.ones(len(corner), dtype=bool)
     for mirror in mirrors:
@@ -152,7 +152,8 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """(N, 3, 3) what turns vectors at the image of each position (N, 3) on the kept side of a group into its own."""
+    """(N, 3, 3) matrices that transform vectors at the image on the kept side of a group into those at each position
+    (N, 3)."""
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:
         beyond = mirror.side(position) < 0
@@ -167,9 +168,9 @@ def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
 
 
 def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
-    """The blocks of the tangent that the group's own states do not show: mirrors of a part, and signs at its walls.
+    """The blocks of the tangent apart from that of symmetric states: mirrors of a part, and signs at its walls.
 
-    A square pad's fifth block, of pairs of displacements that turn into each other, needs the part between two mirrors.
+    The fifth block of a square pad, of its two-dimensional representation, needs the part between two mirrors.
     """
     walls = _bounding(mirrors)
     blocks: list[tuple[Sequence[Mirror], dict[Mirror, int]]] = []
@@ -181,10 +182,10 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs at the walls of the part, of the pieces between cuts along some of the mirrors' planes.
+    """Signs at the walls of the part, for pieces between cuts along some of the mirrors' planes.
 
-    A displacement of the whole that has no symmetry is one of pieces that keep the mirror of the last wall, and it is
-    the sum of one that is its own image in that mirror and one that is the opposite. None where blocks are no fewer.
+    A displacement of the whole without symmetry is one of pieces with the mirror of the last wall, the sum of a
+    symmetric and an antisymmetric one. Empty if this does not reduce the number of blocks.
     """
     if len(mirrors) < 2:
         return []

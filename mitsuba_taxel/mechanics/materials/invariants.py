@@ -1,4 +1,4 @@
-"""The isochoric strain invariants and their derivatives by the deformation gradient."""
+"""Isochoric strain invariants and their derivatives by the deformation gradient."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.mechanics.materials.moduli import Moduli
 
 
 class IsochoricInvariants:
-    """I1 J^(-2/3) and I2 J^(-4/3) of deformation gradients, each computed when first asked for.
+    """I1 J^(-2/3) and I2 J^(-4/3) of deformation gradients, computed lazily.
 
     With G = F^-T and H = dI2/dF / 2 = I1 F - F F^T F (G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, sections 6.2
     and 6.4, here by F)::
@@ -34,12 +34,12 @@ class IsochoricInvariants:
 
     @cached_property
     def first(self) -> np.ndarray:
-        """I1 J^(-2/3), (...); 3 where nothing is distorted, more elsewhere."""
+        """I1 J^(-2/3), (...); 3 without distortion, else larger."""
         return self._unstretched * self._i1
 
     @cached_property
     def second(self) -> np.ndarray:
-        """I2 J^(-4/3), (...); 3 where nothing is distorted, more elsewhere."""
+        """I2 J^(-4/3), (...); 3 without distortion, else larger."""
         return self._unstretched**2 * self._i2
 
     @cached_property

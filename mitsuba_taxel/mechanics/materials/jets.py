@@ -1,8 +1,8 @@
-"""Numbers that carry their first and second derivatives by two variables (second-order forward differentiation).
+"""Numbers with their first and second derivatives by two variables (second-order forward differentiation).
 
-A part that is zero whatever the variables' values is ``None`` and costs nothing: of ``c * x`` the second derivatives
-are never computed, and the first is the number c, not an array of it (A. Griewank and A. Walther, Evaluating
-Derivatives, 2nd ed., SIAM 2008, chapter 13).
+A part that is identically zero is ``None`` and costs nothing: of ``c * x``, second derivatives are not computed, and
+the first is the number c, not an array (A. Griewank and A. Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, chapter
+13).
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import numpy as np
 class Jet:
     """A function's value at (x, y), its derivatives d1 = d/dx, d2 = d/dy and second derivatives d11, d12, d22.
 
-    Each part is a number or an array; all broadcast together. Jets are combined with each other, with numbers and
-    with arrays by ``+ - * /``, raised to a number or to a jet by ``**``, and taken by ``np.log``, ``np.exp``,
-    ``np.sqrt`` and ``np.square``.
+    Each part is a number or an array; all broadcast together. Jets, numbers and arrays can be combined by ``+ - * /``
+    and ``**``; ``np.log``, ``np.exp``, ``np.sqrt`` and ``np.square`` apply to jets.
     """
 
     value: Any
@@ -87,7 +86,7 @@ class Jet:
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options or ufunc not in _UFUNCS:
             return NotImplemented
-        # The first is made a jet, as an array would hand the operation back to its ufunc.
+        # The first becomes a jet, since an array would return the operation to its ufunc.
         return _UFUNCS[ufunc](_jet(inputs[0]), *inputs[1:])
 
     def _through(self, value: Any, first: Any, second: Any) -> Jet:

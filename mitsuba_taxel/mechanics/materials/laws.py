@@ -1,8 +1,8 @@
 """Strain energies of rubber-like solids, split for the mixed formulation.
 
-A law is a strain energy W(I1, I2) of the isochoric invariants; stress, tangent and small-strain moduli are derived
-from it. The change of volume stores kappa/2 (J - 1)^2 apart from it, through a pressure field p and 1/kappa, so that
-an incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a dataclass with its energy::
+A law is a strain energy W(I1, I2) of the isochoric invariants; stress, tangent and small-strain moduli are derived from
+it. The volumetric energy kappa/2 (J - 1)^2 is treated separately, by a pressure field p and 1/kappa, so that an
+incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a dataclass with its energy::
 
     @dataclass(frozen=True)
     class Gent(Material):
@@ -13,7 +13,7 @@ an incompressible solid (nu = 0.5, 1/kappa = 0) is exact. A new law is a datacla
         def strain_energy(self, i1, i2):
             return -self.mu * self.limit / 2 * np.log(1 - (i1 - 3) / self.limit)
 
-A field may not be called ``shear_modulus`` or ``compressibility``: these are derived.
+No field may be named ``shear_modulus`` or ``compressibility``, which are derived.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ _FALLS = ", below it the energy falls without bound in {} tension"
 
 
 class Material(ABC, Checked, Displayed):
-    """A rubber-like solid; its laws are frozen dataclasses whose fields are numbers, ``poisson_ratio`` among them.
+    """A rubber-like solid. Its laws are frozen dataclasses whose fields are numbers, ``poisson_ratio`` among them.
 
     Raises
     ------
     InputError
-        If a field is no finite number, Poisson's ratio is not from 0 to 0.5, or the shear modulus is not above 0.
+        if a field is not a finite number, Poisson's ratio is not from 0 to 0.5, or the shear modulus is not above 0.
     """
 
     poisson_ratio: float
@@ -64,7 +64,7 @@ class Material(ABC, Checked, Displayed):
         self._check()
 
     def _check(self) -> None:
-        """Refuse finite parameters that make no sensible material; a law may have more to ask for."""
+        """Refuse finite parameters of an inadmissible material; laws may extend this."""
         self._require("shear_modulus", self.shear_modulus > 0, "a finite number above 0 is needed")
 
     def _require(self, name: str, condition: bool, needed: str) -> None:
@@ -141,7 +141,7 @@ class Material(ABC, Checked, Displayed):
         return self.strain_energy(Jet(3.0, d1=1.0), Jet(3.0, d2=1.0))
 
     def _derivatives(self, invariants: IsochoricInvariants) -> Jet:
-        # A law of I1 alone is not made to wait for I2.
+        # A law of I1 alone does not need I2.
         second = np.nan if self._at_rest().d2 is None else invariants.second
         return self.strain_energy(Jet(invariants.first, d1=1.0), Jet(second, d2=1.0))
 
@@ -158,7 +158,7 @@ def _combination(w1: Any, w2: Any, invariants: IsochoricInvariants) -> np.ndarra
 
 @dataclass(frozen=True)
 class NeoHookean(Material):
-    """W = mu/2 (I1 - 3) with mu = E / (2 (1 + nu)): a network of Gaussian chains.
+    """W = mu/2 (I1 - 3) with mu = E / (2 (1 + nu)), from a network of Gaussian chains.
 
     (L. R. G. Treloar, The Physics of Rubber Elasticity, 3rd ed., 1975, chapter 4; isochoric form: Holzapfel 2000,
     section 6.5.)
@@ -177,8 +177,8 @@ class MooneyRivlin(Material):
     """W = c10 (I1 - 3) + c01 (I2 - 3).
 
     (M. Mooney, J. Appl. Phys. 11, 582, 1940; R. S. Rivlin, Phil. Trans. R. Soc. A 241, 379, 1948.) Neither constant
-    may be below 0: the energy would fall without bound, in uniaxial tension for c10 and in equibiaxial tension for
-    c01. Uniaxial tests alone often give such a c01; for these :class:`Yeoh` is the safer law.
+    may be negative: the energy would be unbounded below, in uniaxial tension for c10 and in equibiaxial tension for
+    c01. Fits to uniaxial tests alone often give such a c01; for these, :class:`Yeoh` is safer.
 
     The shear modulus is mu = 2 (c10 + c01), and must not be 0.
     """
@@ -195,9 +195,9 @@ class MooneyRivlin(Material):
 class Yeoh(Material):
     """W = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3.
 
-    (O. H. Yeoh, Rubber Chem. Technol. 66, 754, 1993.) The energy must rise with I1 at any strain, that is
-    c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0; a measured, slightly negative c20 is allowed as far as c30 makes up
-    for it.
+    (O. H. Yeoh, Rubber Chem. Technol. 66, 754, 1993.) The energy must rise with I1 at any strain, that is,
+    c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0; a slightly negative measured c20 is allowed if c30 compensates for
+    it.
 
     The shear modulus is mu = 2 c10.
     """

@@ -1,4 +1,4 @@
-"""Moduli as sums of few tensors, from which elements' stiffness follows without all 81 components of each point."""
+"""Moduli as sums of few tensors, from which element stiffness follows without all 81 components at each point."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ NODES = 10
 _A, _B = np.tril_indices(NODES)
 _I, _K = np.divmod(np.arange(9), 3)
 PAIRS = (_A, _B)
-"""Pairs of an element's nodes, the second not after the first: of its symmetric stiffness one block for each."""
+"""Pairs of an element's nodes, the second not after the first, one for each block of its symmetric stiffness."""
 
 
 def _places(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """(pairs * 9,) where the blocks of all pairs lie in a flattened matrix (nodes * 3, nodes * 3)."""
+    """(pairs * 9,) indices of the blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
     return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
 
 
@@ -58,11 +58,11 @@ class Moduli:
         return total
 
     def with_inner(self, tensor: np.ndarray) -> Moduli:
-        """The same with a tensor (..., 3, 3) more in M."""
+        """The same moduli with a tensor (..., 3, 3) added to M."""
         return replace(self, inner=self._full_inner() + tensor)
 
     def along(self, change: np.ndarray) -> np.ndarray:
-        """Change A_ijkl H_kl (..., 3, 3) of the stress with a change H (..., 3, 3) of the deformation gradient."""
+        """Change A_ijkl H_kl (..., 3, 3) of the stress for a change H (..., 3, 3) of the deformation gradient."""
         total = change @ self._full_inner()
         if self.outer is not None:
             total += self.outer @ change
@@ -79,7 +79,7 @@ class Moduli:
         Parameters
         ----------
         weight : (m, q) ndarray
-            Volume that each quadrature point stands for.
+            Volume of each quadrature point.
         gradients : ndarray
             B (m, q, 10, 3) of the shape functions.
         """

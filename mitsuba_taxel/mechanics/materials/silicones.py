@@ -1,11 +1,11 @@
-"""Silicones whose stiffness was measured, by name, and one of a given Shore hardness.
+"""Measured silicones by name, and silicones of a given Shore hardness.
 
 The tensile curves of L. Marechal et al., Towards a Common Framework and Database of Materials for Soft Robotics, Soft
 Robotics, 2020, doi:10.1089/soro.2019.0115 (their data: github.com/LucMarechal/Soft-Robotics-Materials-Database, Open
 Database License) were taken by ASTM D412 at 450 mm/min, strain from the crosshead. The constants here are our linear
 least-squares fit of an incompressible Yeoh law with two terms to the nominal stress up to 50 % of nominal strain; a
-third term came out negative, with which the energy falls at large strain. None of the sources gives Poisson's ratio:
-it is the 0.49 of the laws' default, and ``silicone(name).changed(poisson_ratio=0.5)`` changes it.
+third term came out negative, with which the energy falls at large strain. No source gives Poisson's ratio: it is the
+default, 0.49, which ``silicone(name).changed(poisson_ratio=0.5)`` changes.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ HARDNESS = Number(
 
 @dataclass(frozen=True)
 class Silicone(Displayed):
-    """A silicone's law, where its numbers come from, and what they hold for.
+    """A silicone's law with its source and range of validity.
 
     Parameters
     ----------
     material : Material
         The law.
     source : str
-        Publication or data, and what was done with them.
+        Publication or data, and the method of the fit.
     max_strain : float, optional
-        Largest nominal tensile strain of the fit; ``None`` where only a modulus at small strain is known.
+        Largest nominal tensile strain of the fit; ``None`` if only a modulus at small strain is known.
     """
 
     material: Material
@@ -70,12 +70,12 @@ SILICONES: dict[str, Silicone] = {
 
 
 def silicone(name: str) -> Material:
-    """Law of the silicone of that name in :data:`SILICONES`, which gives its source too.
+    """Law of the silicone of that name in :data:`SILICONES`, which also gives its source.
 
     Raises
     ------
     InputError
-        If there is none of that name.
+        if there is none of that name.
     """
     if not isinstance(name, str) or name not in SILICONES:
         raise InputError(f"silicone = {name!r} is not allowed: one of {', '.join(SILICONES)} is needed.")
@@ -83,10 +83,10 @@ def silicone(name: str) -> Material:
 
 
 def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_ratio) -> NeoHookean:
-    """A silicone known by its hardness alone: log10 E = 0.0235 S - 0.6403, with E in MPa.
+    """A silicone of given hardness: log10 E = 0.0235 S - 0.6403, with E in MPa.
 
-    Ruess's relation, as K. Larson quotes it (Can You Estimate Modulus From Durometer Hardness for Silicones?, Dow
-    white paper), for 20 <= S <= 80. It is a rough guide: Dragon Skin 20 and 30, Shore A 20 and 30 by their maker, were
+    Ruess's relation, quoted by K. Larson (Can You Estimate Modulus From Durometer Hardness for Silicones?, Dow white
+    paper), for 20 <= S <= 80. It is a rough guide: Dragon Skin 20 and 30, of Shore A 20 and 30 by their maker, were
     measured to be less than half as stiff.
 
     Parameters
@@ -99,6 +99,6 @@ def from_shore_a(hardness: float, poisson_ratio: float = NeoHookean.poisson_rati
     Raises
     ------
     InputError
-        If a number is out of its range.
+        if a number is out of range.
     """
     return NeoHookean(10 ** (0.0235 * HARDNESS.checked(hardness) - 0.6403), poisson_ratio)

@@ -1,11 +1,11 @@
-"""Silicone with a memory: finite linear viscoelasticity of the stress that distorts.
+"""Viscoelastic silicone: finite linear viscoelasticity of the isochoric stress.
 
-With S the isochoric second Piola-Kirchhoff stress that a law gives at once, that of a silicone with a memory is ::
+With S the instantaneous isochoric second Piola-Kirchhoff stress of a law, that of a viscoelastic silicone is ::
 
     S - sum of g_i S + sum of Q_i,    dQ_i/dt + Q_i / tau_i = g_i dS/dt
 
 (a Prony series; J. C. Simo, Comput. Methods Appl. Mech. Eng. 60, 1987; G. A. Holzapfel, Nonlinear Solid Mechanics,
-2000, section 6.10). The pressure, which keeps the volume, has none. Over a step of time h in which S changes evenly ::
+2000, section 6.10). The volumetric part does not relax. Over a time step h in which S changes linearly, ::
 
     Q_i -> exp(-x) Q_i + g_i f(x) (change of S),    f(x) = (1 - exp(-x)) / x,    x = h / tau_i
 
@@ -26,15 +26,15 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 LONGEST = 1e30
-"""Steps of more relaxation times are as long as that."""
+"""Steps longer than this number of relaxation times are treated as this long."""
 SHORT = 1e-2
-"""Steps of fewer relaxation times are expanded in a series."""
+"""Steps shorter than this number of relaxation times are expanded in a series."""
 
 
 class Weights(NamedTuple):
-    """What a step does to each term (k,): ``decay`` of Q, ``ramp`` of an even change of S, ``bend`` of its curvature.
+    """Effect of a step on each term (k,): ``decay`` of Q, ``ramp`` of a linear change of S, ``bend`` of its curvature.
 
-    ``bend`` times h² S'' is what an even change is off by where S has that second derivative.
+    ``bend`` times h² S'' is the error of a linear change where S has that second derivative.
     """
 
     decay: np.ndarray
@@ -49,8 +49,8 @@ class Viscoelastic(Displayed):
     Parameters
     ----------
     law : Material
-        What it is at once: ``youngs_modulus`` and all other constants are those of a load that is quicker than the
-        shortest relaxation time. After the longest, stresses are (1 - sum of g) times as large.
+        Instantaneous law: ``youngs_modulus`` and all other constants apply to loads faster than the shortest relaxation
+        time. Long after the longest, stresses are (1 - sum of g) times as large.
     prony : sequence of (float, float)
         Terms (g, tau): the share of the stress that relaxes, and its relaxation time in s.
 
@@ -78,11 +78,11 @@ class Viscoelastic(Displayed):
         return np.array([time for _, time in self.prony])
 
     def relaxation(self, time: float | np.ndarray) -> np.ndarray:
-        """Share of the stress that is left at some ``time`` in s after a jump of the strain."""
+        """Share of the stress that remains at a ``time`` in s after a step of the strain."""
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
     def over(self, step: float) -> Weights:
-        """What a step of some s does to each term."""
+        """Effect of a step in s on each term."""
         x = np.minimum(step / self.times, LONGEST)
         series = x / 12 - x**2 / 24 + x**3 / 80
         long = np.maximum(x, SHORT)
@@ -94,7 +94,7 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """A silicone without a memory, as one of no terms: under a body that rubs on it, it has a past all the same."""
+    """An elastic silicone, as a viscoelastic one without terms: with friction, it too has a history."""
 
     prony: tuple[tuple[float, float], ...] = ()
 
@@ -117,13 +117,13 @@ def checked_terms(prony: object) -> tuple[tuple[float, float], ...]:
     total = sum(share for share, _ in terms)
     if not total < 1:
         raise InputError(
-            f"prony shares that add up to {total:g} are not allowed: less than 1 is needed, or nothing holds the pad."
+            f"prony shares that add up to {total:g} are not allowed: less than 1 is needed, or no stiffness remains."
         )
     return tuple((float(share), float(time)) for share, time in terms)
 
 
 def prony_of(text: str) -> tuple[tuple[float, float], ...]:
-    """The terms that a scene states as ``0.2 1; 0.1 10``; none if it is blank. Raises `InputError`."""
+    """The terms of a text such as ``0.2 1; 0.1 10``; none if it is blank. Raises `InputError`."""
     if not text.strip():
         return ()
     try:
@@ -131,5 +131,5 @@ def prony_of(text: str) -> tuple[tuple[float, float], ...]:
     except ValueError:
         terms = []
     if not terms or any(len(term) != 2 for term in terms):
-        raise InputError(f"prony = {text!r} is not allowed: terms 'share time', parted by ';', are needed.")
+        raise InputError(f"prony = {text!r} is not allowed: terms 'share time', separated by ';', are needed.")
     return checked_terms(terms)

@@ -1,1 +1,1 @@
-"""What is read from a solution: fields, reactions, errors, files."""
+"""Evaluation of a solution: fields, reactions, errors, files."""

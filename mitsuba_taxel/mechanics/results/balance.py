@@ -1,7 +1,7 @@
-"""What the board holds a pad with, against what is applied to it: a check of a state that asks no solver.
+"""Balance of the board's reaction and the applied load: a check of a state that is independent of the solver.
 
-Internal forces of the elements are assembled with nothing held. In a state of balance they are those
-of the load at the nodes of its surface, those of the board at the nodes glued to it, and zero elsewhere.
+Internal forces of the elements are assembled without constraints. In equilibrium they equal those of the load at the
+nodes of its surface, those of the board at the nodes glued to it, and zero elsewhere.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ class Reactions:
     Attributes
     ----------
     force : (3,) ndarray
-        In N, by which the board holds the pad.
+        In N, of the board on the pad.
     moment : (3,) ndarray
         N mm, of the board's forces on the deformed pad.
     applied_force : (3,) ndarray
-        In N; where the load is the displacement of a plate or an indenter, what that does.
+        In N; for the displacement of a plate or an indenter, its force.
     applied_moment : (3,) ndarray
-        N mm, on the deformed pad; with the moment by which a bonded plate keeps from turning.
+        N mm, on the deformed pad; including that which keeps a bonded plate from rotating.
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     force_error : float
-        In N, what `force` is off by for the finite elements; not a number where that is unknown.
+        In N, discretisation error of `force`; NaN if unknown.
     kept : float
-        In N, sum of the magnitudes of the board's forces at its nodes, for a silicone with a memory, which may strain
-        itself without a load; else 0.
+        In N, sum of the magnitudes of the board's nodal forces, for a viscoelastic silicone, which may have residual
+        stress without a load; else 0.
     """
 
     force: np.ndarray
@@ -58,9 +58,9 @@ class Reactions:
 
     @property
     def imbalance(self) -> float:
-        """What is left of the forces, or of the moments at an arm of `size`, relative to the forces; 0 at rest.
+        """Sum of the forces, or of the moments divided by `size`, relative to the forces; 0 without load.
 
-        It is not a number where elements are turned inside out.
+        NaN where elements are inverted.
         """
         force = float(np.linalg.norm(self.force + self.applied_force))
         moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size
@@ -70,12 +70,12 @@ class Reactions:
 
 
 def reactions(state: State) -> Reactions:
-    """Force and moment by which the board holds a deformed pad, and those that are applied to it.
+    """Force and moment of the board on a deformed pad, and those applied to it.
 
     At the nodes of a load path they balance to the solver's tolerance. States in between are interpolated, with
-    displacements right to :data:`~mitsuba_taxel.mechanics.path.load_segment.INTERPOLATION_TOLERANCE`, and the imbalance
-    is that of the interpolation; :func:`~mitsuba_taxel.mechanics.path.sensitivities.linearise` gives the state in
-    balance near by.
+    displacements accurate to :data:`~mitsuba_taxel.mechanics.path.load_segment.INTERPOLATION_TOLERANCE`, and the
+    imbalance is that of the interpolation; :func:`~mitsuba_taxel.mechanics.path.sensitivities.linearise` gives the
+    nearby state in equilibrium.
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
     overstress = state.memory and state.memory.overstress
@@ -95,7 +95,7 @@ def reactions(state: State) -> Reactions:
 
 
 def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> np.ndarray:
-    """(N, 3) N that the load does at each node, also at those of the board's rim."""
+    """(N, 3) N, force of the load at each node, including those of the board's rim."""
     mesh, load = state.mesh, state.load
     if isinstance(load, SpreadForce | PatchForce):
         share = load.nodal(mesh)
@@ -107,7 +107,7 @@ def _applied_forces(state: State, places: np.ndarray, internal: np.ndarray) -> n
         wet = mesh.faces[np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))]
         np.add.at(forces, wet, state.value[0] * pressure_forces(places[wet]))
         return forces
-    # How a plate spreads its force is a reaction: only their sum can be out of balance.
+    # The distribution of a plate's force is a reaction: only the sum can be out of balance.
     top = nodes_of(mesh, "top")
     forces[top] = internal[top]
     if isinstance(load, PlateForce):

@@ -18,8 +18,8 @@ from mitsuba_taxel.mechanics.surface.relief import displacement_gradient
 class NodalFields:
     """Fields of a deformed pad at its nodes, all from one deformation gradient and one pressure per node.
 
-    The deformation gradient of a node is the mean of those in the elements around it. Where it is inverted
-    (J <= 0, a sign that the mesh is too coarse there), stresses are not a number.
+    The deformation gradient of a node is the mean of those in the elements around it. Where J <= 0, a sign that the
+    mesh is too coarse there, stresses are NaN.
 
     Attributes
     ----------
@@ -28,9 +28,9 @@ class NodalFields:
     pressure : (N,) ndarray
         In MPa, as in :class:`State`: positive in tension, the mean of the principal Cauchy stresses.
     material : Material
-        The law that gives the rest of the stress.
+        The law of the isochoric stress.
     relaxed : (N, 3, 3) ndarray or None
-        In MPa, isochoric second Piola-Kirchhoff stress of a silicone with a memory, the mean of the elements around.
+        In MPa, isochoric second Piola-Kirchhoff stress of a viscoelastic silicone, the mean of the elements around.
     """
 
     deformation_gradient: np.ndarray
@@ -92,7 +92,7 @@ def nodal_fields(
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension; linear in between.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`Memory.overstress` of a state of a silicone with a memory.
+        MPa, :attr:`Memory.overstress` of a state of a viscoelastic silicone.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure
@@ -106,7 +106,7 @@ def nodal_fields(
 
 
 def _around_nodes(mesh: VolumeMesh, tensors: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) mean of those (m, 3, 3) of the elements around each node."""
+    """(N, 3, 3) mean of the tensors (m, 3, 3) of the elements around each node."""
     total = np.zeros((len(mesh.points), 3, 3))
     np.add.at(total, mesh.tets, tensors[:, None])
     return total / np.bincount(mesh.tets.ravel(), minlength=len(total))[:, None, None]

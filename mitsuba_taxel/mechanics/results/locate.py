@@ -1,4 +1,4 @@
-"""Which element of an undeformed pad a point lies in, and where in it: values between the nodes."""
+"""Location of points in the elements of an undeformed pad, for interpolation between nodes."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from mitsuba_taxel.geometry.quadratic_shapes import control_points, shape_functi
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 
 SLACK = 1e-9
-"""How far below 0 a barycentric coordinate may be inside an element: rounding leaves no gap between neighbours."""
+"""Tolerance of negative barycentric coordinates inside an element, so that rounding leaves no gap between
+neighbours."""
 ROOM = 1e-6
-"""How far beyond those of its hull the barycentric coordinates of a point in an element may be: more than rounding."""
+"""Tolerance of barycentric coordinates of points in an element beyond those of its hull: more than rounding."""
 ROUNDING = 1e-14
-"""Distance to a point, relative to the largest coordinate, at which Newton's method has found it."""
+"""Tolerance of Newton's method, relative to the largest coordinate."""
 MOST_ITERATIONS = 30
 POINTS_AT_ONCE = 1024
 FIRST_NEIGHBOURS = 16
-"""Elements looked at round each point; four times as many again as long as others could hold it."""
+"""Elements examined around each point; four times as many, repeatedly, while others could contain it."""
 
 _SIDES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
 
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Points by the elements they lie in.
+    """Points and the elements they lie in.
 
     Attributes
     ----------
@@ -40,9 +41,9 @@ class Location:
     element : (P,) ndarray
         Number of the element of each point.
     reference : (P, 3) ndarray
-        Reference coordinates in it, of the nearest point of the silicone if the point is outside.
+        Reference coordinates in it, of the nearest point of the silicone for points outside.
     offset : (P, 3) ndarray
-        mm from there to the point; 0 inside.
+        Vector in mm from there to the point; 0 inside.
     """
 
     mesh: VolumeMesh
@@ -51,42 +52,43 @@ class Location:
     offset: np.ndarray
 
     def interpolate(self, values: np.ndarray) -> np.ndarray:
-        """(P, ...) at the points what is ``values`` (N, ...) at the nodes.
+        """(P, ...) field at the points, from its ``values`` (N, ...) at the nodes.
 
-        Outside, the field goes on linearly from the nearest point of the silicone: exact for a linear field, and off
-        by the second derivative times half the square of the distance for others.
+        Outside, the field is extrapolated linearly from the nearest point of the silicone: exact for a linear field,
+        with an error of the second derivative times half the square of the distance for others.
         """
         shape = (len(self.element), *values.shape[1:])
         return (self.weights @ values.reshape(len(values), -1)).reshape(shape)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
-        """(P, ..., 3) derivatives by the undeformed place [1/mm] of what is ``values`` (N, ...) at the nodes.
+        """(P, ..., 3) derivatives [1/mm] of a field by the undeformed position, from its ``values`` (N, ...) at the
+        nodes.
 
-        Outside it is that of the nearest point of the silicone.
+        Outside, those of the nearest point of the silicone.
         """
         return np.einsum("pa...,paj->p...j", values[self.mesh.tets[self.element]], self._slopes)
 
     @cached_property
     def weights(self) -> sparse.csr_array:
-        """(P, N) of the nodes' values in those at the points, as :meth:`interpolate` sums them."""
+        """(P, N) weights of nodal values for the values at the points, as in :meth:`interpolate`."""
         functions = shape_functions(tet_coordinates(self.reference))
         if self.offset.any():
             functions += np.einsum("paj,pj->pa", self._slopes, self.offset)
         return self._over_nodes(functions)
 
     def slope_weights(self, directions: np.ndarray) -> sparse.csr_array:
-        """(P, N) of the nodes' values in the derivatives at the points along ``directions`` (P, 3); see `gradient`."""
+        """(P, N) weights of nodal values for derivatives at the points along ``directions`` (P, 3); see `gradient`."""
         return self._over_nodes(np.einsum("paj,pj->pa", self._slopes, directions))
 
     def _over_nodes(self, of_element: np.ndarray) -> sparse.csr_array:
-        """(P, N) from what belongs to the nodes (P, 10) of the points' elements."""
+        """(P, N) weights, from those of the nodes (P, 10) of the points' elements."""
         nodes = self.mesh.tets[self.element]
         ends = np.arange(0, nodes.size + 1, nodes.shape[1])
         return sparse.csr_array((of_element.ravel(), nodes.ravel(), ends), shape=(len(nodes), len(self.mesh.points)))
 
     @cached_property
     def _slopes(self) -> np.ndarray:
-        """(P, 10, 3) their derivatives by the undeformed place, in 1/mm."""
+        """(P, 10, 3) derivatives of the shape functions by the undeformed position, in 1/mm."""
         by_reference = shape_gradients(self.reference)
         jacobian = np.einsum("pai,paj->pji", by_reference, self.mesh.points[self.mesh.tets[self.element]])
         return by_reference @ np.linalg.inv(jacobian)
@@ -104,7 +106,7 @@ def carried(
 
 
 class PointLocator:
-    """Finds points in the curved tetrahedra of a mesh."""
+    """Locates points in the curved tetrahedra of a mesh."""
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self.mesh = mesh
@@ -126,12 +128,12 @@ class PointLocator:
         Parameters
         ----------
         tolerance : float
-            How far from the silicone a point may lie, in mm, as one on a roof that a finer mesh has rounder.
+            Allowed distance of points from the silicone in mm, such as those on a rounder roof of a finer mesh.
 
         Raises
         ------
         InputError
-            for points that are not (P, 3) finite numbers, a tolerance below 0, or a point farther from the silicone.
+            if points are not (P, 3) finite numbers, the tolerance is negative, or a point is farther from the silicone.
         """
         if not (math.isfinite(tolerance) and tolerance >= 0):
             raise InputError(f"tolerance = {tolerance} is not allowed: a finite distance of 0 or more is needed.")
@@ -145,7 +147,7 @@ class PointLocator:
         return Location(self.mesh, element, reference, offset)
 
     def _find(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element, -1 if none holds the point, and reference coordinates, for points (P, 3)."""
+        """Element, -1 if none contains the point, and reference coordinates, for points (P, 3)."""
         element, reference = np.full(len(x), -1), np.zeros(x.shape)
         sought, neighbours = np.arange(len(x)), FIRST_NEIGHBOURS
         while len(sought):
@@ -160,7 +162,7 @@ class PointLocator:
     def _try(
         self, x: np.ndarray, sought: np.ndarray, near: np.ndarray, element: np.ndarray, reference: np.ndarray
     ) -> None:
-        """Fill in what points are in one of the elements ``near`` (len(sought), K) them, the likeliest first."""
+        """Locate points in the elements ``near`` (len(sought), K) them, the most likely first."""
         slack = SLACK * self._size
         place = x[sought, None]
         row, column = np.nonzero(np.all((place > self._low[near] - slack) & (place < self._high[near] + slack), axis=2))
@@ -181,9 +183,9 @@ class PointLocator:
             element[where[found]], reference[where[found]] = candidate[now][found], xi[found]
 
     def _inverted(self, x: np.ndarray, element: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Reference coordinates (K, 3) of points (K, 3) by Newton's method, infinite where it finds none.
+        """Reference coordinates (K, 3) of points (K, 3) by Newton's method, infinite where it fails.
 
-        A step moves no barycentric coordinate by more than 1, lest it leave the part where the map is one to one.
+        A step changes no barycentric coordinate by more than 1, to stay where the map is one to one.
         """
         xi, open_ = start.copy(), np.arange(len(x))
         for _ in range(MOST_ITERATIONS):
@@ -204,7 +206,7 @@ class PointLocator:
         if not len(x):
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
         far = self._tree.query(x)[0] > self._radius + tolerance
-        x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first is enough to raise
+        x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first suffices to raise
         element, reference = self._boundary.nearest(x)
         nodes = self.mesh.points[self.mesh.tets[element]]
         offset = x - np.einsum("ka,kai->ki", shape_functions(tet_coordinates(reference)), nodes)
@@ -220,7 +222,7 @@ class PointLocator:
 
 
 class _Boundary:
-    """The curved triangles of a mesh's surface, to find nearest points on."""
+    """The curved triangles of a mesh's surface, for finding nearest points."""
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self._nodes = mesh.points[mesh.faces]
@@ -248,7 +250,7 @@ class _Boundary:
     def _feet(self, x: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Barycentric coordinates (K, 3) of the point of each face nearest to each point, and the distance (K,).
 
-        Gauss-Newton: the nearest point of the tangent triangle, again while that is nearer.
+        Gauss-Newton: the nearest point of the tangent triangle, repeated while it improves.
         """
         at, open_ = np.full((len(x), 3), 1 / 3), np.arange(len(x))
         best, least = at.copy(), np.full(len(x), np.inf)
@@ -273,14 +275,14 @@ def displacement_at(
     points: Sequence[Sequence[float]] | np.ndarray,
     tolerance: float = 0.0,
 ) -> np.ndarray:
-    """Displacements (P, 3) in mm of points (P, 3) of the undeformed silicone, by the elements' own functions.
+    """Displacements (P, 3) in mm of points (P, 3) of the undeformed silicone, by the elements' shape functions.
 
     Parameters
     ----------
     displacement : (N, 3) ndarray
         Of each node, in mm.
     tolerance : float
-        How far from the silicone a point may lie, in mm; see :meth:`Location.interpolate`.
+        Allowed distance of points from the silicone in mm; see :meth:`Location.interpolate`.
 
     Raises
     ------
@@ -298,7 +300,7 @@ def displacement_gradient_at(
 ) -> np.ndarray:
     """Gradients (P, 3, 3) of the displacement, du_i/dX_j, at points (P, 3) of the undeformed silicone.
 
-    They are those of the element that holds the point, and jump from one to the next. The arguments are those of
+    They are those of the element that contains the point, and discontinuous between elements. Parameters are those of
     :func:`displacement_at`.
     """
     return _locator(mesh).locate(points, tolerance).gradient(displacement)
@@ -322,7 +324,8 @@ def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
 
 
 def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
-    """Derivatives (Q, 6, 3) of those of a triangle by its three barycentric coordinates, each taken alone."""
+    """Derivatives (Q, 6, 3) of a triangle's shape functions by its three barycentric coordinates, taken as
+    independent."""
     slopes = np.zeros((len(barycentric), 6, 3))
     slopes[:, range(3), range(3)] = 4 * barycentric - 1
     for node, (i, j) in enumerate(FACE_EDGES, start=3):
@@ -331,12 +334,13 @@ def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
 
 
 def _violation(xi: np.ndarray) -> np.ndarray:
-    """(K,) how far below 0 the least barycentric coordinate of reference points (K, 3) is."""
+    """(K,) negative of the smallest barycentric coordinate of reference points (K, 3), at least 0."""
     return np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1)
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (K, 3) by Cramer's rule: a singular matrix, met far outside an element, must not stop the others."""
+    """Solutions (K, 3) by Cramer's rule, in which a singular matrix, as far outside an element, does not affect the
+    others."""
     a, b, c = (matrix[:, :, k] for k in range(3))
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     determinant = np.einsum("ki,ki->k", a, cofactors[:, 0])
@@ -346,7 +350,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _owners(mesh: VolumeMesh) -> np.ndarray:
-    """(B,) the element that each face of the surface belongs to."""
+    """(B,) element of each face of the surface."""
     sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
     count = mesh.corner_count
     keys, wanted = (

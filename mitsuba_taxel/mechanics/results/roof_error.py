@@ -1,9 +1,9 @@
-"""How far the finite elements are from the truth where the light looks: the roofs' displacement and slope.
+"""Discretisation error where it affects the light: displacement and slope of the roofs.
 
-A pad is solved on a second mesh, and the error extrapolated from the difference (see
-`mitsuba_taxel.base.convergence`), by the ratio of sizes that the two meshes have in fact: thin walls and curves leave
-the mesher less choice than is asked for. Meshes are irregular, and two may agree by chance: a pad is never taken to
-move more precisely than pads do on elements of that size as a rule.
+A pad is solved on a second mesh, and the error is extrapolated from the difference (see
+`mitsuba_taxel.base.convergence`), with the actual ratio of the two meshes' sizes: thin walls and curves limit the
+mesher's choice. Meshes are irregular, and two may agree by chance: the error is at least that typical of pads with
+elements of this size.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1
 
 @dataclass(frozen=True)
 class RoofError:
-    """Estimated discretisation error of a deformed pad, seen at the roofs of its cells.
+    """Estimated discretisation error of a deformed pad, at the roofs of its cells.
 
     Attributes
     ----------
     displacement : float
-        Root mean square over the roofs, in mm, by the order with which averages converge.
+        Root mean square over the roofs, in mm, by the convergence order of averages.
     largest : float
-        In mm, at the worst place, by the order with which that does.
+        Maximum in mm, by the convergence order of maxima.
     relative : float
         ``largest``, relative to the largest displacement of any node.
     slope : float
-        Root mean square of the angle between normals, in degrees, by the same.
+        Root mean square of the angle between normals, in degrees, by the same order.
     """
 
     displacement: float
@@ -53,7 +53,7 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
 
-    The geometric mean of the ratio in the solid and of that on the walls of the cells: the error comes from both.
+    The geometric mean of the ratios in the solid and on the walls of the cells, as the error comes from both.
     """
     solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
     walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
@@ -61,9 +61,9 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 class RoofComparison:
-    """Compares solutions on a mesh with those on another of the same pad, coarser or finer.
+    """Comparison of solutions on a mesh with those on a coarser or finer mesh of the same pad.
 
-    The roofs' mean error along their displacement is at least the ``least`` part of it.
+    The roofs' mean error along their displacement is at least the fraction ``least`` of it.
     """
 
     def __init__(self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0) -> None:
@@ -77,7 +77,7 @@ class RoofComparison:
         along = [np.einsum("qa,fai->fqi", slopes, nodes).reshape(-1, 3) for slopes in shape_slopes(_BARYCENTRIC)]
         area = np.linalg.norm(np.cross(*along), axis=1)
         self._along, self._weight = np.stack(along), area / area.sum()
-        # Curved roofs of two meshes lie beside each other, by less than their elements' size.
+        # Curved roofs of two meshes do not coincide, but differ by less than their elements' size.
         self._mesh, self._locator, self._tolerance = mesh, PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
         here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
         there = self._locator.locate(points, self._tolerance)
@@ -85,7 +85,7 @@ class RoofComparison:
 
     @cached_property
     def _nodes_there(self) -> sparse.csr_array:
-        """(N, N') of the values at nodes in those of the other mesh."""
+        """(N, N') weights of the other mesh's nodal values for those at the nodes."""
         return self._locator.locate(self._mesh.points, self._tolerance).weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
@@ -107,14 +107,14 @@ class RoofComparison:
     def force_error(self, force: np.ndarray, other: np.ndarray) -> float:
         """N, of a reaction (3,) in N to a given displacement, from that on the other mesh.
 
-        The least part counts for it as well: what moves too little under a force resists a displacement too much.
+        The least fraction applies to it too: a pad that moves too little under a force resists a displacement too much.
         """
         return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
 
     def deviations(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(2, N, 3) by how much twice the element size changes the nodes.
+        """(2, N, 3) change of the nodes with twice the element size.
 
-        First what goes along the displacement, at least the ``least`` part of it, then what is left of the change.
+        First the part along the displacement, at least the fraction ``least`` of it, then the remainder.
         """
         moved = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - moved
@@ -124,22 +124,23 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """What the error along the displacement lacks of the least, relative to the displacement, with its sign."""
+        """Signed difference of the least error along the displacement and the estimated one, relative to the
+        displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """By how much roofs move too little on average, relative to their displacement."""
+        """Mean deficit of the roofs' displacement, relative to it."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
     def _normals(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
-        """(P, 3) normals of the deformed roof, of no particular length, from the displacement's slopes along it."""
+        """(P, 3) unnormalised normals of the deformed roof, from the displacement's slopes along it."""
         return np.cross(*(self._along + slopes))
 
 
 def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
-    """(3 P, N) of the nodes' values in those at the points, and in their derivatives ``along`` two tangents."""
+    """(3 P, N) weights of nodal values for the values at the points, and their derivatives ``along`` two tangents."""
     return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
 
 

@@ -1,4 +1,4 @@
-"""A deformed pad as a VTU file, as ParaView opens it."""
+"""Export of a deformed pad as a VTU file for ParaView."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ def write_vtu(
 ) -> None:
     """Write the undeformed mesh as quadratic tetrahedra, with the fields of the deformed pad at its nodes.
 
-    They are "displacement [mm]" (by which ParaView's filter Warp By Vector deforms the mesh), "mean stress [MPa]"
-    (the pressure field, positive in tension), "von Mises stress [MPa]", "Cauchy stress [MPa]" (xx, yy, zz, xy, yz,
-    xz), "volume ratio J" and "principal stretches" (the largest first); :class:`NodalFields` defines them. An
-    existing file is replaced once the new one is whole; the same state gives the same bytes.
+    They are "displacement [mm]" (by which ParaView's filter Warp By Vector deforms the mesh), "mean stress [MPa]" (the
+    pressure field, positive in tension), "von Mises stress [MPa]", "Cauchy stress [MPa]" (xx, yy, zz, xy, yz, xz),
+    "volume ratio J" and "principal stretches" (the largest first); :class:`NodalFields` defines them. An existing file
+    is replaced once the new one is complete; the same state gives the same bytes.
 
     Parameters
     ----------
     file : str or Path
-        Its name ends in .vtu.
+        Path, ending in .vtu.
     displacement : (N, 3) ndarray
         Of each node, in mm.
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`Memory.overstress` of a state of a silicone with a memory.
+        MPa, :attr:`Memory.overstress` of a state of a viscoelastic silicone.
     contact_pressure : (N,) ndarray, optional
         MPa, :func:`contact_pressure` of a state under an indenter, written as "contact pressure [MPa]".
 
     Raises
     ------
     InputError
-        for another ending, or if the file cannot be written.
+        if the suffix differs, or the file cannot be written.
     """
     file = Path(file)
     if file.suffix.lower() != ".vtu":
@@ -53,7 +53,7 @@ def write_vtu(
     data = _point_data(mesh, displacement, nodal_fields(mesh, displacement, pressure, material, overstress))
     if contact_pressure is not None:
         data["contact pressure [MPa]"] = contact_pressure
-    import meshio  # its readers of forty formats are not needed before
+    import meshio  # slow to import, with readers of forty formats
 
     try:
         with replacing(file) as temporary:

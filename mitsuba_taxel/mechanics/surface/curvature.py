@@ -1,8 +1,8 @@
-"""How the curved walls of cells run between the corners of the flat triangles that they are cut into.
+"""Curvature of the walls of cells between the corners of their flat triangles.
 
-A triangle between points of a curved wall is a chord: on average it lies beside the wall, by a part of the square of
-its size. Light that walls scatter in all directions asks where they are on average, so that triangles moved by that
-much read as the wall does. A mirror asks for the wall's normals.
+A triangle between points of a curved wall is a chord, at a mean distance from the wall proportional to the square of
+its size. Light scattered by the wall depends on its mean position, so that triangles displaced by this distance give
+the same readings as the wall. A mirror needs the wall's normals.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
 
 OWN_DIRECTION = 0.1
-"""Sheets that meet at a vertex bound its place in each direction of their normals; directions in which these spread
-by less, in square and relative to the most, are no directions of their own."""
+"""Sheets that meet at a vertex determine its position along their normals; directions in which these spread by less,
+squared and relative to the largest spread, are ignored."""
 
 
 def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray, crease: float) -> np.ndarray:
-    """Number (F,) of the smooth sheet that each face is part of.
+    """Number (F,) of the smooth sheet of each face.
 
     Parameters
     ----------
@@ -28,9 +28,9 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
     normals : (F, 3, 3) ndarray
         Unit normals at the middles of the edges from the first corner to the second, and so on.
     region : (F,) ndarray
-        Sheets end where it changes.
+        Region of each face; sheets end where it changes.
     crease : float
-        Degrees between the normals of two faces at the middle of their common edge, from which it is sharp.
+        Least angle in degrees between the normals of two faces, at the middle of their common edge, of a sharp edge.
     """
     edges, pairs = neighbours(triangles)
     normal = []
@@ -44,18 +44,18 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of triangles that cut curved walls.
+    """The corners of triangles on curved walls.
 
     Attributes
     ----------
     triangles : (T, 3) ndarray
         Vertex numbers.
     curved : (T,) ndarray
-        Whether a triangle cuts a curved wall.
+        Whether a triangle is on a curved wall.
     points : (T, 3) ndarray
-        Numbers of points, which are vertices, each on one smooth sheet; of curved triangles alone.
+        Numbers of points, one per vertex and smooth sheet; of curved triangles alone.
     vertex : (P,) ndarray
-        The vertex that each point is.
+        The vertex of each point.
     """
 
     triangles: np.ndarray
@@ -64,10 +64,10 @@ class Corners:
     vertex: np.ndarray
 
     def offsets(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(V, 3) mm by which to move vertices (V, 3) on curved walls, so that triangles have the walls' mean.
+        """(V, 3) mm by which to move vertices (V, 3) on curved walls, so that triangles have the walls' mean position.
 
-        Each moves by the mean of the triangles around it along the normal of its sheet. Where sheets meet it moves as
-        each of them asks, and not off what is not curved.
+        Each moves by the mean of the triangles around it along the normal of its sheet. Where sheets meet, it moves as
+        each of them requires, and stays on flat ones.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Corners:
         return wish
 
     def _bulge(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(P,) mm, mean distance of the wall from the triangles round each point, along its normal.
+        """(P,) mm, mean distance of the wall from the triangles around each point, along its normal.
 
         Between two points a curve bulges by an eighth of the distance times the change of the normal along it, and a
         triangle's mean is a third of those of its edges.

@@ -1,4 +1,4 @@
-"""The curved faces of a mesh's surface cut into triangles: which ones, and where their corners are."""
+"""Subdivision of the curved faces of a mesh's surface into triangles."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from mitsuba_taxel.pads.pad import REGIONS
 
 @dataclass(frozen=True)
 class Cut:
-    """Triangles, and the ``faces`` (T,) that they cut. Vertices are points of faces, one of several where faces meet.
+    """Triangles, and the ``faces`` (T,) they belong to. Points of several faces that coincide are one vertex.
 
-    Points are ``weights`` (P, 6) of the ``nodes`` (P, 6) of the ``face`` (P,) that each is of; their ``slopes``
-    (2, P, 6) are the derivatives of these weights along two sides of it. A vertex has the number ``of_vertex`` (V,) as
-    a point, and a point the number ``vertex`` (P,) as a vertex; ``corners`` (T, 3) are the points of triangles.
+    A point has ``weights`` (P, 6) at the ``nodes`` (P, 6) of its ``face`` (P,); ``slopes`` (2, P, 6) are the
+    derivatives of these weights along two sides of it. ``of_vertex`` (V,) is a point of each vertex, ``vertex`` (P,)
+    the vertex of each point; ``corners`` (T, 3) are the points of triangles.
     """
 
     nodes: np.ndarray
@@ -40,7 +40,7 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """(N, C) derivatives by the values at so many nodes, from those by the values at the vertices (V, C)."""
+        """(N, C) derivatives by the nodal values, from those by the values at the vertices (V, C)."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         shares = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(shares), axis=1)
@@ -53,7 +53,7 @@ def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.n
 
 @lru_cache(maxsize=4)  # the states of a path share their mesh
 def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> Cut:
-    """The cut of the surface of a mesh, those of ``cells`` (None for all) finely; see :func:`tessellate`."""
+    """The subdivided surface of a mesh, fine in ``cells`` (None for all); see :func:`tessellate`."""
     in_cell = in_cells(mesh, cells)
     segments = _segments(mesh, in_cell, subdivision)
     kinds, kind_of = np.unique(np.column_stack([in_cell, segments]), axis=0, return_inverse=True)
@@ -75,7 +75,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
         faces.append(np.repeat(chosen, len(pattern)))
         count += points * len(chosen)
     of_point = np.concatenate(face)
-    # Where a roof ends, its edge is that of the side: of the points that are one, those of sides come first.
+    # At the edge of a roof, coincident points of sides come first.
     order = np.argsort(mesh.face_region[of_point] != REGIONS["side"], kind="stable")
     _, first, vertex = np.unique(np.concatenate(keys)[order], axis=0, return_index=True, return_inverse=True)
     number = np.empty_like(order)
@@ -93,13 +93,13 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
 
 
 def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
-    """(F,) whether each face is a roof or side, of the ``cells`` that are to be cut finely."""
+    """(F,) whether each face is a roof or side of ``cells``, to be subdivided finely."""
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)
 
 
 def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates of the points of a triangle cut into n * n, and those triangles."""
+    """Barycentric coordinates of the points of a triangle subdivided into n * n triangles, and these triangles."""
     lattice = np.array([(n - i - j, i, j) for j in range(n + 1) for i in range(n + 1 - j)])
     number = {tuple(point): index for index, point in enumerate(lattice[:, 1:].tolist())}
     pattern = []
@@ -112,8 +112,8 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
-    """(F, 3) segments that each edge of each face is cut into: in cells so many that none is longer than those of the
-    longest edge, elsewhere two, as its mid-edge node needs."""
+    """(F, 3) number of segments of each edge of each face: in cells such that none is longer than those of the longest
+    edge, elsewhere two, as required by the mid-edge node."""
     corners = mesh.points[mesh.faces[in_cell, :3]]
     length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     wanted = np.ceil(subdivision * length / length.max(initial=0.0) * (1 - 1e-9)).astype(int)
@@ -123,15 +123,15 @@ def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.nda
 
 
 def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """As :func:`_grid` of the most segments that an edge has, its points on the other edges moved to where these need
-    them, and triangles left out that become lines: none gets much larger, or turns over."""
+    """As :func:`_grid` for the edge with most segments, with points on the other edges moved to match theirs, and
+    degenerate triangles left out: none becomes much larger, or inverted."""
     n = max(segments)
     points, pattern = _grid(n)
     for k, count in enumerate(segments):
         start, end = np.eye(3)[[k, (k + 1) % 3]]
         on_edge = np.flatnonzero(points[:, k - 1] == 0)
         place = np.rint(n * points[on_edge, (k + 1) % 3]) * count / n
-        # Ties go to the nearer end, where a triangle between two edges would become a line otherwise.
+        # Ties go to the nearer end, as a triangle between two edges would degenerate otherwise.
         place = np.where(2 * place < count, np.ceil(place - 0.5), np.floor(place + 0.5))
         points[on_edge] = start + place[:, None] / count * (end - start)
     points, number = np.unique(points, axis=0, return_inverse=True)
@@ -141,7 +141,7 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates and triangles of a fan round the centre, with so many segments on each edge."""
+    """Barycentric coordinates and triangles of a fan around the centre, with given segments on each edge."""
     corners = np.eye(3)
     rim = np.array(
         [
@@ -156,9 +156,9 @@ def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(F * P, 6) what is equal for points (P, 3 whole numbers) of faces (F, 3 corners) if they are one point.
+    """(F * P, 6) keys that are equal for coincident points (P, 3 whole numbers) of faces (F, 3 corners).
 
-    A point is known by the corners it has weight on, in order, and those weights.
+    A point is identified by the corners with non-zero weights, in order, and these weights.
     """
     shape = (len(corners), len(weights), 3)
     weights = np.broadcast_to(weights, shape)

@@ -1,4 +1,4 @@
-"""What the printed mould leaves on roof and side of the cells: steps of its layers, grooves, or random roughness."""
+"""Surface finish of roof and side of the cells, from a printed mould: layer steps, grooves, or random roughness."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from mitsuba_taxel.parameters import REQUIRED, Checked, number, vector, whole
 
 MOST_TRIANGLES = 20_000_000
 LARGEST_AMPLITUDE = 0.5
-"""Most that a wall may move, relative to the least distance to another wall."""
+"""Largest displacement of a wall, relative to the smallest distance to another wall."""
 RANDOM_WAVES = 256
-"""Plane waves that random roughness is the sum of."""
+"""Number of plane waves of random roughness."""
 STANDARD_DEVIATIONS = 4
-"""Largest height of random roughness that is reckoned with, relative to its rms."""
+"""Assumed largest height of random roughness, relative to its rms."""
 
 
 def _refinement(default: float) -> float:
     doc = (
-        "Least number of triangles' edges per layer height, groove pitch or correlation length; `subdivision` is "
-        "raised as that needs."
+        "Minimum number of triangle edges per layer height, groove pitch or correlation length; `subdivision` is "
+        "raised accordingly."
     )
     return number(default, "", doc, above=0, name="finish_refinement")
 
 
 class Finish(Hashable, Protocol):
-    """What walls of cells look like from near."""
+    """Microscopic shape of the walls of cells."""
 
     cuts: ClassVar[int]
-    """Planes along :attr:`detail` that the surface is cut by."""
+    """Cutting planes of the surface per :attr:`detail`."""
 
     @property
     def refinement(self) -> float:
-        """Edges of triangles along :attr:`detail`."""
+        """Triangle edges per :attr:`detail`."""
 
     @property
     def detail(self) -> tuple[str, float]:
-        """Name and value in mm of the length that the surface must be finer than."""
+        """Name and value in mm of the length that the surface must resolve."""
 
     @property
     def amplitude(self) -> tuple[str, float]:
-        """Name of the parameter that says how far a wall moves at most, and that distance in mm."""
+        """Name of the parameter that limits the displacement of walls, and its maximum in mm."""
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        """The rough surface laid on the smooth one."""
+        """The rough surface, relative to the smooth one."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class LayerSteps(Checked):
     """The steps of a mould printed in layers.
 
     Layer k fills the heights k to k + 1 times the layer height along the direction, counted from the centre of the
-    pad's bottom, with the cell's cross-section at its middle. A tread so lies at the multiple of the layer height that
-    is nearest to the smooth wall (half-way: the next higher). Walls along the direction stay as they are; a flat
-    roof across it moves to the nearest level.
+    pad's bottom, with the cell's cross-section at its middle. A tread thus lies at the multiple of the layer height
+    nearest to the smooth wall (half-way: the next higher). Walls along the direction do not change; a flat roof across
+    it moves to the nearest level.
 
     """
 
@@ -95,9 +95,9 @@ class LayerSteps(Checked):
 class Grooves(Checked):
     """V-shaped grooves, half above and half below the smooth wall.
 
-    Ridges, which stand out of the silicone by half the depth, are where the distance from the centre of the pad's
+    Ridges, which protrude from the silicone by half the depth, are where the distance from the centre of the pad's
     bottom along the direction is a multiple of the pitch; valleys are midway. A wall across the direction has no
-    grooves, and moves to the height that belongs to its place.
+    grooves, and moves to the height for its position.
 
     """
 
@@ -141,15 +141,15 @@ class Grooves(Checked):
 class RandomRoughness(Checked):
     """Gaussian heights along the normal of the smooth wall with the correlation exp(-r^2 / correlation_length^2).
 
-    Each cell has its own.
+    The heights of different cells differ.
 
     """
 
     rms_height: float = number(REQUIRED, "mm", "Standard deviation of the heights.", above=0)
     correlation_length: float = number(
-        REQUIRED, "mm", "Distance at which their correlation has fallen to 1/e.", above=0, common=(0.0005, 10)
+        REQUIRED, "mm", "Distance at which the correlation of heights has fallen to 1/e.", above=0, common=(0.0005, 10)
     )
-    seed: int = whole(0, 0, 2**31 - 1, "Another number is another sample of the same roughness.", name="roughness_seed")
+    seed: int = whole(0, 0, 2**31 - 1, "Seed of the sample of the roughness.", name="roughness_seed")
     refinement: float = _refinement(4.0)
 
     cuts: ClassVar[int] = 0
@@ -181,18 +181,18 @@ class RandomRoughness(Checked):
         total = np.empty(len(points))
         for start in range(0, len(points), 16384):
             here = slice(start, start + 16384)
-            # Single precision is good to 1e-4 of the height, and several times quicker.
+            # Single precision is accurate to 1e-4 of the height, and several times faster.
             total[here] = np.cos((points[here] @ waves + phases).astype(np.float32)).sum(axis=1)
         return self.rms_height * math.sqrt(2 / RANDOM_WAVES) * total
 
 
 def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:
-    """Refuse a finish so rough that walls would meet, or so fine that it needs too many triangles.
+    """Refuse a finish so rough that walls would touch, or so fine that it needs too many triangles.
 
     Raises
     ------
     InputError
-        naming the parameter to be changed.
+        naming the parameter to change.
     """
     gaps = [pad.side_height, 0.5 * pad.cell_size, pad.wall, pad.height - pad.top_of_cell]
     if pad.rows * pad.columns > 1:
@@ -208,7 +208,7 @@ def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -
 
 
 def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
-    """Triangles along an edge of a face of a cell, so many that none is too long for the finish; at least ``least``.
+    """Number of triangles along an edge of a face of a cell that resolves the finish; at least ``least``.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def fine_subdivision(mesh: VolumeMesh, finish: Finish, least: int) -> int:
     longest = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
     name, detail = finish.detail
     subdivision = max(float(least), float(np.ceil(longest * finish.refinement / detail)))
-    # A plane cuts a triangle into three, and puts two more along the cut.
+    # A plane cuts a triangle into three, and adds two along the cut.
     triangles = len(corners) * subdivision * (subdivision + 4 * finish.cuts * longest / detail)
     if triangles > MOST_TRIANGLES:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A surface as a mould printed in layers leaves it: treads and risers."""
+"""Stepped surface of a mould printed in layers: treads and risers."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.pad import REGIONS
 
 ALONG = 1e-6
-"""Sides leaning less than this against the print direction count as parallel to it."""
+"""Sides inclined by less than this to the print direction count as parallel to it."""
 
 
 def stepped(smooth: SmoothSurface, layer_height: float, direction: np.ndarray) -> Relief:
     """Cut the walls of the cells half-way between levels, and move each piece along ``direction`` (a unit vector).
 
-    A piece goes to the level (multiple of ``layer_height``) within half a layer of it; risers join pieces on different
-    levels. Sides along the direction are not cut but stretched, to meet the edge of the roof at its level. Other sides
-    keep their edge at the board, and a riser joins it to the first piece.
+    A piece moves to the nearest level (multiple of ``layer_height``); risers join pieces on different levels. Sides
+    along the direction are not cut but stretched, to meet the edge of the roof at its level. Other sides keep their
+    edge at the board, and a riser joins it to the first piece.
     """
     height = smooth.vertices @ direction / layer_height
     upright = np.hypot(direction[0], direction[1]) < ALONG
     chosen = smooth.region == REGIONS["roof"] if upright else smooth.in_cell
     cut = sliced(height - 0.5, smooth.triangles, chosen)
-    fixed = int(np.floor(cut.height.min())) - 1  # stands for the layer of what is in none
+    fixed = int(np.floor(cut.height.min())) - 1  # stands for no layer
     layer = np.where(chosen[cut.parents], cut.band, fixed)[:, None].repeat(3, axis=1)
     move = np.zeros(len(height))
     if upright:
@@ -74,7 +74,7 @@ def _assembled(
 
 
 def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that join the two copies of each edge whose neighbours have gone apart, and a neighbour of each."""
+    """Triangles that join the two copies of each edge whose neighbours have separated, and a neighbour of each."""
     start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
     size = int(vertex.max()) + 1
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
@@ -91,7 +91,7 @@ def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[
 
 
 def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Flat triangles between three copies of one vertex, where risers meet an edge that stayed; a neighbour of each."""
+    """Flat triangles between three copies of a vertex, where risers meet an unmoved edge, and a neighbour of each."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     riser = np.flatnonzero(vertex[start] == vertex[end])
     start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)

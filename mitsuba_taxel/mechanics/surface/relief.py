@@ -1,4 +1,4 @@
-"""A rough surface laid on the smooth surface of an undeformed pad, and carried along when the pad deforms."""
+"""A rough surface relative to the smooth surface of an undeformed pad, which moves with the deformation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mitsuba_taxel.pads.pad import REGIONS
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """The closed surface of an undeformed pad, as :class:`Surface` has it."""
+    """The closed surface of an undeformed pad, with fields as in :class:`Surface`."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -27,10 +27,10 @@ class SmoothSurface:
 
     @cached_property
     def unit_offset(self) -> np.ndarray:
-        """(V, 3) how far each vertex of a cell moves when all its walls move by 1 out of the silicone; 0 elsewhere.
+        """(V, 3) displacement of each vertex of a cell when its walls move by 1 out of the silicone; 0 elsewhere.
 
-        On a smooth wall it is the normal, weighted by angles; at an edge it leaves both walls plane. The edge at the
-        board moves along the board.
+        On a smooth wall it is the angle-weighted normal; at an edge it keeps both walls plane. The edge at the board
+        moves along the board.
         """
         triangles = self.triangles[self.in_cell]
         corner = self.vertices[triangles]
@@ -58,13 +58,13 @@ class Relief:
     Attributes
     ----------
     low, high, fraction : (V,) ndarray
-        Vertices of the smooth surface that a vertex belongs between, and how far from the first.
+        Two vertices of the smooth surface and the fraction of the way between them, for each vertex.
     offset : (V, 3) ndarray
-        mm from there to the vertex, undeformed.
+        Vector in mm from there to the vertex, undeformed.
     triangles : (T, 3) ndarray
         Vertex numbers.
     parents : (T,) ndarray
-        The triangle of the smooth surface whose region and cell each has.
+        Triangle of the smooth surface with the region and cell of each.
     """
 
     low: np.ndarray
@@ -75,9 +75,9 @@ class Relief:
     parents: np.ndarray
 
     def carried(self, position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """(V, 3) the vertices where the smooth surface's have moved to ``position`` (mm).
+        """(V, 3) deformed vertices in mm, for vertices of the smooth surface at ``position``.
 
-        The offset is carried by the deformation gradient: x = x_smooth + F (X_rough - X_smooth).
+        The offset is transformed by the deformation gradient: x = x_smooth + F (X_rough - X_smooth).
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How the triangles of a deformed surface move with the nodes of its pad: the cut of the undeformed mesh is kept."""
+"""Rates of the triangles of a deformed surface with the nodes of its pad, for a constant subdivision."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
 ROUND = 1e-6
-"""What is left of nodes' velocities, relative to the fastest, where a wall stays round."""
+"""Tolerance of nodal velocities, relative to the largest, for a wall that remains round."""
 
 
 def surface_rates(
@@ -28,20 +28,19 @@ def surface_rates(
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """(V, 3) rates of the vertices that :func:`tessellate` gives for the same arguments, without a finish.
+    """(V, 3) rates of the vertices of :func:`tessellate` for the same arguments, without a finish.
 
     Parameters
     ----------
     displacement_rate : (N, 3) ndarray
-        Of the nodes, as :meth:`LinearisedState.by_value` and its like give them.
+        Of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
     shape_velocity : (N, 3) ndarray, optional
-        Of the undeformed nodes. A round wall that stays one has its vertices on it; of others, and of flat ones, they
-        go along with the elements.
+        Of the undeformed nodes. Vertices stay on a wall that remains round; on other walls they move with the elements.
 
     Raises
     ------
     InputError
-        if one of them is not of that shape or not finite, or there is no cell of such a number.
+        if an array has another shape or is not finite, or a cell number does not exist.
     """
     mesh, chosen = state.mesh, chosen_cells(state.mesh, cells, None)
     cut = cut_faces(mesh, subdivision, chosen)
@@ -68,12 +67,12 @@ def surface_gradient(
     """(N, 3) derivatives by the displacement of each node, from those by the vertices (V, 3) of :func:`tessellate`.
 
     The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. For a change of shape, add the sum of
-    ``gradient`` times the rates that it has without a displacement.
+    ``gradient`` times the rates without a displacement.
 
     Raises
     ------
     InputError
-        if ``gradient`` is not of that shape or not finite, or there is no cell of such a number.
+        if ``gradient`` has another shape or is not finite, or a cell number does not exist.
     """
     cut = cut_faces(state.mesh, subdivision, chosen_cells(state.mesh, cells, None))
     gradient = array_of("gradient", gradient, (len(cut.of_vertex), 3))
@@ -83,7 +82,8 @@ def surface_gradient(
 def _changing_walls(
     mesh: VolumeMesh, face: np.ndarray, places: np.ndarray, velocity: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Of each round wall that stays one: its vertices, the rate of its centre, and what its radius adds (n, 3)."""
+    """Of each wall that remains round: its vertices, the rate of its centre, and the contribution (n, 3) of its
+    radius."""
     for code, number, (centre, radius, across) in round_walls(mesh):
         nodes = np.unique(mesh.faces[(mesh.face_region == code) & (mesh.face_cell == number)])
         axes = int(across.trace())

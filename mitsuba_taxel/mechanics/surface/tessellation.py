@@ -32,8 +32,8 @@ from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS, PadFile
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 
 CREASE, FACET = 20.0, 1.0
-"""Degrees between the normals of neighbouring faces above which their edge is sharp; where a file has flat triangles,
-these are its geometry."""
+"""Angle in degrees between the normals of neighbouring faces above which their edge is sharp; flat triangles of a file
+are its geometry."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Surface:
     cell : (T,) ndarray
         Number of the cell that a roof or side belongs to, 0 elsewhere.
     offsets : (V, 3) ndarray
-        mm from the vertices to where the triangles have the mean of the curved walls that they cut.
+        Displacements in mm of the vertices with which triangles have the mean position of their curved walls.
     normals : (T, 3, 3) ndarray
         Unit normals of these walls at the corners of the triangles; of others, their own.
     """
@@ -65,7 +65,7 @@ class Surface:
 
     @property
     def facing(self) -> np.ndarray:
-        """(V, 3) mm, the vertices of triangles that light is to meet: with the mean of the curved walls."""
+        """(V, 3) mm, vertices for light transport, with the mean position of the curved walls."""
         return self.vertices + self.offsets
 
 
@@ -76,21 +76,21 @@ def tessellate(
     cells: Sequence[int] | None = None,
     pad: Pad | PadFile | None = None,
 ) -> Surface:
-    """Cut each curved face of the deformed pad into triangles.
+    """Subdivide each curved face of the deformed pad into triangles.
 
-    The longest edge of a face of ``cells`` (numbers; None for all) is cut into ``subdivision`` segments, others into as
-    many as keep theirs no longer. Other faces are cut into 4 triangles, as their mid-edge nodes need, or into a fan
-    where they touch a cell, so that the surface is closed. A ``finish`` is laid on the faces of the undeformed cells,
-    cut as fine as it needs, and carried by the deformation: see :class:`Relief`. Of a ``pad`` with round walls, the
-    undeformed surface is these walls rather than the elements that follow them.
+    The longest edge of a face of ``cells`` (numbers; None for all) is divided into ``subdivision`` segments, other
+    edges into segments that are no longer. Other faces are divided into 4 triangles, as required by their mid-edge
+    nodes, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is applied to the faces of
+    the undeformed cells, subdivided as finely as it needs, and moves with the deformation: see :class:`Relief`. For a
+    ``pad`` with round walls, the undeformed surface is that of these walls rather than of their elements.
 
     Raises
     ------
     InputError
-        if there is no cell of such a number, a finish is asked for on a part of the cells, or it needs more than
+        if a cell number does not exist, a finish is requested for some cells only, or it needs more than
         `MOST_TRIANGLES`.
     """
-    if not isinstance(getattr(state, "mesh", None), VolumeMesh):  # of an undeformed pad nothing else is made
+    if not isinstance(getattr(state, "mesh", None), VolumeMesh):  # of an undeformed pad nothing else exists
         raise refusal("state", state, "a State, as load_path returns it, is needed")
     if not (is_whole(subdivision) and 1 <= subdivision <= MOST_TRIANGLES):
         raise refusal("subdivision", subdivision, "a whole number above 0 is needed")
@@ -138,11 +138,11 @@ def contact_pressure_at_vertices(
 
 
 def chosen_cells(mesh: VolumeMesh, cells: Sequence[int] | None, finish: Finish | None) -> tuple[int, ...] | None:
-    """The cells to be cut finely, None for all."""
+    """The cells to be subdivided finely, None for all."""
     if cells is None:
         return None
     if finish is not None:
-        raise InputError("read_cells is not allowed with a finish: it is laid on all cells.")
+        raise InputError("read_cells is not allowed with a finish, which applies to all cells.")
     if not is_row(cells, is_whole):
         raise refusal("read_cells", cells, "a row of whole numbers is needed")
     missing = [cell for cell in cells if cell not in mesh.face_cell or cell < 1]
@@ -169,16 +169,16 @@ def _on_walls(mesh: VolumeMesh) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Walls:
-    """The walls that are cut finely, undeformed.
+    """The finely subdivided walls, undeformed.
 
     Attributes
     ----------
     places : (V, 3) ndarray
         In mm, of all vertices.
     corners : Corners
-        Points are those at which a normal is wanted, one for each vertex and smooth sheet.
+        Points at which normals are needed, one for each vertex and smooth sheet.
     normals : (P, 3) ndarray
-        Unit normals at these points: where faces meet smoothly, the mean of theirs.
+        Unit normals at these points: the mean of faces that meet smoothly.
     """
 
     places: np.ndarray
@@ -188,8 +188,8 @@ class _Walls:
     def deformed_normals(self, gradient: np.ndarray) -> np.ndarray:
         """(P, 3) unit normals of the deformed walls, from the gradient of the displacement at the vertices (V, 3, 3).
 
-        The normal goes with the cofactors of the deformation gradient (E. J. Nanson). This one is the mean of the
-        elements around, which is nearer to the truth than that of each: normals of faces jump from one to the next.
+        Normals transform with the cofactors of the deformation gradient (E. J. Nanson). The mean gradient of the
+        elements around is more accurate than that of each: normals of faces are discontinuous.
         """
         x, y, z = np.moveaxis(np.eye(3) + gradient[self.corners.vertex], 1, 0)
         cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
@@ -224,14 +224,14 @@ def _walls(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None, pa
 
 
 def knows_walls(pad: Pad | PadFile | None) -> bool:
-    """Whether round walls of a pad are known as such, of which elements have but parabolas."""
+    """Whether the round walls of a pad are known exactly, which elements approximate by parabolas."""
     return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.suffix not in SURFACE_FORMATS)
 
 
 def placed(
     mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: Pad | PadFile | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of faces (N,), on the walls of the pad where these are known, and the derivative by the points."""
+    """Points (N, 3) of faces (N,), moved onto the walls of the pad if known, and the derivative by the points."""
     if isinstance(pad, Pad):
         return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face])
     if knows_walls(pad):

@@ -1,4 +1,4 @@
-"""The curved walls of cells as patches of fourth degree, and how they move with the displacement and the dimensions."""
+"""The curved walls of cells as patches of fourth degree, and their changes with displacement and dimensions."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
 STEP = 1e-4
-"""Of a dimension in mm, for the central difference of places on round walls."""
+"""Step of a dimension in mm, for central differences of positions on round walls."""
 BESIDE = 0.1
-"""By how much walls may lie beside the elements, which are less round, relative to the height of the pad."""
+"""Allowed distance of walls from the elements that approximate them, relative to the height of the pad."""
 _locator = lru_cache(maxsize=2)(PointLocator)
 
 
 @dataclass(frozen=True, eq=False)
 class WallPatches:
-    """Faces of a mesh, each with places at a lattice, which are carried by elements that need not be those of the mesh.
+    """Faces of a mesh, each with points of a lattice, which move with elements of this or another mesh.
 
     Parameters
     ----------
     elements : VolumeMesh
-        Undeformed; at its nodes the displacement is known.
+        Undeformed mesh, at whose nodes the displacement is known.
     walls : VolumeMesh
-        Of the same pad, whose faces are the patches.
+        Mesh of the same pad, whose faces are the patches.
     pad : Pad or PadFile
-        Where undeformed round walls are.
+        Pad with the undeformed round walls.
     faces : (F,) ndarray
         Numbers of the faces of ``walls``.
     lattice : (K, 2) ndarray
-        As (s, t), along two sides of a face.
+        Coordinates (s, t) along two sides of a face.
     """
 
     elements: VolumeMesh
@@ -52,13 +52,14 @@ class WallPatches:
         return self._placed(self.walls.points, self.pad)
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """(F, K, 3) of a displacement of the elements' nodes (N, 3), or of its rate."""
+        """(F, K, 3) displacement or its rate, from that of the elements' nodes (N, 3)."""
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """(F, K, 3) mm per mm of a dimension of the pad whose nodes keep their displacement; others stay."""
+        """(F, K, 3) mm per mm of a dimension of the pad, at constant nodal displacements; other dimensions are
+        fixed."""
         assert isinstance(self.pad, Pad)
-        pad = replace(self.pad)  # with dimensions that follow from others as if they were given
+        pad = replace(self.pad)  # with derived dimensions as if they were given
         value, velocity = getattr(pad, parameter), mesh_velocity(pad, self.walls, parameter)
         ahead, behind = (
             self._placed(self.walls.points + step * velocity, replace(pad, **{parameter: value + step}))
@@ -71,7 +72,7 @@ class WallPatches:
 
     @cached_property
     def _location(self) -> Location:
-        """Of the places among the elements."""
+        """Location of the points in the elements."""
         beside = BESIDE * np.ptp(self.elements.points[:, 2])
         return _locator(self.elements).locate(self.rest.reshape(-1, 3), beside)
 

@@ -142,7 +142,7 @@ with filelock.FileLock(r"{folder / ".lock"}"):
     "change, complaint",
     [
         ({"seed": 4}, "it has seed = 3 instead of seed = 4"),
-        ({"maps": True}, "and not maps = true"),
+        ({"maps": True}, "instead of maps = true"),
     ],
 )
 def test_another_study_is_refused(finished, change, complaint):
