@@ -81,7 +81,7 @@ def check_mechanics() -> Check:
     unknowns = np.zeros(assembly.unknowns)
     for _ in range(8):
         state = assembly.evaluate(*assembly.numbering.split(unknowns))
-        assert state.entries is not None, "the element is turned inside out"
+        assert state.entries is not None, "the element is inverted"
         unknowns -= solver.factor(assembly.matrix(state.entries)).solve(state.residual - load)
     displacement, _ = assembly.numbering.split(unknowns)
     top = float(np.reshape(displacement, (-1, 3))[3, 0])

@@ -17,7 +17,7 @@ CASES = {
     "unknown cell": (("render", "pad.xml", "-D", "cell=round"), "round"),
     "a memory of all stress": (("render", "pad.xml", "-D", "prony=0.5 1; 0.5 2"), "add up to 1"),
     "times that go back": (("render", "pad.xml", "-D", "prony=0.1 1", "-D", "history=3 0 0 -1"), "at least 3 s"),
-    "slopes with a memory": (("render", "pad.xml", "-D", "prony=0.1 1", "--derivatives", "fz"), "memory"),
+    "slopes with a memory": (("render", "pad.xml", "-D", "prony=0.1 1", "--derivatives", "fz"), "viscoelastic"),
     "negative modulus": (("render", "pad.xml", "-D", "youngs_modulus=-1"), "youngs_modulus"),
     "modulus not finite": (("render", "pad.xml", "-D", "youngs_modulus=nan"), "youngs_modulus"),
     "modulus infinite": (("render", "pad.xml", "-D", "youngs_modulus=inf"), "youngs_modulus"),

@@ -1,1 +1,1 @@
-"""Whether a pad touches itself or what is near it."""
+"""Contact of a pad with indenters, itself, the board and packages."""

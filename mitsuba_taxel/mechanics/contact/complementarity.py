@@ -1,24 +1,24 @@
-"""Which of some places press: pressures and gaps that are not negative, and of which one is zero at each place."""
+"""Linear complementarity of contact: pressures and gaps that are non-negative, one of them zero at each node."""
 
 from __future__ import annotations
 
 import numpy as np
 
 PATIENCE = 3
-"""How often in a row all places may be exchanged without fewer being wrong."""
+"""Number of consecutive full exchanges without progress before single ones."""
 MOST_EXCHANGES = 300
 
 
 def pressures(matrix: np.ndarray, offset: np.ndarray, pressing: np.ndarray) -> np.ndarray | None:
-    """(m,) x >= 0 with matrix @ x + offset >= 0 of which one is 0 at each place; None if it is not found.
+    """(m,) x >= 0 with matrix @ x + offset >= 0, one of them 0 at each place; None if not found.
 
-    By block principal pivoting, which ends where the matrix is positive definite (J. J. Judice and F. M. Pires,
+    By block principal pivoting, which terminates for positive definite matrices (J. J. Judice and F. M. Pires,
     Computers Oper. Res. 21, 1994).
 
     Parameters
     ----------
     pressing : (m,) ndarray
-        Guess of where x is above 0.
+        Initial guess of where x is positive.
     """
     pressing, fewest, patience = pressing.copy(), len(offset) + 1, PATIENCE
     for _ in range(MOST_EXCHANGES):

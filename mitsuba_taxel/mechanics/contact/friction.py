@@ -1,8 +1,8 @@
-"""Coulomb's friction of a rigid body on the faces that it presses on.
+"""Coulomb friction of a rigid indenter on faces in contact.
 
-At each node that presses, the traction along the surface follows the slip, integrated as gaps are, as stiffly as the
-pressure follows the gap, and is at most the coefficient times the pressure: a step of plasticity, from the traction at
-the end of the step before (P. Wriggers, Computational Contact Mechanics, 2006, section 10.5).
+At each node in contact, the tangential traction follows the slip, integrated like gaps, with the stiffness of the
+pressure, and is at most the coefficient times the pressure: a return mapping as in plasticity, from the traction at the
+end of the step before (P. Wriggers, Computational Contact Mechanics, 2006, section 10.5).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ TINY = np.finfo(float).tiny
 
 
 class Rubbed(NamedTuple):
-    """What friction keeps of the past.
+    """History variables of friction.
 
     Attributes
     ----------
     place : (m, 3) ndarray
-        Of the faces, relative to the body, at each node: integrated with its linear function, mm³.
+        Position of the faces relative to the indenter, integrated with the linear function of each node, mm³.
     traction : (m, 3) ndarray
         MPa, on the faces.
     """
@@ -35,12 +35,12 @@ class Rubbed(NamedTuple):
 
 
 class Friction:
-    """Friction at the nodes of a body's faces.
+    """Friction at the nodes of an indenter's contact faces.
 
     Parameters
     ----------
     mirrors : sequence of Mirror
-        Of a symmetric part; on their planes nothing moves across.
+        Of a symmetric part; on their planes, nothing moves across.
     """
 
     def __init__(self, body: Indentation, places: np.ndarray, mirrors: Sequence[Mirror]) -> None:
@@ -54,7 +54,7 @@ class Friction:
         self._rows = [sparse.csr_array(sparse.kron(body.carried, np.eye(3)[axis : axis + 1])) for axis in range(3)]
 
     def at_rest(self) -> Rubbed:
-        """The past of a pad that nothing has touched."""
+        """History of a pad that nothing has touched."""
         return Rubbed(*np.zeros((2, len(self._body.node), 3)))
 
     def place(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
@@ -62,7 +62,7 @@ class Friction:
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 
     def tangents(self, pressing: Pressing) -> np.ndarray:
-        """(m, 2, 3) along the surface of the body; 0 across the planes of mirrors."""
+        """(m, 2, 3) unit vectors along the surface of the indenter; 0 across the planes of mirrors."""
         normal = pressing.lift / np.maximum(np.linalg.norm(pressing.lift, axis=1), TINY)[:, None]
         along = np.where(np.abs(normal[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
         first = np.where((self._walls == 1)[:, None], np.cross(self._wall, normal), along)
@@ -74,7 +74,7 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """(2 m, 3 N) derivative of the slip along the first tangents, then the second, by displacements."""
+        """(2 m, 3 N) derivatives of the slip along the first tangents, then the second, by displacements."""
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         both = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]
         return sparse.csr_array(
@@ -82,7 +82,7 @@ class Friction:
         )
 
     def slip(self, tangents: np.ndarray, place: np.ndarray, before: Rubbed) -> np.ndarray:
-        """(m, 2) mm³ along the tangents since ``before``, but for what stretches the traction from that then."""
+        """(m, 2) mm³ along the tangents since ``before``, less the elastic part due to the change of traction."""
         slack = self._body.slack[:, None]
         return np.einsum("mki,mi->mk", tangents, place - before.place - slack * before.traction)
 

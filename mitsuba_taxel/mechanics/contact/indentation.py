@@ -1,10 +1,10 @@
-"""Pressures of a rigid body on the faces that it presses on.
+"""Contact pressures of a rigid indenter.
 
-The pressure has a value at each node, linear between them on each face cut into four triangles, and keeps the body out
-on average: the gap, weighted by the linear function of the node, does not become negative (M. A. Puso, T. A. Laursen
-and J. Solberg, Comput. Methods Appl. Mech. Eng. 197, 2008: mortar contact of quadratic elements). What is left of it
-is the pressure over a stiffness, so that both follow from the displacement: E = sum 1/2 min(gap, 0)^2 / slack, and
-forces are its derivative.
+The pressure has a value at each node and is linear between them, on each face divided into four triangles. It prevents
+penetration on average: the gap, weighted by the linear function of the node, is not negative (M. A. Puso, T. A. Laursen
+and J. Solberg, Comput. Methods Appl. Mech. Eng. 197, 2008: mortar contact of quadratic elements). The remaining
+penetration is the pressure over a penalty stiffness, so that both follow from the displacement: E = sum 1/2 min(gap,
+0)^2 / slack, and forces are its derivative.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from mitsuba_taxel.mechanics.contact.indenter import Gap, Indenter
 from mitsuba_taxel.pads.pad import REGIONS
 
 STIFFNESS = 2e3
-"""Pressure by which a body is kept out of a face where it is in by the size of the face, in Young's moduli."""
+"""Pressure at a penetration of the size of the face, in Young's moduli."""
 SHAPE_STEP = 1e-5
-"""Fastest node's way, relative to the pad's height, that differences by the shape are taken with."""
+"""Largest displacement of a node, relative to the pad's height, for finite differences by the shape."""
 
 _NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 _PIECES = np.array([[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]])
 # Three points on each of the four triangles, exact to degree 2 there.
 _HATS = np.concatenate([(np.full((3, 3), 1 / 6) + np.eye(3) / 2) @ np.eye(len(_NODES))[piece] for piece in _PIECES])
-"""(q, 6) linear functions of the nodes at the points of a face."""
+"""(q, 6) linear functions of the nodes at the quadrature points of a face."""
 _WEIGHTS = np.full(len(_HATS), 0.5 / len(_HATS))
 _VALUES, _SLOPES = shape_functions(_HATS @ _NODES), shape_slopes(_HATS @ _NODES)
 
 
 class Pressing(NamedTuple):
-    """How a body stands to the nodes of faces.
+    """State of contact of an indenter with the nodes of faces.
 
     Attributes
     ----------
@@ -45,9 +45,9 @@ class Pressing(NamedTuple):
     gap : (m,) ndarray
         Distance times the node's linear function, integrated over undeformed faces, mm³.
     rate : (m, 3 N) csr_array
-        Its derivative by the displacement of each node, mm².
+        Derivative of the gap by the displacement of each node, mm².
     lift : (m, 3) ndarray
-        What it loses as the body moves: normals of the body, integrated in the same way, mm².
+        Its negative derivative by the displacement of the indenter: normals, integrated in the same way, mm².
     pressure : (m,) ndarray
         At each node, MPa.
     dragged : (N, 3) ndarray or float
@@ -63,19 +63,19 @@ class Pressing(NamedTuple):
 
     @property
     def force(self) -> np.ndarray:
-        """(3,) N, of the body on the faces."""
+        """(3,) N, force of the indenter on the faces."""
         return self.pushed.sum(axis=0)
 
     @property
     def pushed(self) -> np.ndarray:
-        """(N, 3) nodal forces."""
+        """(N, 3) nodal forces in N."""
         return (self.rate.T @ self.pressure).reshape(-1, 3) + self.dragged
 
 
 class Indentation:
-    """A rigid body and the faces of a mesh that it may press on: top and outside.
+    """A rigid indenter and the faces of a mesh that it may touch: top and outside.
 
-    A node where both meet has a pressure on each.
+    A node where the two meet has a pressure on each.
 
     Parameters
     ----------
@@ -85,13 +85,13 @@ class Indentation:
     Attributes
     ----------
     node : (m,) ndarray
-        That each pressure is at.
+        Node of each pressure.
     outside : (m,) ndarray
-        1 where it is on the outside, 0 on the top.
+        1 for a pressure on the outside, 0 on the top.
     area : (m,) ndarray
         Integral of its linear function, mm².
     slack : (m,) ndarray
-        Gap that a pressure leaves, mm³/MPa.
+        Penalty compliance: integrated penetration per pressure, mm³/MPa.
     """
 
     def __init__(self, mesh: VolumeMesh, indenter: Indenter, modulus: float) -> None:
@@ -111,7 +111,7 @@ class Indentation:
 
     @cached_property
     def carried(self) -> sparse.csr_array:
-        """(m, N) mm², each node's share in what is integrated with the linear function of a pressure's."""
+        """(m, N) mm², weights of nodal values in integrals with the linear function of a pressure."""
         shares = np.einsum("bqh,qa->bha", self._weights, _VALUES)
         columns = np.broadcast_to(self.faces[:, None, :], shares.shape)
         rows = np.broadcast_to(self._numbers[:, :, None], shares.shape)
@@ -119,19 +119,19 @@ class Indentation:
         return sparse.coo_array((shares.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
 
     def nodal(self, values: np.ndarray) -> np.ndarray:
-        """(2 N, 3) values (m, 3) at nodes of the top, then of the outside."""
+        """(2 N, 3) values (m, 3), at nodes of the top, then of the outside."""
         found = np.zeros((2, len(self._mesh.points), 3))
         found[self.outside, self.node] = values
         return found.reshape(-1, 3)
 
     def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
-        """(m, 3) values of :meth:`nodal`; zeros where there are none."""
+        """(m, 3) values from those of :meth:`nodal`; zeros where there are none."""
         if not len(nodal):
             return np.zeros((len(self.node), 3))
         return nodal.reshape(2, -1, 3)[self.outside, self.node]
 
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
-        """(m,) sums of what faces (B, 6) have at their nodes."""
+        """(m,) sums of values (B, 6) of faces at their nodes."""
         return np.bincount(self._numbers.ravel(), of_faces.ravel(), len(self.node))
 
     def pressing(
@@ -141,9 +141,9 @@ class Indentation:
         pressure: np.ndarray | None = None,
         traction: np.ndarray | None = None,
     ) -> Pressing:
-        """How the body, moved by (3,) mm, stands under a displacement (N, 3) of the nodes.
+        """State of contact of the indenter, ``moved`` by (3,) mm, with nodes at a displacement (N, 3).
 
-        Its ``pressure`` (m,) is that of the gaps, where no other is given; ``traction`` (m, 3) MPa is that of friction.
+        The ``pressure`` (m,) is that of the gaps by default; ``traction`` (m, 3) in MPa is that of friction.
         """
         start = np.array([*self.indenter.at, self._mesh.points[self._highest, 2]])
         places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
@@ -162,22 +162,22 @@ class Indentation:
         return Pressing(at, gap, rate, lift, pressure, 0.0 if traction is None else self.carried.T @ traction)
 
     def rate(self, here: Pressing, direction: np.ndarray, pressed: np.ndarray) -> np.ndarray:
-        """(N, 3) by how much nodal forces grow while the body moves along ``direction`` (3,), with the pressures of the
-        nodes that have the numbers ``pressed``."""
+        """(N, 3) rate of nodal forces as the indenter moves along ``direction`` (3,), for the pressures with the
+        numbers ``pressed``."""
         growth = here.lift[pressed] @ direction / self.slack[pressed]
         nodal = (here.rate[pressed].T @ growth).reshape(-1, 3)
         np.add.at(nodal, self.faces, np.einsum("bqi,qa->bai", -self._turning(here) @ direction, _VALUES))
         return nodal
 
     def force_rate(self, here: Pressing, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """(3,) by how much the total force grows while the body moves along ``direction`` (3,), nodes by ``rate``."""
+        """(3,) rate of the total force as the indenter moves along ``direction`` (3,) and the nodes by ``rate``."""
         growth = (here.lift @ direction - here.rate @ rate.ravel()) / self.slack
         turned = np.einsum("bqij,bqj->i", self._turning(here), _VALUES @ rate[self.faces] - direction)
         return np.where(here.pressure > 0, growth, 0.0) @ here.lift + turned
 
     def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) by how much nodal forces grow as the undeformed nodes move by ``velocity`` (N, 3), and the body with
-        the highest of them."""
+        """(N, 3) rate of nodal forces as the undeformed nodes move with ``velocity`` (N, 3), and the indenter with the
+        highest of them."""
         pressed = self.pressing(displacement, moved).pressure > 0
         step = SHAPE_STEP * np.ptp(self._mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)
 
@@ -192,14 +192,15 @@ class Indentation:
         return (pushed(step) - pushed(-step)) / (2 * step)
 
     def stiffness(self, here: Pressing) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes (n, 6) of the faces that are pressed on, and (n, 18, 18) what they put up against displacements while
-        pressures stay: those turn with the body's normals."""
+        """Nodes (n, 6) of the faces in contact, and their stiffness (n, 18, 18) at constant pressures, whose directions
+        follow the indenter's normals."""
         pressed = (here.pressure[self._numbers] > 0).any(axis=1)
         turning = self._turning(here)[pressed]
         matrices = np.einsum("bqij,qa,qc->baicj", -turning, _VALUES, _VALUES, optimize=True)
         return self.faces[pressed], matrices.reshape(-1, 18, 18)
 
     def _turning(self, here: Pressing) -> np.ndarray:
-        """(B, q, 3, 3) N/mm by how much the force at each point turns with its place."""
+        """(B, q, 3, 3) N/mm, derivative of the force at each point by its position, due to the rotation of the
+        normal."""
         force = np.einsum("bqh,bh->bq", self._weights, here.pressure[self._numbers])
         return force[:, :, None, None] * here.at.curvature.reshape(*force.shape, 3, 3)

@@ -1,4 +1,4 @@
-"""Rigid bodies that press on a pad, as signed distances."""
+"""Rigid indenters as signed distances."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ INDENTERS = {
 }
 TINY = np.finfo(float).tiny
 EDGE = 0.1
-"""Radius of a punch's edge, relative to its own, where nobody asks for another."""
+"""Default radius of a punch's edge, relative to that of the punch."""
 
 
 class Gap(NamedTuple):
-    """Distances from a body, negative inside.
+    """Signed distances from an indenter, negative inside.
 
     Attributes
     ----------
     size : (n,) ndarray
         In mm.
     normal : (n, 3) ndarray
-        Its gradient: out of the body, of length 1.
+        Gradient: unit vector out of the indenter.
     curvature : (n, 3, 3) ndarray
-        Its second derivatives, 1/mm.
+        Second derivatives, 1/mm.
     """
 
     size: np.ndarray
@@ -48,7 +48,7 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class Indenter(Checked):
-    """A rigid body that touches the pad from above; its tip starts at the height of the pad's highest point.
+    """A rigid indenter above the pad, whose tip starts at the height of the pad's highest point.
 
     Raises
     ------
@@ -144,13 +144,13 @@ class Indenter(Checked):
         distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
         normal = from_middle / distance[:, None]
         curvature = (free - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
-        # without the rounding of a difference of two radii, which may be far larger than the gap
+        # avoids cancellation of two radii far larger than the gap
         across = places @ free
         gap = ((across**2).sum(axis=1) - 2 * self._radius * places[:, 2]) / (distance + self._radius)
         return Gap(gap, normal, curvature)
 
     def _of_punch(self, places: np.ndarray) -> Gap:
-        """A rod with a flat end, a core that is thinner by the edge's radius and rounded by it."""
+        """A rod with a flat end: a core that is thinner by the edge's radius, offset by that radius."""
         edge = self.edge
         across = np.maximum(np.hypot(places[:, 0], places[:, 1]), TINY)
         outwards = places * [1.0, 1.0, 0.0] / across[:, None]
@@ -184,7 +184,7 @@ class Indenter(Checked):
         return EDGE * self._radius if self.edge_radius is None else self.edge_radius
 
     def keeps(self, mirror: Mirror) -> bool:
-        """Whether a mirror leaves the body as it is, where it starts."""
+        """Whether the indenter at its start is symmetric in a mirror."""
         if self.shape in ("plane", "file"):
             return self.shape == "plane"
         here = np.array([*self.at, 0.0])
@@ -209,7 +209,7 @@ class Indenter(Checked):
 
     @property
     def _axis(self) -> np.ndarray:
-        """(3,) along a cylinder."""
+        """(3,) unit vector along a cylinder."""
         return self.turn[:, 0]
 
     @property
@@ -220,7 +220,7 @@ class Indenter(Checked):
         return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
     def contact_radius(self, depth: float) -> float:
-        """Half the width of what it touches at a depth in mm of a half-space, by Hertz; infinite for a plane."""
+        """Half the width in mm of the contact with a half-space at a depth in mm, by Hertz; infinite for a plane."""
         if self.shape == "plane":
             return math.inf
         if self.shape == "file":  # as of the ball that is as wide there

@@ -1,4 +1,4 @@
-"""A pad's mesh with smaller elements where a rigid body touches it."""
+"""Local refinement of a pad's mesh under an indenter."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 
 SMALL_DEPTH = 0.04
-"""Depth, relative to the pad's height, from which on elements are fine enough; deeper contacts are wider, and elements
-may be larger with the distance from the middle."""
+"""Smallest depth, relative to the pad's height, for which elements are fine enough; deeper contacts are wider, and
+elements may be larger away from the centre."""
 FINENESS = 0.7
 """Size of elements, relative to half the width of the contact."""
 FINENESS_AT_EDGE = 0.175
@@ -23,9 +23,9 @@ FINENESS_AT_EDGE = 0.175
 
 
 def mesh_under(mesh: VolumeMesh, indenter: Indenter, relative_size: float) -> VolumeMesh:
-    """The mesh with elements of at most half the contact's radius, times ``relative_size``, under a body.
+    """The mesh with elements of at most half the contact's radius, times ``relative_size``, under an indenter.
 
-    Mirrors that leave mesh and body as they are do so with the mesh that comes out.
+    The result keeps the common symmetries of mesh and indenter.
     """
     depth = SMALL_DEPTH * float(np.ptp(mesh.points[:, 2]))
     radius = indenter.contact_radius(depth)
@@ -49,7 +49,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, relative_size: float) -> Vo
 
 
 def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMesh:
-    """A mesh and its image, whose cells have the numbers (n,) of those that the mirror takes to its own."""
+    """A mesh joined with its image, whose cells get the numbers (n,) of the images of its own."""
     whole = mirrored(part, mirror)
     cell = whole.face_cell.copy()
     cell[len(part.faces) :] = cells[part.face_cell]

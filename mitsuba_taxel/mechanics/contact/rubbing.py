@@ -1,27 +1,27 @@
-"""Pressures and tractions of a linear body with Coulomb's friction."""
+"""Pressures and tractions of a linear body with Coulomb friction."""
 
 from __future__ import annotations
 
 import numpy as np
 
 EASES = (1.0, 10.0, 0.1)
-"""Slips that count as much as tractions where it is decided what slides, in those that all tractions together make."""
+"""Weights of slip relative to traction in the test for sliding, relative to the slip by all tractions."""
 MOST_ITERATIONS = 30
 SETTLED = 1e-12
-"""Last change of tractions, relative to the largest pressure."""
+"""Tolerance of the last change of tractions, relative to the largest pressure."""
 
 
 def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np.ndarray) -> np.ndarray | None:
-    """(3 k,) pressures and tractions along two tangents at k places; None if they are not found.
+    """(3 k,) pressures and tractions along two tangents at k places; None if not found.
 
-    With y = matrix @ x + offset, pressures x and gaps y are not negative and one of them is 0 at each place; tractions
-    are at most ``friction`` times the pressure, and slip y is 0 where they are less, else against them. By a semismooth
-    Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
+    With y = matrix @ x + offset, pressures x and gaps y are non-negative, and one of them is 0 at each place; tractions
+    are at most ``friction`` times the pressure, and slip y is 0 where they are less, else opposite to them. By a
+    semismooth Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
 
     Parameters
     ----------
     guess : (3 k,) ndarray
-        To begin with.
+        Initial values.
     """
     count = len(offset) // 3
     own = np.abs(np.diag(matrix)[:count])  # may be below 0 where the pad alone, without what holds it, is unstable

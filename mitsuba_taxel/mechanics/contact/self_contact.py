@@ -1,4 +1,4 @@
-"""Whether the deformed pad touches itself, the board or a package, which the mechanics knows nothing of."""
+"""Detection of contact of the deformed pad with itself, the board or a package, which the mechanics does not model."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
 TOUCHING = 1e-10
-"""Distance that counts as touching, relative to the pad's longest side: more than rounding."""
+"""Distance that counts as contact, relative to the pad's longest side: more than rounding."""
 
 RIM = 0.02
 """Height of the strip of wall along the glued rim, relative to the pad's, that may bulge as far below the board.
 
-There the stress is singular, and ever smaller elements roll over under ever smaller loads, as the silicone does to no
-effect.
+There the stress is singular, and smaller elements roll over under smaller loads, as does the silicone, without
+consequence.
 """
 
 CREASE = 150.0
-"""Degrees of air at an inner edge of the undeformed pad, below which a crease at the edge itself does not count.
+"""Angle of air in degrees at an inner edge of the undeformed pad, below which a crease at the edge itself is ignored.
 
-There too the stress is singular: the faces along the edge fold under ever smaller loads the smaller they are, and it is
-those beyond them that tell when walls meet.
+There too the stress is singular: smaller faces along the edge fold under smaller loads, and those beyond them show when
+walls touch.
 """
 
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
-"""Turns rays, which go along z, lest they meet the edges or corners of what is modelled along x, y and z."""
+"""Rotation of rays, which run along z, to avoid edges and corners of geometry aligned with x, y and z."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ContactTest:
         return Contact("itself", place) if place else None
 
     def find_package(self, displacement: np.ndarray) -> Contact | None:
-        """As :meth:`find`, but looks at ``obstacles`` alone."""
+        """As :meth:`find`, for ``obstacles`` alone."""
         if not self._obstacles:
             return None
         patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
@@ -132,10 +132,9 @@ class ContactTest:
 
 
 class _Neighbours:
-    """Faces that share a vertex or an edge, with their nodes turned so that it comes first in both.
+    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both.
 
-    Those that meet at a sharp inner edge of the undeformed pad are left out, and so are others along such an edge that
-    lie beside each other.
+    Those that meet at a sharp inner edge of the undeformed pad are left out, as are adjacent ones along such an edge.
     """
 
     def __init__(self, points: np.ndarray, faces: np.ndarray) -> None:
@@ -165,7 +164,7 @@ class _Neighbours:
         self._radius = np.linalg.norm(points[faces] - self._centre[:, None], axis=2).max(axis=1)
 
     def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those pairs of faces that share nothing."""
+        """The pairs of faces that share nothing."""
         keys = np.minimum(one, other) * self._count + np.maximum(one, other)
         strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
         distance = np.linalg.norm(self._centre[one] - self._centre[other], axis=1)
@@ -220,13 +219,13 @@ class _Obstacles:
         count = np.bincount(self._body)
         middles = np.stack([np.bincount(self._body, column) / count for column in self._centres[:2]])
         outwards = np.lexsort((np.linalg.norm(self._centres[:2] - middles[:, self._body], axis=0), self._body))
-        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # one place on each body, at its middle
+        self._inner = self._centres[:, outwards[np.cumsum(count) - count]]  # one point of each body, in its middle
 
     def place_within(self, patches: np.ndarray, tree: BoxTree) -> Place | None:
-        """A place in one of the bodies that is within the pad, or in the pad if that is within a body.
+        """A point of a body inside the pad, or of the pad if that is inside a body.
 
-        Their surfaces are known not to meet, so that all triangles of a body are on the same side. They vote, as a
-        place nearer to a curved face than the flat pieces that the face is cut into may be on the wrong side of them.
+        Their surfaces are known not to intersect, so that all triangles of a body are on the same side. A majority
+        decides, since a point close to a curved face may be on the wrong side of its flat pieces.
         """
         if not _free_below(self._inner, patches).all():
             votes = np.bincount(self._body, _within(self._centres, patches, tree)) / np.bincount(self._body)
@@ -241,7 +240,8 @@ class _Obstacles:
 
 
 def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Whether a line from each of ``points`` (3, K) down along z certainly meets no patch: it is outside of them."""
+    """Whether a line from each of ``points`` (3, K) down along z certainly meets no patch, so that the point is
+    outside."""
     low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
     x, y, z = points[:, :, None]
     beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])
@@ -249,9 +249,10 @@ def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
 
 
 def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
-    """Whether each of ``points`` (3, K) is within the closed surface of ``patches``: a ray leaves it once more.
+    """Whether each of ``points`` (3, K) is inside the closed surface of ``patches``: a ray leaves it once more than it
+    enters.
 
-    Each patch that the ray may meet is taken as 16 flat triangles.
+    Each patch that the ray may meet is approximated by 16 flat triangles.
     """
     points, patches = _ASKEW @ points, np.tensordot(_ASKEW, patches, axes=(1, 0))
     rays = BoxTree(points.T)
@@ -267,7 +268,7 @@ def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarra
 
 
 def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners (n, 3) of boxes round patches, with a margin."""
+    """Lowest and highest corners (n, 3) of boxes around patches, with a margin."""
     return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
 
 

@@ -1,7 +1,6 @@
-"""Arrays kept on disk under a key of everything that determines them.
+"""Cache of arrays on disk, under a key of everything that determines them.
 
-A file is written whole under another name and renamed; one that is damaged is not used. A folder that cannot be
-written costs time, never the run.
+Files are written atomically; damaged ones are ignored. A folder that cannot be written costs time only.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from mitsuba_taxel.base.atomic import WriteError, reason_of, remove_stale, repla
 from mitsuba_taxel.base.sources import code_digest
 
 ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
-"""Where the code is that decides what a solution is."""
+"""The code that solutions depend on."""
 
 
 def folder() -> Path:
@@ -33,13 +32,13 @@ def folder() -> Path:
 
 
 def key(*parts: object) -> str:
-    """Hexadecimal digest of values that JSON can write (floats to the last bit), and of the code that uses them."""
+    """Hexadecimal digest of JSON values (floats exactly), and of the code that uses them."""
     text = json.dumps([code_digest(*ROOMS), *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:
-    """The arrays stored under ``name``, or None if there are none that are whole."""
+    """The arrays stored under ``name``, or None if missing or damaged."""
     try:
         content = (folder() / f"{name}.npz").read_bytes()
     except OSError:
@@ -48,13 +47,13 @@ def load(name: str) -> dict[str, np.ndarray] | None:
 
 
 def holds(name: str) -> bool:
-    """Whether something is stored under ``name``, whole or not."""
+    """Whether something is stored under ``name``, even if damaged."""
     return (folder() / f"{name}.npz").is_file()
 
 
 @contextmanager
 def alone(name: str) -> Iterator[None]:
-    """Let no other process compute what is kept under ``name`` meanwhile, so that it is computed once."""
+    """Lock ``name`` against other processes, so that its arrays are computed once."""
     from filelock import FileLock
 
     lock = FileLock(folder() / "locks" / name)
@@ -62,7 +61,7 @@ def alone(name: str) -> Iterator[None]:
         Path(lock.lock_file).parent.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except OSError:
-        pass  # nothing can be kept there either
+        pass  # nothing can be stored there either
     try:
         yield
     finally:
@@ -70,7 +69,7 @@ def alone(name: str) -> Iterator[None]:
 
 
 def store(name: str, arrays: dict[str, np.ndarray]) -> None:
-    """Keep ``arrays`` under ``name``; warns where that is not possible."""
+    """Store ``arrays`` under ``name``; warns if that is not possible."""
     try:
         folder().mkdir(parents=True, exist_ok=True)
         remove_stale(folder())

@@ -1,4 +1,4 @@
-"""Equilibrium of a pad under a load: one Newton solve, on the part of the pad that its symmetry leaves."""
+"""Equilibrium of a pad under a load: one Newton solve, on the symmetric part of the pad."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
 MOST_ITERATIONS = 20
 SLOW = 0.1
-"""A factored tangent serves further iterations as long as each leaves less than this share of the error."""
+"""A factored tangent is reused while each iteration reduces the error below this fraction."""
 NEAR = 1e-3
-"""Distance of displacements, relative to the largest, over which a tangent serves for that of a state amid others."""
+"""Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 REFINED = 1e-9
-"""Last change of a solution that iterative refinement has brought to rest, relative to it."""
+"""Relative last change at which iterative refinement has converged."""
 SLOW_REFINEMENT = 0.3
-"""A factor of a state near by serves as long as each refinement is less than this share of the one before."""
+"""A factor of a nearby state is used while each refinement is less than this fraction of the one before."""
 MOST_REFINEMENTS = 20
 NATURAL_STRAIN = 0.02
-"""Mean strain, about, that one step of a load path adds."""
+"""Approximate mean strain of one step of a load path."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """An accepted state: unknowns in balance with a load, a stable equilibrium without inverted elements.
+    """An accepted state: a stable equilibrium without inverted elements.
 
     Attributes
     ----------
     min_jacobian : float
-        Least volume ratio J at any quadrature point and node of the elements.
+        Smallest volume ratio J at any quadrature point and node of the elements.
     residual : float
         Largest out-of-balance force, relative to the load.
     stability_checked : bool
-        Whether the solver gave the inertia that stability is judged by.
+        Whether the solver provided the inertia for the check of stability.
     """
 
     unknowns: np.ndarray
@@ -67,13 +67,13 @@ class Solution:
 
 
 class Rejected(Exception):
-    """A step that found no acceptable state; the message says why."""
+    """A step without an acceptable state, for the reason in the message."""
 
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`: a step of a load path."""
+    """Step of a load path: change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`."""
     if isinstance(load, PlateDisplacement | IndenterDisplacement):
-        local = 2 if isinstance(load, IndenterDisplacement) else 1  # much of the pad is strained less
+        local = 2 if isinstance(load, IndenterDisplacement) else 1  # most of the pad is strained less
         return local * NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
@@ -87,20 +87,20 @@ class LoadedPad:
     mesh : VolumeMesh
         Of the whole pad.
     mirrors : sequence of Mirror
-        A group of mirrors that leave pad and load as they are; only the part between them is solved for.
+        A group of symmetries of pad and load; only the part between them is solved for.
     images : Mapping[Mirror, ndarray], optional
         Of the nodes, from :func:`node_images`; needed with mirrors.
     solver : str, optional
-        Name of a linear solver; None takes the best there is.
+        Name of a linear solver; None for the best available.
 
     Attributes
     ----------
     past : Past or None
-        What a pad with a memory keeps of what was before; whoever steps it through time sets it.
+        History of a viscoelastic pad, set by the time stepping.
     """
 
     solves_between: ClassVar[bool] = False
-    """Whether states between the nodes of a path are solved for, and not interpolated."""
+    """Whether states between the nodes of a path are solved for rather than interpolated."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class LoadedPad:
 
     @property
     def unknowns(self) -> int:
-        """How many unknowns are solved for."""
+        """Number of unknowns."""
         return self.model.assembly.unknowns
 
     def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,14 +136,16 @@ class LoadedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The state of balance that Newton's method finds from the unknowns ``start``, if it is a stable one.
+        """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
 
         Parameters
         ----------
         value : (3,) ndarray
             N or mm, or (1,) MPa: of the load on the whole pad.
 
-        Returns the solution and the linearised pad there.
+        Returns
+        -------
+        The solution and the linearised pad there.
 
         Raises
         ------
@@ -152,7 +154,7 @@ class LoadedPad:
         """
         found = self._balanced(start, value)
         linearised = self._linearised(self._entries(found, value), found.unknowns, value)
-        # One more step costs a back-solve, and derivatives then do not feel what was left.
+        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
         correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
         found = replace(found, unknowns=found.unknowns - correction, linearised=None)
         solution = self._accepted(found, self._is_stable(linearised))
@@ -160,9 +162,9 @@ class LoadedPad:
         return solution, linearised
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, but what :meth:`refuse_unstable` looks at is left to it.
+        """As :meth:`solve`, but without the check of :meth:`refuse_unstable`.
 
-        So that one factored matrix has to be in memory at a time; it is that of a state near by where that is enough.
+        Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
         """
         found = self._balanced(start, value)
         entries = self._entries(found, value)
@@ -174,7 +176,7 @@ class LoadedPad:
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
-        """Raise Rejected if a state of balance is unstable against displacements that :class:`Stability` looks at.
+        """Raise Rejected if an equilibrium is unstable against the displacements that :class:`Stability` checks.
 
         Parameters
         ----------
@@ -190,8 +192,8 @@ class LoadedPad:
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
 
-        Displacements that lack the symmetry of the load are not looked at once more, and the linearised pad is that of
-        a state within `NEAR`.
+        Displacements without the symmetry of the load are not checked again, and the linearised pad is that of a state
+        within `NEAR`.
         """
         found = self._balanced(start, value)
         linearised = found.linearised
@@ -201,12 +203,12 @@ class LoadedPad:
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """As :meth:`solve_linearised`, with the tangent of the very state; its factor may be that of one near by."""
+        """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one."""
         solution, near = self.solve_linearised(start, value)
         state = self._evaluate(solution.unknowns, value)
-        assert state.entries is not None  # no element is turned inside out
+        assert state.entries is not None  # no element is inverted
         linearised = self._linearised(state.entries, solution.unknowns, value, near)
-        # One more step costs a back-solve, and derivatives then do not feel what was left.
+        # A further step costs a back-solve, and removes the effect of the residual on derivatives.
         correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
         return replace(solution, unknowns=solution.unknowns - correction), linearised
 
@@ -219,9 +221,9 @@ class LoadedPad:
     def solve_next(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, judged: bool
     ) -> tuple[Solution, Linearised]:
-        """As :meth:`solve`, going on with the factor of a state ``near`` by as long as that is enough.
+        """As :meth:`solve`, with the factor of a state ``near`` by while that suffices.
 
-        Where it is not ``judged``, displacements that lack the symmetry of the load are not looked at.
+        Unless ``judged``, displacements without the symmetry of the load are not checked.
         """
         found = self._balanced(start, value, near)
         linearised = found.linearised
@@ -234,7 +236,7 @@ class LoadedPad:
         return solution, linearised
 
     def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of :meth:`solve`; whether they are stable is not asked."""
+        """The unknowns of :meth:`solve`, without a check of stability."""
         return self._balanced(start, value).unknowns
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
@@ -250,7 +252,7 @@ class LoadedPad:
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
-            assert linearised is not None  # from an earlier iteration
+            assert linearised is not None  # of an earlier iteration
             first, last = first or error, error
             correction = linearised.step(self._left(state), self._gap(unknowns, value))
             distance += float(np.abs(correction[: self.numbering.displacements]).max())
@@ -262,17 +264,17 @@ class LoadedPad:
         return Solution(found.unknowns, least, found.error, found.iterations, checked)
 
     def _entries(self, found: Balance, value: np.ndarray) -> np.ndarray:
-        """Of the tangent where a balance was found."""
+        """Entries of the tangent at an equilibrium."""
         entries = found.state.entries
         if entries is None:
             entries = self._evaluate(found.unknowns, value).entries
-        assert entries is not None  # no element is turned inside out
+        assert entries is not None  # no element is inverted
         return entries
 
     def _checked_error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float) -> float:
-        """How far a state is from balance; raises Rejected where an iteration should not go on from it."""
+        """Error of equilibrium; raises Rejected if the iteration should not continue."""
         if not state.min_jacobian > 0:
-            raise Rejected(f"an element would be turned inside out (J = {state.min_jacobian:.2g})")
+            raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):
             raise Rejected("Newton's method diverges")
@@ -281,25 +283,25 @@ class LoadedPad:
     def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
         least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0])
         if not least > 0:
-            raise Rejected(f"an element would be turned inside out at a node (J = {least:.2g})")
+            raise Rejected(f"an element would be inverted at a node (J = {least:.2g})")
         return least
 
     def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
-        """What one step of Newton's method with a known tangent takes off ``unknowns``; None if it cannot say."""
+        """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
         residual = self._left(self._evaluate(unknowns, value, with_tangent=False))
         if not np.all(np.isfinite(residual)):
             return None
         return linearised.step(residual, self._gap(unknowns, value))
 
     def answer(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Change of the unknowns by a second Piola-Kirchhoff stress (m, q, 6) that is added, by a factor near by."""
+        """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
         elements = self.model.assembly.elements
         forces = elements.pulled(self.numbering.split(unknowns)[0], stress)
         nothing = np.zeros((len(forces), 4))
         return -linearised.step(self.model.assembly.over_unknowns(forces, nothing))
 
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
-        """(3,) force in N that holds the bonded plate of the whole pad in a state of balance."""
+        """(3,) force in N on the bonded plate of the whole pad in equilibrium."""
         residual = self._evaluate(unknowns, np.zeros(3), with_tangent=False).residual
         return self.part.copies * self.numbering.of_plate(residual)
 
@@ -307,13 +309,13 @@ class LoadedPad:
         return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, self.past)
 
     def _left(self, state: Configuration) -> np.ndarray:
-        """What is out of balance, but for what holds a moved plate, which changes nothing and is large beside it."""
+        """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
         left = state.residual.copy()
         left[self._moved] = 0.0
         return left
 
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
-        """How far a state is from balance: the largest relative error of forces, volumes, plate."""
+        """Error of equilibrium: the largest relative error of forces, volumes, plate."""
         forces, volumes = np.split(state.residual, [self.numbering.displacements])
         load = float(np.linalg.norm(state.load))
         if self._driven:
@@ -327,7 +329,7 @@ class LoadedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Norm of the load vector of a natural step, which smaller loads are measured by."""
+        """Norm of the load vector of a natural step, the scale for smaller loads."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = np.zeros(self.load.components)
         value[-1] = self.step
@@ -341,17 +343,17 @@ class LoadedPad:
 
     @cached_property
     def _moved(self) -> np.ndarray:
-        """Unknowns of the plate where the load moves it, else none."""
+        """Unknowns of the plate if the load moves it, else none."""
         return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
 
     def _gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
-        """How far each moved unknown of the plate is from where it should be, in mm; None without one."""
+        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without one."""
         return unknowns[self._moved] - self.numbering.plate_values(value) if self._driven else None
 
     def _linearised(
         self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
     ) -> Linearised:
-        """The linearised pad of some entries at a state, with the factor of one ``near`` by, if there is one."""
+        """The linearised pad with given entries at a state, with the factor of a state ``near`` by if given."""
         lower = self.model.assembly.matrix(entries)
         held = self.model.held(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
@@ -365,15 +367,15 @@ class LoadedPad:
     def rate(
         self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
     ) -> np.ndarray:
-        """Derivative of the unknowns of a state of balance by the load's value along ``direction``.
+        """Derivative of the unknowns in equilibrium by the load's value along ``direction``.
 
-        Where the load is no linear function of its ``value``, that is needed.
+        If the load is not linear in its ``value``, that is required.
         """
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
 
     def _is_stable(self, linearised: Linearised) -> bool:
-        """Whether stability was checked against what the part can do; raises Rejected if it is unstable."""
+        """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
         if linearised.negative is None:
             return False
         _refuse_surplus(linearised.negative - self.numbering.pressures)
@@ -386,9 +388,9 @@ class LoadedPad:
 
 @dataclass(frozen=True)
 class Balance:
-    """Where Newton's method has ended: unknowns, the pad there, what is left of the error, iterations.
+    """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
 
-    ``linearised`` is the last tangent that was factored, at a state at a ``distance`` of some mm, if there was one.
+    ``linearised`` is the last factored tangent, if any, at a state at a ``distance`` in mm.
     """
 
     unknowns: np.ndarray
@@ -414,13 +416,13 @@ class Linearised:
     Parameters
     ----------
     lower : sparse.csc_matrix
-        Triangle of the tangent.
+        Lower triangle of the tangent.
     factored : Callable[[sparse.csc_matrix], Factorisation]
-        Gives the factor of such a triangle.
+        Factorises such a triangle.
     held : Held
-        What the load sets instead of forces.
+        Constraints of the load.
     displacements : int
-        How many of the unknowns are displacements; they come first.
+        Number of displacements among the unknowns; they come first.
     """
 
     def __init__(
@@ -438,15 +440,15 @@ class Linearised:
 
     @cached_property
     def _flexibility(self) -> np.ndarray:
-        """(k, k) how sums that are held answer what holds them."""
+        """(k, k) response of the constrained sums to the constraint forces."""
         return self.held.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """As :meth:`correction`, as well as the factor tells it: enough for an iteration."""
+        """As :meth:`correction`, to the accuracy of the factor, for use in an iteration."""
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and by how much what holds the sums that are held does so."""
+        """The same, and the constraint forces."""
         free = self.factor.solve_roughly(residual)
         if not len(self.held.slack):
             return free, np.zeros(0)
@@ -455,7 +457,8 @@ class Linearised:
         return free + self.factor.solve_roughly(self.held.rows.T @ holding), holding
 
     def correction(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change that answers a ``residual`` with sums that are held changing by ``gap``, by nothing if None."""
+        """The change of the unknowns for a ``residual``, with constrained sums changing by ``gap``, by nothing if
+        None."""
         rows, slack, last = self.held.rows, self.held.slack, math.inf
         gap = np.zeros(len(slack)) if gap is None else gap
         found, holding = self._answer(residual, gap)
@@ -474,7 +477,7 @@ class Linearised:
 
     @cached_property
     def negative(self) -> int | None:
-        """Negative eigenvalues of the tangent with what is held (Haynsworth, 1968); None if unknown."""
+        """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968); None if unknown."""
         if self.factor.negative_pivots is None:
             return None
         return self.factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._flexibility) < 0))

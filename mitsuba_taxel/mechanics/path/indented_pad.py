@@ -1,7 +1,7 @@
-"""Equilibrium of a pad that a rigid body presses on: Newton's method with the pressures of the contact beside it.
+"""Equilibrium of a pad under an indenter: Newton's method with contact pressures as additional unknowns.
 
-In each step the pad is linear, and which nodes press is found exactly: from how these few answer each other's
-pressures, by back-solves with the factor of the pad alone.
+In each step the pad is linear, and the nodes in contact are determined exactly, from the flexibility of these few
+nodes, by back-solves with the factor of the pad alone.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ from mitsuba_taxel.mechanics.path.equilibrium import (
 )
 
 MOST_HALVINGS = 5
-"""Of a step of Newton's method that would turn an element inside out."""
+"""Number of halvings of a Newton step that would invert an element."""
 LIKELY = 0.25
-"""Gap, relative to a step of the path, up to which a node may press at the start of a solve."""
+"""Largest gap, relative to a step of the path, of nodes that may be in contact at the start of a solve."""
 
 
 class IndentedPad(LoadedPad):
-    """A meshed pad glued to the board, under a rigid body that is moved.
+    """A meshed pad glued to the board, under a moved indenter.
 
     Attributes
     ----------
     rubbed : Rubbed or None
-        What friction keeps of what was before; whoever steps along a path sets it.
+        History of friction, set by the stepping along a path.
     """
 
     solves_between = True
@@ -53,12 +53,12 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def friction(self) -> Friction | None:
-        """Of the body; None without."""
+        """Friction of the indenter; None without."""
         body = self.model.indentation
         return Friction(body, self.part.mesh.points, self.part.group) if body.indenter.friction else None
 
     def rubbed_at(self, unknowns: np.ndarray, value: np.ndarray) -> Rubbed | None:
-        """What friction keeps of a state of balance."""
+        """History of friction after an equilibrium."""
         if self.friction is None:
             return None
         displacement = self.numbering.split(unknowns)[0]
@@ -66,7 +66,7 @@ class IndentedPad(LoadedPad):
         return Rubbed(self.friction.place(displacement, value), self._own_traction(displacement, value, pressing))
 
     def _own_traction(self, displacement: np.ndarray, value: np.ndarray, pressing: Pressing) -> np.ndarray:
-        """(m, 3) MPa that slip and the ``pressing`` make; raises where nothing rubs."""
+        """(m, 3) MPa, tractions due to slip at the contact ``pressing``; raises without friction."""
         assert self.friction is not None
         tangents, place = self.friction.tangents(pressing), self.friction.place(displacement, value)
         return self.friction.traction(tangents, place, self._before, pressing.pressure)
@@ -102,7 +102,7 @@ class IndentedPad(LoadedPad):
                 linearised = contact = None  # frees its memory for the next one
                 if state.entries is None:
                     state = self._pushed(unknowns, value, pushed_by)
-                assert state.entries is not None  # no element is turned inside out
+                assert state.entries is not None  # no element is inverted
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
                 contact = _LinearContact(self, linearised.factor, _pressing_of(state))
             first, last = first or error, error
@@ -119,7 +119,7 @@ class IndentedPad(LoadedPad):
     def _pushed(
         self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
     ) -> Configuration:
-        """The pad under pressures, and tractions along the tangents where it is, ``pushed_by`` (m, 3)."""
+        """The pad under pressures and tractions along its tangents ``pushed_by`` (m, 3)."""
         displacement, pressure = self.numbering.split(unknowns)
         traction = None
         if self.friction is not None:
@@ -135,7 +135,7 @@ class IndentedPad(LoadedPad):
         return self.friction.slip(self.friction.tangents(_pressing_of(state)), place, self._before)
 
     def _settled(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> Configuration:
-        """The same displacement with the pressures that its gaps make, and the tractions of its slip."""
+        """The same displacement with the pressures of its gaps and the tractions of its slip."""
         pressing, body = _pressing_of(state), self.model.indentation
         own = pressing._replace(pressure=np.maximum(-pressing.gap, 0.0) / body.slack)
         if self.friction is not None:
@@ -145,7 +145,7 @@ class IndentedPad(LoadedPad):
         return replace(state, residual=state.residual + state.load - load, load=load, entries=None, pressing=own)
 
     def _out_of_touch(self, state: Configuration) -> float:
-        """Largest gap at a node that presses, or depth at one that does not, relative to the pad's height."""
+        """Largest gap at a node in contact, or depth at one that is not, relative to the pad's height."""
         pressing, body = _pressing_of(state), self.model.indentation
         gap = np.where(
             pressing.pressure > 0, pressing.gap + body.slack * pressing.pressure, np.minimum(pressing.gap, 0)
@@ -153,7 +153,7 @@ class IndentedPad(LoadedPad):
         return float(np.abs(gap / body.area)[self.model.may_press].max(initial=0.0)) / self.height
 
     def _likely_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """(m, 3) pressures that hold the pad best in a displacement that is not one of balance, and no tractions."""
+        """(m, 3) pressures that best balance the pad at a displacement out of equilibrium, without tractions."""
         body = self.model.indentation
         found = np.zeros((len(body.node), 3))
         state = self._pushed(unknowns, value, found, with_tangent=False)
@@ -167,19 +167,19 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def _small_load(self) -> float:
-        """What smaller forces are measured by: those of a natural strain on the least area of a node."""
+        """Scale for smaller forces: that of a natural strain on the smallest area of a node."""
         return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
 
 
 class _LinearContact:
-    """A pad at a state, linear, and the nodes that a body may press and rub on.
+    """A pad linearised at a state, and the nodes that an indenter may touch.
 
     Parameters
     ----------
     factor : Factorisation
-        Of the tangent with pressures that stay.
+        Of the tangent at constant pressures.
     pressing : Pressing
-        How the body stands to the nodes.
+        State of contact.
     """
 
     def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing) -> None:
@@ -194,7 +194,8 @@ class _LinearContact:
         self._answers = np.zeros((len(self._slack), 0))
 
     def step(self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of the unknowns and of what the body pushes by (m, 3) to where linear pad and body are in balance."""
+        """Changes of the unknowns and of pressures and tractions (m, 3) to equilibrium of the linear pad and the
+        indenter."""
         before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
         offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
@@ -215,13 +216,13 @@ class _LinearContact:
         return free + self._factor.solve_roughly(self._rows.T @ further), pushed
 
     def _settled(self, matrix: np.ndarray, offset: np.ndarray, before: np.ndarray) -> np.ndarray | None:
-        """Pressures, and tractions after them."""
+        """Pressures, followed by tractions."""
         if self._friction is None:
             return pressures(matrix, offset, before > 0)
         return tractions(matrix, offset, self._friction.coefficient, before)
 
     def _learn(self, nodes: np.ndarray) -> None:
-        """Find how all answer pressures and tractions at these."""
+        """Compute the response of all nodes to pressures and tractions at these."""
         new = np.setdiff1d(nodes, self._known)
         rows = (new + self._count * np.arange(self._ways)[:, None]).ravel()
         learnt = answers(self._factor, self._rows, self._rows[rows]).reshape(len(self._slack), self._ways, -1)
@@ -231,5 +232,5 @@ class _LinearContact:
 
 
 def _pressing_of(state: Configuration) -> Pressing:
-    assert state.pressing is not None  # a body is the load
+    assert state.pressing is not None  # the load is an indenter
     return state.pressing

@@ -1,4 +1,4 @@
-"""How deep a rigid body goes under a force, along the segment of a path on which it is pushed down."""
+"""Depth of an indenter under a force, along the path segment on which it is pushed down."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment, Node
 
 DEPTH_TOLERANCE = 1e-10
-"""Of the depth, relative to it."""
+"""Relative tolerance of the depth."""
 _TINY = 1e-300
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """N, by which the body pushes the whole pad down."""
+    """Downward force of the indenter on the whole pad in N."""
     body = pad.model.indentation
     pressing = body.pressing(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
     return -pad.part.copies * float(pressing.force[2])
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """N/mm, by which that grows with the depth."""
+    """Derivative of that force by the depth in N/mm."""
     body = pad.model.indentation
     pressing = body.pressing(pad.numbering.split(node.unknowns)[0], segment.value(node.s))
     rate = body.force_rate(pressing, _DOWN, pad.numbering.split(node.tangent)[0])
@@ -30,9 +30,9 @@ def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def depth_under(pad: LoadedPad, segment: LoadSegment, force: float) -> float:
-    """The depth in mm at which the body presses by a force in N, which it does by the last node.
+    """The depth in mm at which the indenter exerts a force in N, which it reaches by the last node.
 
-    Contact forces grow with the depth to a power of about 1.5, so that their power of 2/3 is nearly straight.
+    Contact forces grow with the depth to a power of about 1.5, so that their power of 2/3 is nearly linear.
     """
     after = next(k for k, node in enumerate(segment.nodes) if force_at(pad, segment, node) >= force)
 

@@ -1,9 +1,9 @@
-"""The deformed pad at any load, by way of one path that everybody shares.
+"""The deformed pad at any load, on shared load paths.
 
 The path to a force F is 0 -> (0, 0, Fz) -> F: the normal segment first, then the tangential one, as in the paper's
-procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is the same to the
-bit whoever asks for it, with whatever others, in any order. A load that differs from another by a mirror of the pad has
-the mirrored state, to the bit.
+procedure and on the bench. Its nodes depend on pad, material, load and mesh alone, so that a state is bitwise the same
+whichever others are requested, in any order. The mirror image of a load, by a symmetry of the pad, has bitwise the
+mirrored state.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from mitsuba_taxel.pads.pad_file import PadFile
 
 FEW_STATES = 100
 MOST_BYTES = 4 * 2**30
-"""Of the states that are returned at once; a few are never refused."""
+"""Memory limit of the states returned at once; a few are always allowed."""
 
 
 def load_path(
@@ -47,34 +47,34 @@ def load_path(
 ) -> list[State]:
     """Deformed states of a pad under each of the ``values`` of a load.
 
-    Without a memory, states depend on their values alone. A silicone with one, `Viscoelastic`, is at rest until t = 0;
-    its load goes evenly from each value to the next, and jumps where two times are equal. An indenter with friction
-    goes straight from each value to the next, and from rest to the first down before it goes sideways.
+    States of an elastic pad without friction depend on their values alone. A `Viscoelastic` silicone is at rest until t
+    = 0; its load changes linearly from each value to the next, and jumps where two times are equal. An indenter with
+    friction moves straight from each value to the next, and to the first one first down, then sideways.
 
     Parameters
     ----------
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
     times : (S,) sequence of float, optional
-        In s, of the values, none before the one that precedes it: for a silicone with a memory, and for no other.
+        Non-decreasing times of the values in s: for a viscoelastic silicone only.
     mesh_size : float, optional
         Size of the finite elements in mm; by default the pad's own `default_mesh_size`.
     mesh_tolerance : float, optional
-        Instead of a size, the relative error of the roofs' displacement under a small load that the size is chosen for;
-        see :func:`mesh_size_for`.
+        Instead of a size, the target for the relative error of the roofs' displacement under a small load; see
+        :func:`mesh_size_for`.
     obstacles : (K, 3, 3) ndarray, optional
         In mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame.
     progress : Callable[[int, int], None], optional
-        Called with the number of states done and the number of all.
+        Called with (states done, total states).
 
     Raises
     ------
     InputError
-        for values that are not finite or too many to be held, a mesh size or a tolerance that is not allowed, or
-        obstacles that the undeformed pad touches; for times that are missing, of no use, below 0, or go back.
+        if values are not finite or too many for memory, a mesh size or tolerance is not allowed, the undeformed pad
+        touches obstacles, or times are missing, not needed, negative or decreasing.
     ComputationError
-        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the
-        board or an obstacle; or if memory does not suffice.
+        naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
+        or an obstacle; or if memory does not suffice.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
@@ -112,7 +112,7 @@ def state_after(
     mesh_tolerance: float | None = None,
     obstacles: np.ndarray | None = None,
 ) -> State:
-    """The last of the states of :func:`load_path`, where they depend on those before; the others are not held."""
+    """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory."""
     rows = _checked(values, load)
     history, remembers = timed_rows(material, load, rows, times), remembering(material)
     with LOCK:
@@ -123,19 +123,19 @@ def state_after(
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
-    """A material as one with a memory, of no terms if it has none."""
+    """A material as a viscoelastic one, without terms if it is elastic."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 
 def _check_room(states: int, path: PadPath) -> None:
-    """Raise `InputError` if so many states cannot be held at once."""
+    """Raise `InputError` if so many states do not fit into memory at once."""
     if states <= FEW_STATES:
         return
     most = MOST_BYTES // (3 * path.mesh.points.nbytes)  # displacement and deviations
     if states > most:
         raise InputError(
-            f"{states} values of a load are not allowed: at most {most} states of this pad are held at once; ask for "
-            "them one after the other."
+            f"{states} values of a load are not allowed: at most {most} states of this pad fit into memory at once; "
+            "compute them one by one."
         )
 
 

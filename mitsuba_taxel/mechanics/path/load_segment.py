@@ -1,7 +1,7 @@
-"""A straight segment of a load path: equilibria under a load that grows from one value onwards in a fixed direction.
+"""A straight segment of a load path: equilibria under a load that grows from a value in a fixed direction.
 
-The nodes of a segment are solved where the segment alone says, never where somebody asked for a state; between them the
-state follows from cubic Hermite interpolation with the tangents du/dF, which one back-solve each gives.
+The nodes of a segment depend on the segment alone, not on the requested states; between them the state is interpolated
+by cubic Hermite polynomials with the tangents du/dF, from one back-solve each.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Reje
 INTERPOLATION_TOLERANCE = 1e-4
 """Largest error of an interpolated displacement, relative to the largest displacement there."""
 TICKS = 64
-"""A whole step is halved at most to this part."""
+"""Smallest fraction of a whole step."""
 CONTACT_RESOLUTION = 1e-3
-"""How well the first contact is placed, relative to a whole step."""
+"""Tolerance of the load at the first contact, relative to a whole step."""
 
 Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
 
@@ -31,7 +31,7 @@ Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
 class Node:
     """A solved state on a segment at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
 
-    ``seconds`` are those that it took to solve.
+    ``seconds`` is the time of its solution.
     """
 
     s: float
@@ -56,7 +56,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Unknowns between two nodes, with the worse of their figures, and the seconds of all nodes on the way there."""
+    """Unknowns between two nodes, with the worse of their figures, and the seconds of all nodes up to there."""
 
     unknowns: np.ndarray
     min_jacobian: float
@@ -72,16 +72,16 @@ class LoadSegment:
     Parameters
     ----------
     step : float
-        Distance between nodes where nothing asks for less.
+        Default distance between nodes.
     judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
 
     Attributes
     ----------
     limit, reason
-        Distance beyond which there is no state, and why; infinite and empty as long as none is known.
+        Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
-        In mm, where the pad touches something at the limit; not numbers if it does not.
+        In mm, point of contact at the limit; NaN without contact.
     """
 
     def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float, judged: bool) -> None:
@@ -107,13 +107,13 @@ class LoadSegment:
     ) -> None:
         """Solve nodes up to the first at or beyond distance ``s``; ``start`` finds the unknowns at the origin.
 
-        Between intervals ``far_enough`` is asked whether no more nodes are of use.
+        Between intervals, ``far_enough`` tells whether further nodes are unnecessary.
 
         The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
-        aligned to its own length; an interval is halved where Newton's method finds no acceptable state. More nodes are
-        put between the two, each amid others, where the interpolation would not be accurate. Where a segment goes on
-        thus depends on its nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad
-        touches itself or the board.
+        aligned to its own length; an interval is halved if Newton's method finds no acceptable state. Further nodes are
+        inserted midway where the interpolation would not be accurate. The continuation of a segment thus depends on its
+        nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the
+        board.
         """
         if not self.nodes and math.isinf(self.limit):
             self._begin(pad, start)
@@ -125,7 +125,7 @@ class LoadSegment:
                     break
 
     def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
-        try:  # at rest, or amid another segment's states
+        try:  # at rest, or between states of another segment
             self.nodes.append(self._node(pad, pad.solve_linearised, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
@@ -150,7 +150,7 @@ class LoadSegment:
         end, linearised = self._node(pad, solve, s, self._guess(pad, s))
         fits = shortest or self._interpolates(pad, start, end, linearised)
         entries = linearised.entries
-        del linearised  # which takes much memory
+        del linearised  # frees much memory
         if self.judged:
             began = time.perf_counter()
             pad.refuse_unstable(end.unknowns, entries, self.value(s))
@@ -158,7 +158,7 @@ class LoadSegment:
         return self._between(pad, start, end, fits)
 
     def _between(self, pad: LoadedPad, start: Node, end: Node, fits: bool) -> list[Node]:
-        """The nodes beyond ``start`` up to ``end``, between which the interpolation ``fits`` or does not."""
+        """The nodes beyond ``start`` up to ``end``; further ones are inserted unless the interpolation ``fits``."""
         if fits:
             return [end]
         s = 0.5 * (start.s + end.s)
@@ -170,7 +170,7 @@ class LoadSegment:
         return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
 
     def _guess(self, pad: LoadedPad, s: float) -> np.ndarray:
-        """Unknowns beyond the last node: by the last interval's cubic no further than its length, else straight on."""
+        """Extrapolated unknowns beyond the last node: by the last interval's cubic up to its length, else linearly."""
         last = self.nodes[-1]
         if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
             return hermite(self.nodes[-2], last, s)
@@ -184,7 +184,7 @@ class LoadSegment:
         return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
 
     def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
-        """Whether the interpolated midpoint is near equilibrium: one step of Newton's method says how near."""
+        """Whether the interpolated midpoint is near equilibrium, as measured by one Newton step."""
         if pad.solves_between:
             return True
         middle = 0.5 * (start.s + end.s)
@@ -197,7 +197,7 @@ class LoadSegment:
         return bool(np.abs(correction[displacements]).max() <= INTERPOLATION_TOLERANCE * largest)
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
-        """End the segment at the first contact since the last node but one, if there is one at the last."""
+        """End the segment at the first contact since the penultimate node, if there is one at the last."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         found = self.first_contact(pad, len(self.nodes) - 1, test.find)
@@ -208,14 +208,15 @@ class LoadSegment:
     def first_contact(
         self, pad: LoadedPad, index: int, find: Callable[[np.ndarray], Contact | None]
     ) -> tuple[float, Contact] | None:
-        """How far the segment goes without contact, and that contact, if there is one at a node but not at that before.
+        """Distance along the segment without contact, and the contact, if there is one at a node but not at the one
+        before.
 
         Parameters
         ----------
         index : int
             Of the node; the first has none before it.
         find : Callable[[ndarray], Contact | None]
-            Tells a contact under a displacement (N, 3) of the pad, as :meth:`ContactTest.find` does.
+            Finds a contact at a displacement (N, 3) of the pad, like :meth:`ContactTest.find`.
         """
         found = find(pad.split(self.nodes[index].unknowns)[0])
         if found is None:
@@ -242,14 +243,14 @@ class LoadSegment:
         )
 
     def solved(self, pad: LoadedPad, s: float) -> Node:
-        """The state in balance at distance ``s``, which the segment must reach; raises Rejected if there is none."""
+        """The equilibrium at distance ``s``, which the segment must reach; raises Rejected if there is none."""
         after = self._first_from(s)
         if self.nodes[after].s == s:
             return self.nodes[after]
         return self._node(pad, pad.solve_linearised, s, hermite(*self._interval_to(after), s))[0]
 
     def rate(self, s: float) -> np.ndarray:
-        """Derivative of the unknowns by the distance, where it is ``s``, which the segment must reach."""
+        """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""
         return hermite_rate(*self._interval_to(self._first_from(s)), s)
 
     def _first_from(self, s: float) -> int:
@@ -264,7 +265,7 @@ class LoadSegment:
         return nodes | {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Take nodes and limit from :meth:`arrays`."""
+        """Restore nodes and limit from :meth:`arrays`."""
         self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]

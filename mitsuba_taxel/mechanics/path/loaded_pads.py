@@ -1,4 +1,4 @@
-"""What states under one kind of load share: the mirrors that leave it as it is, and parts of the pad between these."""
+"""Shared data of states under one kind of load: its symmetries, and parts of the pad between mirrors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
 @lru_cache(maxsize=4)
 def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
-    """The mirrors that leave mesh and load's distribution as they are, with the image (N,) of each node."""
+    """The common symmetries of mesh and load distribution, with the image (N,) of each node."""
     return {mirror: image for mirror, image in node_images(mesh).items() if keeps(load, mesh, mirror, image)}
 
 
-@lru_cache(maxsize=4)  # a normal and a tangential segment, and those of the coarser mesh: matrices take memory
+@lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
 def loaded_pad(mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...]) -> LoadedPad:
-    """The part of a pad between some of these mirrors."""
+    """The part of a pad between mirrors."""
     kind = IndentedPad if isinstance(load, IndenterDisplacement) else LoadedPad
     return kind(mesh, material, load, mirrors, mirror_images(mesh, load))

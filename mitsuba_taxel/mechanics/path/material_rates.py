@@ -10,15 +10,15 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 RELATIVE_STEP = 1e-3
-"""Change of a parameter of the material that differences of fourth order are taken with: they are right to 1e-11."""
+"""Relative change of a material parameter for differences of fourth order, which are accurate to 1e-11."""
 SMALL_STEP = 1e-5
-"""Where the law does not allow that: differences of second order, right to about 1e-9."""
+"""The same, if the law does not allow that, for differences of second order, accurate to about 1e-9."""
 
 
 def material_rate(put_up: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:
     """Derivative of a pad's internal forces and volumes by one of its material's parameters.
 
-    A central difference of fourth order, or one of second order where the law does not allow larger changes.
+    A central difference of fourth order, or of second order if the law does not allow larger changes.
     """
     value = getattr(material, name)
     scale = abs(value) or _scale(material, name)
@@ -48,5 +48,5 @@ def _allows(material: Material, name: str, value: float) -> bool:
 
 
 def _scale(material: Material, name: str) -> float:
-    """What a parameter that is 0 is measured by; apart from Poisson's ratio it is a modulus."""
+    """Scale of a parameter, also if it is 0: apart from Poisson's ratio, a modulus."""
     return 1.0 if name == "poisson_ratio" else material.shear_modulus

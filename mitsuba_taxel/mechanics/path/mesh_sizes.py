@@ -1,4 +1,4 @@
-"""How large the finite elements of a pad are: as asked for, or as an error allows."""
+"""Size of the finite elements of a pad, given or chosen by an error target."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
 COARSEST = 0.35
-"""Size of the coarsest elements that `mesh_size_for` tries, relative to the pad's height."""
+"""Size of the coarsest elements tried by `mesh_size_for`, relative to the pad's height."""
 SIZES = 9
-"""How many sizes it tries, each 1 / sqrt(2) of the one before."""
+"""Number of sizes tried, each 1 / sqrt(2) of the one before."""
 MOST_ELEMENTS_TRIED = 100_000
-"""A mesh of more is not tried: without symmetry it takes some 10 GB to solve."""
+"""Largest mesh tried: without symmetry, its solution takes some 10 GB."""
 
 
 def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:
-    """The coarsest of a row of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
+    """The coarsest of a sequence of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
 
-    The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and under
-    a small tangential one where the load has a direction. Under larger loads it may be larger, and is stated.
+    The error is that of :class:`RoofError`, ``relative``, of the change from rest under a small normal load, and a
+    small tangential one if the load has a direction. Under larger loads it may be larger, and is reported.
 
     Raises
     ------
     InputError
-        if the tolerance is no number between 0 and 1, or out of reach.
+        if the tolerance is not a number between 0 and 1, or cannot be reached.
     ComputationError
         if the pad cannot be meshed.
     """
@@ -48,9 +48,9 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
             if error <= tolerance:
                 return size
             size /= math.sqrt(2)
-    reached = f"{error:.2g} is what the finest mesh tried, of {size * math.sqrt(2):.2g} mm, reaches"
+    reached = f"the finest mesh tried, of {size * math.sqrt(2):.2g} mm, has {error:.2g}"
     if math.isinf(error):
-        reached = f"no mesh of at most {MOST_ELEMENTS_TRIED} elements tells its error"
+        reached = f"the error of no mesh of at most {MOST_ELEMENTS_TRIED} elements can be estimated"
     raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: {reached}.")
 
 
@@ -61,14 +61,14 @@ def _height(pad: Pad | PadFile) -> float:
 def chosen_size(
     pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
 ) -> float:
-    """The mesh size in mm that is asked for, by itself or by a tolerance, or the pad's own; raises `InputError`."""
+    """The mesh size in mm, as given, chosen by a tolerance, or the pad's default; raises `InputError`."""
     for name, value in (("mesh_size", size), ("mesh_tolerance", tolerance)):
         if not (value is None or is_number(value)):
             raise refusal(name, value, "a finite number is needed")
     if size is not None and tolerance is not None:
         raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
     if tolerance is not None:
-        # At rest a body touches nothing: what a force on the top needs is taken, and elements are smaller under it.
+        # At rest an indenter touches nothing: the size for a force on the top is used, and refined under the indenter.
         return mesh_size_for(
             pad, material, SPREAD_FORCE if isinstance(load, IndenterDisplacement | IndenterForce) else load, tolerance
         )

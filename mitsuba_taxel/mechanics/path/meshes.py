@@ -1,4 +1,4 @@
-"""Meshes of pads, made once."""
+"""Cached meshes of pads."""
 
 from __future__ import annotations
 

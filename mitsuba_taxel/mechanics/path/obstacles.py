@@ -1,6 +1,6 @@
-"""Where on a load path a pad first touches rigid bodies that stand beside it.
+"""First contact of a pad with rigid obstacles on a load path.
 
-They change nothing about the states of a path, which so are the same, and kept, for all that may stand there.
+Obstacles do not change the states of a path, which are therefore cached for all obstacles.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
 
 
 class Obstacles:
-    """Rigid bodies at rest in the way of a pad; what is known of the segments of its paths.
+    """Rigid obstacles of a pad, with the known first contacts on the segments of its paths.
 
     Parameters
     ----------
@@ -27,12 +27,12 @@ class Obstacles:
     triangles : (K, 3, 3) ndarray
         In mm, corners of the triangles of their closed surfaces, in the frame of the pad.
     mirrors : sequence of Mirror
-        Applied to them one after the other, as to the load that the segments belong to.
+        Applied to them in sequence, as to the load of the segments.
 
     Raises
     ------
     InputError
-        if they are no triangles, or the undeformed pad touches them, itself or the board.
+        if they are not triangles, or the undeformed pad touches them, itself or the board.
     """
 
     def __init__(self, mesh: VolumeMesh, triangles: np.ndarray, mirrors: Sequence[Mirror]) -> None:
@@ -51,7 +51,7 @@ class Obstacles:
             )
 
     def first(self, segment: LoadSegment, pad: LoadedPad) -> tuple[float, Contact] | None:
-        """How far a segment goes, as far as it is solved, before the pad touches them, and where; else None."""
+        """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""
         for index in range(self._clear.get(segment, 1), len(segment.nodes)):
             if segment not in self._first:
                 found = segment.first_contact(pad, index, self._test.find_package)

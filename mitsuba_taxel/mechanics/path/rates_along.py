@@ -1,7 +1,7 @@
-"""Derivatives of all states on one straight line of loads, from few of them.
+"""Derivatives of all states on a straight line of loads, from those of a few.
 
-Derivatives change so smoothly with the load that a polynomial through those of three or four states tells the others'.
-States are added where the polynomial may err most (F. Leja, Ann. Polon. Math. 4, 1957), until it tells the next one.
+Derivatives change so smoothly with the load that a polynomial through those of three or four states gives the others.
+States are added where the polynomial may err most (F. Leja, Ann. Polon. Math. 4, 1957), until it predicts the next one.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from mitsuba_taxel.mechanics.path.sensitivities import LinearisedState, linearis
 from mitsuba_taxel.mechanics.path.state import State
 
 TOLERANCE = 1e-4
-"""Largest error of a polynomial at a further state, relative to the largest derivative, with which it is taken; what it
-gives once it goes through that state too is better."""
+"""Accepted error of a polynomial at a further state, relative to the largest derivative; including that state, it
+becomes more accurate."""
 FEWEST = 2
-"""States that are not asked whether they tell others."""
+"""Number of first states, before the polynomial is tested."""
 STRAIGHT = 1e-9
-"""Distance of loads from a line, relative to its length, that is rounding."""
+"""Tolerance of the distance of loads from a line, relative to its length."""
 
 
 def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
@@ -32,12 +32,13 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
     states : Sequence[State]
         Of one pad.
     ask : Callable[[LinearisedState], Sequence[ndarray]]
-        Gives the derivatives of one state, all of one shape, as ``lambda s: [s.by_value((0, 0, 1)), s.by_shape(v)]``.
+        Returns the derivatives of one state, all of one shape, such as ``lambda s: [s.by_value((0, 0, 1)),
+        s.by_shape(v)]``.
 
     Raises
     ------
     InputError
-        if they are no such states.
+        if states are not of one pad with loads on a line.
     ComputationError
         as :func:`linearise` does.
     """
@@ -56,13 +57,13 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
 
 
 def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
-    """(K,) largest of each of the derivatives in some answers."""
+    """(K,) largest absolute value of each derivative."""
     sizes = np.abs(np.array(list(answers)))
     return sizes.max(axis=(0, *range(2, sizes.ndim)))
 
 
 def _along(values: np.ndarray) -> np.ndarray:
-    """(S,) places of loads (S, c) on their line; raises `InputError` if there is none."""
+    """(S,) positions of loads (S, c) on their line; raises `InputError` if there is none."""
     from_first = values - values[0]
     length = np.linalg.norm(from_first, axis=1).max()
     if length == 0:
@@ -75,7 +76,7 @@ def _along(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
-    """(S, ...) the polynomial through the answers of some states, by number, at the places of all."""
+    """(S, ...) the polynomial through the derivatives of some states, by number, at the positions of all."""
     known = places[list(answers)]
     weights = np.ones((len(places), len(known)))
     for k, here in enumerate(known):

@@ -1,8 +1,8 @@
-"""How a deformed pad answers small changes of its load, its material and its shape.
+"""Sensitivities of a deformed pad to its load, material and shape.
 
-In balance R(u; value, theta) = 0, so that the unknowns change by du = -K^-1 (dR/dvalue dvalue + dR/dtheta dtheta) with
-the tangent K = dR/du: one back-solve with a factor that is there. K is symmetric, so that one more gives the
-derivatives of any scalar L of the displacement by all of them: with K a = dL/du, dL/dtheta = -a . dR/dtheta (the
+In equilibrium R(u; value, theta) = 0, so that the unknowns change by du = -K^-1 (dR/dvalue dvalue + dR/dtheta dtheta)
+with the tangent K = dR/du: one back-solve with an existing factor. K is symmetric, so that one more back-solve gives
+the derivatives of any scalar L of the displacement by all parameters: with K a = dL/du, dL/dtheta = -a . dR/dtheta (the
 adjoint method; D. A. Tortorelli and P. Michaleris, Inverse Problems in Engineering 1, 1994).
 """
 
@@ -33,12 +33,12 @@ from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_bl
 from mitsuba_taxel.mechanics.path.timed_rows import rubs
 
 SYMMETRIC = 1e-6
-"""Difference of a state from its mirror image, relative to the largest displacement, up to which it is taken for it."""
+"""Difference of a state from its mirror image, relative to the largest displacement, up to which it is symmetric."""
 NO_PART = 1e-12
-"""What a velocity has in a block, relative to its largest, that counts as nothing."""
+"""Component of a velocity in a block, relative to its largest, that counts as zero."""
 
 Push = Mapping[TangentBlock, np.ndarray]
-"""Forces over the unknowns of blocks, of a unit of what is changed."""
+"""Forces over the unknowns of blocks, per unit of a change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Gradient:
     material : dict[str, float]
         DL by each parameter of the material, by name.
     shape : dict[str, float]
-        DL by each change of shape that was asked for, by name: by way of the displacement alone.
+        DL by each requested change of shape, by name: through the displacement alone.
     """
 
     value: np.ndarray
@@ -61,25 +61,24 @@ class Gradient:
 
 
 def linearise(state: State) -> LinearisedState:
-    """Bring a state to balance and factor its tangent, of the part between the mirrors that leave the state as it is.
+    """Bring a state to equilibrium and factor its tangent, on the part between the mirrors of the state.
 
-    Changes that lack its symmetry have factors of their own, made when they are first asked for. A state between two
-    nodes of its path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those of
-    the state in balance, not of the interpolation.
+    Changes without its symmetry have factors of their own, computed when first needed. A state between two nodes of its
+    path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those of the
+    equilibrium, not of the interpolation.
 
     Raises
     ------
     InputError
-        if it is no `State`.
+        if it is not a `State`.
     ComputationError
-        if there is no stable state of balance near by: some paths end where there is none; or if memory does not
-        suffice.
+        if there is no stable equilibrium nearby, as at the end of some paths; or if memory does not suffice.
     """
     require("state", state, State, "a State, as load_path returns it,")
     if isinstance(state.load, IndenterForce):
         raise refusal("state", state.load, "derivatives of an indenter's displacement are needed, not of its force")
     if state.memory is not None:
-        raise InputError("derivatives of a silicone with a memory are not available: leave prony out, or vary steps.")
+        raise InputError("derivatives of a viscoelastic silicone are not available: leave prony out, or vary steps.")
     if rubs(state.load):
         raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
     with _told(state.load, state.value):
@@ -91,14 +90,14 @@ def linearise(state: State) -> LinearisedState:
 
 
 class LinearisedState:
-    """A deformed pad in balance, with the factor of its tangent; from :func:`linearise`.
+    """A deformed pad in equilibrium, with its factored tangent; from :func:`linearise`.
 
-    Its methods raise `ComputationError` where the state turns out to be unstable against the changes asked for.
+    Methods raise `ComputationError` if the state turns out to be unstable against the requested changes.
 
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        mm of each node, in balance to the solver's tolerance.
+        Of each node, in mm, in equilibrium to the solver's tolerance.
     pressure : (corners,) ndarray
         MPa.
     """
@@ -122,12 +121,12 @@ class LinearisedState:
         Parameters
         ----------
         direction : Sequence[float] or ndarray
-            (3,) or (1,), as the load's value is; a unit vector gives mm per N, mm or MPa.
+            (3,) or (1,), like the load's value; a unit vector gives mm per N, mm or MPa.
 
         Raises
         ------
         InputError
-            if it is not that many finite numbers.
+            if its shape differs, or it is not finite.
         """
         direction = array_of("direction", direction, (self._pad.load.components,))
         if not self._driven:
@@ -139,7 +138,7 @@ class LinearisedState:
     def by_material(self, name: str) -> np.ndarray:
         """(N, 3) derivative of the displacement by a parameter of the material, by one back-solve.
 
-        In mm per unit of the parameter, the others staying as they are; ``material.parameters`` lists the names.
+        In mm per unit of the parameter, at constant others; ``material.parameters`` lists the names.
 
         Raises
         ------
@@ -152,20 +151,20 @@ class LinearisedState:
         return self._answer(self._push_of_material(name))
 
     def by_shape(self, velocity: np.ndarray) -> np.ndarray:
-        """(N, 3) derivative of the displacement of each node while the undeformed nodes move, by one back-solve.
+        """(N, 3) derivative of the displacement by a movement of the undeformed nodes, by one back-solve.
 
-        The load stays: a spread force keeps its total, a patch its place in space, a pressure follows the surface, a
-        plate is moved as before. A node's place changes by ``velocity`` and this.
+        The load does not change: a spread force keeps its total, a patch its position in space, a plate its
+        displacement; a pressure follows the surface. The position of a node changes by ``velocity`` plus this.
 
         Parameters
         ----------
         velocity : (N, 3) ndarray
-            Of the nodes, in mm per unit of what changes: from `mesh_velocity`, or any other.
+            Of the nodes, in mm per unit of the change: from `mesh_velocity`, or any other.
 
         Raises
         ------
         InputError
-            if it is not of that shape or not finite.
+            if its shape differs, or it is not finite.
         """
         return self._answer(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
@@ -175,15 +174,15 @@ class LinearisedState:
         Parameters
         ----------
         gradient : (N, 3) ndarray
-            DL/d(displacement) of each node, per mm; what it has on nodes of the board does not matter.
+            DL/d(displacement) of each node, per mm; values on nodes of the board are ignored.
         shapes : Mapping[str, ndarray], optional
-            Velocities (N, 3) as :meth:`by_shape` takes them, by names of one's own. Where L depends on the places of
-            nodes, add the sum of ``gradient * velocity``: the undeformed nodes move as well.
+            Velocities (N, 3) as for :meth:`by_shape`, by arbitrary names. If L depends on the positions of nodes, add
+            the sum of ``gradient * velocity``: the undeformed nodes move too.
 
         Raises
         ------
         InputError
-            if one of them is not of that shape or not finite.
+            if the shape of an array differs, or it is not finite.
         """
         gradient = array_of("gradient", gradient, self.displacement.shape)
         pushes = {
@@ -212,7 +211,7 @@ class LinearisedState:
         return isinstance(self._pad.load, PlateDisplacement)
 
     def _answer(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """(N, 3) displacement by forces; a driven plate moves by ``gaps``, or stays where it is."""
+        """(N, 3) displacement due to forces; a driven plate moves by ``gaps``, or is fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
@@ -232,7 +231,7 @@ class LinearisedState:
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure on the part that a block is of."""
+        """Displacement and pressure on the part of a block."""
         return block.model.part.restrict(self.displacement, self.pressure)
 
     def _strained(self, block: TangentBlock) -> StrainedElements:
@@ -248,7 +247,7 @@ class LinearisedState:
         }
 
     def _push_of_material(self, name: str) -> Push:
-        block = self._blocks[0]  # in which the whole state is
+        block = self._blocks[0]  # which contains the state
         strained, assembly = self._strained(block), block.model.assembly
 
         def put_up(material: Material) -> np.ndarray:
@@ -277,12 +276,12 @@ class LinearisedState:
 
     @cached_property
     def _plate_rates(self) -> list[np.ndarray]:
-        """Derivatives (N, 3) of the displacement by each component of a driven plate's."""
+        """Derivatives (N, 3) of the displacement by each component of a driven plate's displacement."""
         return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
 
 
 def _mirrors(state: State) -> tuple[Mirror, ...]:
-    """The mirrors that leave pad and state as they are."""
+    """The common symmetries of pad and state."""
     images = mirror_images(state.mesh, state.load)
     largest = np.abs(state.displacement).max()
 
@@ -294,18 +293,18 @@ def _mirrors(state: State) -> tuple[Mirror, ...]:
     return tuple(mirror for mirror in images if keeps_state(mirror))
 
 
-@lru_cache(maxsize=4)  # states of a path follow one another, and share what does not change
+@lru_cache(maxsize=4)  # consecutive states of a path share what does not change
 def _blocks(pad: LoadedPad) -> Sequence[TangentBlock]:
     return tangent_blocks(pad)
 
 
 @contextmanager
 def _told(load: Load, value: np.ndarray) -> Iterator[None]:
-    """Let a rejected state, or memory that ends, be a ComputationError that says where."""
+    """Turn a rejected state, or a lack of memory, into a ComputationError that names the load."""
     try:
         with memory_for("the tangent of the pad"):
             yield
     except Rejected as rejection:
         shown = ", ".join(f"{component:.4g}" for component in value)
         where = f"{load.quantity} = ({shown}) {load.unit}"
-        raise ComputationError(f"no state of balance was found at {where}: {rejection}.") from rejection
+        raise ComputationError(f"no equilibrium was found at {where}: {rejection}.") from rejection

@@ -1,15 +1,14 @@
-"""Whether a pad in balance is stable, against displacements that need not have the symmetry of its state.
+"""Stability of an equilibrium against displacements that need not have the symmetry of its state.
 
-The tangent of the whole falls into blocks, one for each way in which a displacement can behave under the mirrors, and
-the pad is stable if each block is. Most states are found stable with less: the pad is cut along planes of symmetry, and
-the pieces are looked at alone. Each displacement of the whole is one of the pieces, and its energy is the sum of
-theirs; so the pad is stable if the pieces are. They are freer, and may be unstable where the pad is not: then the
-blocks decide.
+The tangent of the whole decomposes into blocks, one for each irreducible representation of the mirrors, and the pad is
+stable if each block is. Most states can be shown to be stable at less cost: the pad is cut along planes of symmetry,
+and the pieces are checked alone. Each displacement of the whole is one of the pieces, and its energy is the sum of
+theirs; so the pad is stable if the pieces are. They have more freedom, and may be unstable where the pad is not: then
+the blocks decide.
 
-What the pieces lose is little. In a cut acts the pressure of the pad itself, and follows the cut as it deforms: to the
-energy of the whole that adds nothing, because what it adds to a piece it takes off the piece's mirror image. Pressures
-at the nodes of a cut, which two pieces would share, are left out, and to leave out a pressure never makes a piece
-stiffer.
+The pieces lose little stiffness. The pressure of the pad acts in a cut, and follows the cut as it deforms: this does
+not change the energy of the whole, as contributions of a piece and its mirror image cancel. Pressures at the nodes of a
+cut, which two pieces would share, are left out, which never makes a piece stiffer.
 """
 
 from __future__ import annotations
@@ -32,27 +31,27 @@ from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_bl
 
 
 class Stability:
-    """The displacements of a pad that a factored tangent of the part between its mirrors does not tell about.
+    """Check of the displacements that a factored tangent of the part between mirrors does not cover.
 
-    They are those that lack the symmetry of its state, or all, where pieces tell.
+    They are those without the symmetry of the state, or all, where pieces are checked.
 
     Parameters
     ----------
     whole : VolumeMesh
         Mesh of the whole pad.
     mirrors : tuple[Mirror, ...]
-        Those that leave the state as it is.
+        Symmetries of the state.
     images : Mapping[Mirror, ndarray]
         Of the nodes, from :func:`node_images`.
     model : Model
         Of the part between the mirrors.
     solver : str or None
-        Name of a linear solver that knows the inertia.
+        Name of a linear solver that provides the inertia.
 
     Attributes
     ----------
     of_all
-        Whether it looks at displacements with the symmetry of the state, too.
+        Whether displacements with the symmetry of the state are checked too.
     """
 
     def __init__(
@@ -74,7 +73,8 @@ class Stability:
         value: np.ndarray,
         past: Past | None = None,
     ) -> int:
-        """Negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad is stable.
+        """Number of negative eigenvalues beyond those of the pressures, in the first block that has some; 0 if the pad
+        is stable.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Stability:
         value : ndarray
             Of the load.
         past : Past, optional
-            What the part keeps of what was before, if it has a memory.
+            History of the part, if it is viscoelastic.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Stability:
         if self._pieces_tell:
             if self.pieces.are_stable(entries, displacement, pressure):
                 return 0
-            self._pieces_tell = False  # nor will they under a larger load
+            self._pieces_tell = False  # nor under larger loads
             del self.pieces
         found = self._of_blocks(entries, displacement, pressure, value, past)
         return next((surplus for surplus in found if surplus), 0)
@@ -114,7 +114,7 @@ class Stability:
             of_block: np.ndarray | None = entries
             if part is not self._model.part:
                 of_block = block.model.evaluate(*on_part, value, past=past and past.on(part, self._whole)).entries
-            assert of_block is not None  # or the state would not be one of balance
+            assert of_block is not None  # guaranteed in equilibrium
             yield block.surplus(of_block, block.model.held(on_part[0], value))
 
     @cached_property
@@ -140,7 +140,7 @@ class _Pieces:
         self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
 
     def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
-        """Whether all of them certainly are; arguments as of :meth:`Stability.surplus`."""
+        """Whether all pieces are certainly stable; parameters are those of :meth:`Stability.surplus`."""
         entries = self.with_pressure(entries, displacement, pressure)
         try:
             return not any(block.surplus(entries) for block in self.blocks)
@@ -148,7 +148,7 @@ class _Pieces:
             return False
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The entries with those of the pressure in the cuts."""
+        """The entries, with those of the pressure in the cuts added."""
         displacement, pressure = self._model.part.restrict(displacement, pressure)
         in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
         stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])
@@ -159,27 +159,28 @@ class _Pieces:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Displacements that behave in one way under the mirrors."""
+    """Displacements of one symmetry type under the mirrors."""
 
     model: Model
     solver: Solver
 
     def surplus(self, entries: np.ndarray, held: Held | None = None) -> int:
-        """Negative eigenvalues of the tangent beyond those of the pressures, with what is ``held``."""
+        """Number of negative eigenvalues of the tangent beyond those of the pressures, with the constraints
+        ``held``."""
         factor = self.solver.factor(self.model.assembly.matrix(entries))
-        assert factor.negative_pivots is not None  # or this would not be asked for
+        assert factor.negative_pivots is not None  # checked before
         surplus = factor.negative_pivots - self.model.numbering.pressures
         return surplus - held.negative(factor) if surplus and held else surplus
 
 
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
-    """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate stays where it is."""
+    """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate is fixed."""
     held_plate, material = isinstance(model.load, PlateDisplacement), model.assembly.elements.material
     of_block = Model(part, material, model.load, signs, held_plate, model if part is model.part else None)
     return _Block(of_block, make_solver(solver))
 
 
 def _faces_on(mesh: VolumeMesh, wall: Mirror) -> np.ndarray:
-    """(F, 6) nodes of the elements' faces in a mirror's plane that bounds the mesh, outwards turned."""
+    """(F, 6) nodes of the outward-oriented element faces in a mirror's plane that bounds the mesh."""
     faces = mesh.tets[:, np.array(TET_FACES)].reshape(-1, 6)
     return faces[(wall.side(mesh.points)[faces[:, :3]] == 0).all(axis=1)]

@@ -1,4 +1,4 @@
-"""A deformed pad, and what is known of its error and of how it goes on along its path."""
+"""A deformed pad, its estimated error and its rate along the load path."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from mitsuba_taxel.mechanics.results.roof_error import RoofError
 
 
 class Comparison(NamedTuple):
-    """What a second mesh tells of a state, as in :class:`State`, and the seconds that its equilibria took to solve.
+    """Comparison of a state with a second mesh, as in :class:`State`, and the seconds of its equilibria.
 
-    ``deviate`` makes the deviations, which only readings need.
+    ``deviate`` computes the deviations, which only readings need.
     """
 
     error: RoofError | None = None
@@ -30,18 +30,18 @@ class Comparison(NamedTuple):
 
 
 def _no_rate() -> None:
-    """What is known of a state that is on no path."""
+    """Rate of a state that is not on a path."""
 
 
 class PathRate(NamedTuple):
-    """How a state goes on along its path, as in :class:`State`."""
+    """Rate of a state along its path, as in :class:`State`."""
 
     direction: np.ndarray
     displacement: np.ndarray
 
 
 class Memory(NamedTuple):
-    """What a state of a silicone with a memory is besides, as in :class:`State`.
+    """Additional data of a state of a viscoelastic silicone, as in :class:`State`.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ class Memory(NamedTuple):
         (m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
         yz, xz.
     deviation : (N, 3) ndarray
-        mm, by which the displacement is estimated to be off for the steps of time.
+        mm, estimated error of the displacement due to time steps.
     error : float
-        That of the stress, relative to it, root mean square over the pad.
+        The same of the stress, relative, root mean square over the pad.
     """
 
     time: float
@@ -64,16 +64,16 @@ class Memory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class State(Displayed):
-    """A deformed pad; what a second mesh tells of it is solved for when it is first asked for.
+    """A deformed pad; the second mesh for its error is solved when first needed.
 
     Attributes
     ----------
     mesh : VolumeMesh
         Undeformed mesh.
     material : Material
-        What it is made of; of a silicone with a memory, what that is at once.
+        Material; of a viscoelastic silicone, the instantaneous law.
     load : Load
-        How it is loaded.
+        Kind of load.
     value : (3,) ndarray
         N or mm, or (1,) MPa: of the load.
     displacement : (N, 3) ndarray
@@ -81,24 +81,23 @@ class State(Displayed):
     pressure : (corners,) ndarray
         In MPa, positive in tension.
     min_jacobian : float
-        Least volume ratio J at the ends of the interval that the state lies in.
+        Smallest volume ratio J at the ends of the interval of the state.
     residual : float
         Largest out-of-balance force there, relative to the load.
     newton_iterations : int
         Iterations of the last solve.
     stability_checked : bool
-        Whether the solver gave the inertia that stability was judged by.
+        Whether the solver provided the inertia for the check of stability.
     solved_in : float
-        Seconds that the equilibria on the way to it took to solve, whenever that was.
+        Seconds of the solution of the equilibria on the way to it, even if cached.
     second_mesh : Callable
         Solves the same load on a second mesh, and compares.
     path_rate : Callable
-        Gives how the state goes on along its path, from the tangents of the states solved on it, at no cost: the
-        ``direction`` of the load's value there, of length 1, and the derivative of the ``displacement`` (N, 3) by the
-        way in it, mm per N, mm or MPa, right to about 1e-4. None at rest, where no direction is known, and for a
-        silicone with a memory.
+        Returns the rate along the path, from the tangents of its solved states, at no cost: the unit vector
+        ``direction`` of the load's value, and the derivative of the ``displacement`` (N, 3) along it, in mm per N, mm
+        or MPa, accurate to about 1e-4. None at rest, where no direction is known, and for a viscoelastic silicone.
     memory : Memory or None
-        Of a silicone with a memory: its time, its stress, and what they are off by.
+        Of a viscoelastic silicone: its time, stress, and their errors.
     traction : ndarray
         (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
     indenter_moved : (3,) ndarray or None
@@ -128,23 +127,23 @@ class State(Displayed):
 
     @property
     def error(self) -> RoofError | None:
-        """Estimated discretisation error at the roofs; None where it is not known, because no second mesh, coarser or
-        finer, can be made or loaded so far, or memory does not suffice for it."""
+        """Estimated discretisation error at the roofs; None if unknown, because no second mesh, coarser or finer, can
+        be generated or loaded so far, or memory does not suffice."""
         return self._compared.error
 
     @cached_property
     def deviations(self) -> np.ndarray | None:
-        """(2, N, 3) mm, of the displacement on elements of twice the size from this one, extrapolated from those of the
-        second mesh: what goes along the displacement, and what is left; None where that is not known."""
+        """(2, N, 3) mm, deviations of the displacement on elements of twice the size, extrapolated from the second
+        mesh: the part along the displacement, and the remainder; None if unknown."""
         return None if self._compared.deviate is None else self._compared.deviate()
 
     @property
     def force_error(self) -> float:
-        """N, of the board's force on the pad where a plate or an indenter is moved, and 0 where a force is given; not a
-        number where that is not known."""
+        """Error in N of the board's force on the pad for a moved plate or indenter, 0 for a given force; NaN if
+        unknown."""
         return self._compared.force_error if self.load.gives_displacement else 0.0
 
     @property
     def seconds(self) -> float:
-        """That the equilibria on the way to it took to solve, on both meshes, and whenever that was."""
+        """Seconds of the solution of the equilibria on the way to it, on both meshes, even if cached."""
         return self.solved_in + self._compared.seconds

@@ -1,9 +1,9 @@
-"""The tangent of a symmetric state, in blocks: one for each way in which a displacement can behave under its mirrors.
+"""The tangent of a symmetric state in blocks, one for each symmetry type of displacements under its mirrors.
 
-A load, or a change of shape, that behaves in one way is answered alike, so that a matrix of the size of the part
-between the mirrors tells the answer (J.-P. Serre, Linear Representations of Finite Groups, chapter 2). Displacements of
-a square pad that turn into each other in pairs need the part between two mirrors, and one matrix for both: the mirror
-in the diagonal takes one into the other.
+The response to a load or a change of shape has the same symmetry type, so that a matrix of the size of the part between
+the mirrors suffices (J.-P. Serre, Linear Representations of Finite Groups, chapter 2). Displacements of the
+two-dimensional representation of a square pad need the part between two mirrors, and one matrix for both: the mirror in
+the diagonal maps one to the other.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_betwee
 from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
 
 Signs = tuple[tuple[Mirror, int], ...]
-"""Mirrors, in an order in which averages over one after the other are those over the group; 1 for what is its own image
-in one, -1 for what is the opposite."""
+"""Mirrors, in an order in which successive averages give the average over the group; 1 for symmetric, -1 for
+antisymmetric."""
 
 
 class TangentBlock:
-    """The displacements of a pad that behave in one way under the mirrors of its state.
+    """The displacements of a pad of one symmetry type under the mirrors of its state.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class TangentBlock:
     model : Model
         Of the part between the mirrors, over the unknowns of such displacements.
     signs : Signs
-        How they behave.
+        Symmetry type.
     images : Mapping[Mirror, ndarray]
         Of the nodes, from :func:`node_images`.
     turn : Mirror, optional
-        One that takes them to those of the model.
+        Mirror that maps them to those of the model.
     """
 
     def __init__(
@@ -56,11 +56,11 @@ class TangentBlock:
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
-        """The displacements that a mirror takes to these."""
+        """The displacements that a mirror maps to these."""
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
-        """The part of a load's value, a vector or a pressure, that behaves so."""
+        """The part of this symmetry type of a load's value, a vector or a pressure."""
         if len(value) == 1:
             return value if all(sign > 0 for _, sign in self._signs) else 0 * value
         value = self._turn.image(value) if self._turn else value
@@ -69,14 +69,15 @@ class TangentBlock:
         return value
 
     def of_field(self, field: np.ndarray) -> np.ndarray:
-        """(n, 3) on the part, what behaves so of a field of vectors (N, 3) at the nodes of the whole pad."""
+        """(n, 3) on the part, component of this symmetry type of a vector field (N, 3) at the nodes of the whole
+        pad."""
         field = self._image(field)
         for mirror, sign in self._signs:
             field = 0.5 * (field + sign * mirror.image(field[self._images[mirror]]))
         return field[self.model.part.nodes]
 
     def forces(self, field: np.ndarray) -> np.ndarray:
-        """(unknowns,) what behaves so of nodal forces (N, 3) on the whole pad."""
+        """(unknowns,) component of this symmetry type of nodal forces (N, 3) on the whole pad."""
         return self.model.numbering.summed(self._shares[:, None] * self.of_field(field))
 
     def displacement(self, unknowns: np.ndarray) -> np.ndarray:
@@ -91,7 +92,7 @@ class TangentBlock:
         Raises
         ------
         Rejected
-            if it says that the state is unstable.
+            if the state is unstable.
         """
         numbering = self.model.numbering
         lower = self.model.assembly.matrix(entries)
@@ -112,12 +113,12 @@ class TangentBlock:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """(n,) the part's share of what is at each of its nodes: others have nodes on its walls, too."""
+        """(n,) the part's share of each of its nodes, as nodes on its walls belong to other parts too."""
         return np.bincount(self.model.part.source) / self.model.part.copies
 
     @cached_property
     def _sign(self) -> np.ndarray:
-        """(N, 1) sign of each node's displacement beside that of its image in the part."""
+        """(N, 1) sign of each node's displacement relative to that of its image in the part."""
         position, sign = self._whole.points, np.ones((len(self._whole.points), 1))
         for mirror, own in self._signs:
             beyond = (mirror.side(position) < 0)[:, None]
@@ -126,7 +127,7 @@ class TangentBlock:
 
 
 def tangent_blocks(pad: LoadedPad) -> list[TangentBlock]:
-    """The blocks that make up all displacements of a pad; first those that have the symmetry of its state."""
+    """The blocks of all displacements of a pad, first those with the symmetry of its state."""
     if len(pad.mirrors) < len(MIRRORS):
         mirrors = [mirror for mirror in MIRRORS if mirror in pad.mirrors]
         ways = [tuple(zip(mirrors, signs, strict=True)) for signs in product((1, -1), repeat=len(mirrors))]

@@ -1,4 +1,4 @@
-"""Steps of time between two rows of a load, as long as the stress changes evenly enough in them."""
+"""Time steps between two rows of a load, of lengths for which the stress changes linearly enough."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, Linearised,
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
 TIME_TOLERANCE = 1e-3
-"""Error of the stress that one step may add, relative to the largest so far, root mean square over the pad."""
+"""Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
 TICKS = 64
-"""A step that finds no equilibrium is halved at most to this part."""
+"""Smallest fraction of a step without equilibrium."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
-"""What a step is multiplied by, for the error of the one before."""
+"""Limits of the factor between steps, according to the error of the one before."""
 SHORTEST = 1e-15
-"""Part of the way between two rows below which a step is not cut."""
+"""Fraction of the way between two rows below which a step is not reduced."""
 
 
 class Ended(Exception):
-    """No further state: the ``reason``, and the ``value`` of the load and ``share`` of the way that were reached."""
+    """No further state: the ``reason``, and the ``value`` of the load and fraction ``share`` of the way reached."""
 
     def __init__(self, value: np.ndarray, share: float, reason: str) -> None:
         super().__init__(reason)
@@ -34,11 +34,11 @@ class Ended(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A state between two rows, at a ``share`` of the way.
+    """A state between two rows, at a fraction ``share`` of the way.
 
-    ``velocity`` is that of the unknowns per s, None where it is unknown or the load jumps; ``unjudged`` the largest
-    displacement in mm since displacements without the load's symmetry were last looked at, ``rubbed`` what the friction
-    of an indenter keeps.
+    ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
+    displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
+    friction.
     """
 
     unknowns: np.ndarray
@@ -59,7 +59,7 @@ class Stretch:
     Parameters
     ----------
     load : tuple[ndarray, ndarray]
-        Its value at the start, and how it changes.
+        Its value at the start, and its change.
     duration : float
         In s; 0 for a jump.
     scale : float
@@ -86,15 +86,15 @@ class Stretch:
         self._judges = judges
 
     def run(self, touch: Callable[[LoadedPad, np.ndarray], Contact | None]) -> tuple[Moment, float]:
-        """The state at the end, and the scale of the stress there; ``touch`` tells a contact.
+        """The state at the end, and the scale of the stress there; ``touch`` finds contacts.
 
-        Where the load's rate has changed, the first step's error is judged with that of the second, and both are done
-        again if it is too large.
+        After a change of the load's rate, the error of the first step is estimated together with the second, and both
+        are repeated if it is too large.
 
         Raises
         ------
         Ended
-            where there is no further state.
+            if there is no further state.
         """
         here, before = self._start, None
         length = 0.5 if self._duration and here.relaxing.slope is None else 1.0
@@ -123,14 +123,14 @@ class Stretch:
         return here, self._scale
 
     def deviation(self, end: Moment) -> np.ndarray:
-        """(unknowns,) what they are off by for the steps of time, estimated."""
+        """(unknowns,) estimated error due to time steps."""
         error = end.relaxing.error.sum(axis=0)
         if self._near is None or not error.any():
             return np.zeros(self._pad.unknowns)
         return self._pad.answer(self._near, end.unknowns, error)
 
     def _step(self, here: Moment, share: float) -> Moment:
-        """The state at a share of the way, by one step."""
+        """The state at a fraction of the way, by one step."""
         pad, time = self._pad, (share - here.share) * self._duration
         remembers = bool(self._material.prony)
         pad.past = here.relaxing.past(self._material, time, pad.part) if remembers else None
@@ -160,7 +160,8 @@ class Stretch:
         return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
 
     def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
-        """Relative error of the last step, or of the first two, and the state with that in its variables."""
+        """Relative error of the last step, or of the first two, and the state with this error added to its
+        variables."""
         if not self._material.prony:
             return 0.0, after
         self._scale = max(self._scale, self._pad.size_of(after.relaxing.stress))

@@ -1,7 +1,7 @@
-"""The states of a pad that remembers: under loads that have times, one row of them after the other.
+"""The states of a history-dependent pad under a sequence of loads with times.
 
-From rest at t = 0 the load goes evenly to each row's value in the time until then; rows of equal times are a jump. A
-state depends on the rows up to its own alone, and is the same to the bit whoever asks for it, with whatever others.
+From rest at t = 0, the load changes linearly to the value of each row until its time; rows of equal times are a jump. A
+state depends on the rows up to its own alone, and is bitwise the same whichever others are requested.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from mitsuba_taxel.mechanics.path.timed_rows import Row
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 
 KEPT = 3
-"""Rows whose states stay in memory."""
+"""Number of rows whose states stay in memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """The pad at the end of a row; arrays are those of the whole pad but for the internal variables of a part.
+    """The pad at the end of a row; arrays are those of the whole pad, except for the internal variables of a part.
 
-    ``rate`` is the load's, per s, in the row; ``velocity`` that of the unknowns in its last step, with the pressures
-    after the displacements; both are not numbers where the load has jumped. ``traction`` (2 N, 3) MPa is that of
-    friction at nodes of the top, then of the outside.
+    ``rate`` is that of the load, per s, in the row; ``velocity`` that of the unknowns in its last step, displacements
+    followed by pressures; both are NaN after a jump of the load. ``traction`` (2 N, 3) in MPa is that of friction at
+    nodes of the top, then of the outside.
     """
 
     displacement: np.ndarray
@@ -72,7 +72,7 @@ class Reached:
 
     @classmethod
     def of(cls, arrays: dict[str, np.ndarray]) -> Reached:
-        """What :meth:`arrays` gave."""
+        """The inverse of :meth:`arrays`."""
         values: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
         return cls(**values)
 
@@ -83,12 +83,12 @@ class Reached:
 
 
 class TimedPath:
-    """States of one pad with a memory under one kind of load, kept on disk, a few in memory.
+    """States of one history-dependent pad under one kind of load, cached on disk, a few in memory.
 
     Parameters
     ----------
     path : PadPath
-        Of the same pad without a memory: its mesh, and how its states are compared with those on another.
+        Path of the same elastic pad, for its mesh and the comparison with another mesh.
     """
 
     def __init__(self, path: PadPath, material: Viscoelastic) -> None:
@@ -125,7 +125,7 @@ class TimedPath:
         for count in range(done + 1, len(rows) + 1):
             name = self._name(rows[:count])
             with cache.alone(name):
-                arrays = cache.load(name)  # another process may have solved it meanwhile
+                arrays = cache.load(name)  # another process may have solved it in the meantime
                 at = self._next(at, rows[:count]) if arrays is None else Reached.of(arrays)
                 if arrays is None:
                     cache.store(name, at.arrays())
@@ -148,7 +148,7 @@ class TimedPath:
             self._known.popitem(last=False)
 
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
-        """The pad at the end of the last row, from its state at that of the row before."""
+        """The pad at the end of the last row, from its state at the end of the row before."""
         began = clock.perf_counter()
         start_time, start_value = rows[-2] if len(rows) > 1 else (0.0, (0.0,) * len(rows[-1][1]))
         pad, earlier = self._pad_for(rows), self._pad_for(rows[:-1])
@@ -211,7 +211,7 @@ class TimedPath:
         )  # fmt: skip
 
     def _rubbed(self, pad: IndentedPad, before: Reached, moved: np.ndarray) -> Rubbed:
-        """What friction keeps of the end of a row, on another part of the pad."""
+        """History of friction at the end of a row, on another part of the pad."""
         assert pad.friction is not None
         nodes, count = pad.part.nodes, len(self._path.mesh.points)
         on_part = before.traction[np.concatenate([nodes, count + nodes])] if len(before.traction) else before.traction
@@ -219,7 +219,7 @@ class TimedPath:
         return Rubbed(place, pad.model.indentation.at_nodes(on_part))
 
     def _traction(self, pad: LoadedPad, end: Moment) -> np.ndarray:
-        """That of :class:`Reached`, from the part that was solved for."""
+        """Traction of :class:`Reached`, from that of the solved part."""
         if end.rubbed is None:
             return np.zeros((0, 3))
         top, outside = np.split(pad.model.indentation.nodal(end.rubbed.traction), 2)
@@ -227,14 +227,14 @@ class TimedPath:
         return np.concatenate([pad.part.expand(field, none)[0] for field in (top, outside)])
 
     def _stacked(self, pad: LoadedPad, unknowns: np.ndarray | None) -> np.ndarray:
-        """Displacements of the whole pad, then its pressures, in one row; not a number for None."""
+        """Displacements of the whole pad, then its pressures, in one row; NaN for None."""
         if unknowns is None:
             return np.full(1, np.nan)
         displacement, pressure = pad.split(unknowns)
         return np.concatenate([displacement.ravel(), pressure])
 
     def _pad_for(self, rows: tuple[Row, ...]) -> LoadedPad:
-        """The part of the pad between the mirrors that leave the loads of all rows as they are."""
+        """The part of the pad between the common mirrors of the loads of all rows."""
         values = [np.array(value) for _, value in rows]
         images = self._path.images
         mirrors = tuple(
@@ -242,7 +242,7 @@ class TimedPath:
         )
         if mirrors not in self._pads:
             kind = IndentedPad if isinstance(self._path.load, IndenterDisplacement) else LoadedPad
-            # One that is shared with others must not have a past.
+            # A shared one must not have a history.
             self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._path.load, mirrors, images)
         return self._pads[mirrors]
 
@@ -258,7 +258,7 @@ class TimedPath:
         return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}."
 
     def _refuse_contact(self, rows: tuple[Row, ...], obstacles: np.ndarray) -> None:
-        """Raise where a pad touches obstacles at the end of one of the rows; what is clear is looked at once."""
+        """Raise if a pad touches obstacles at the end of one of the rows; rows without contact are checked once."""
         key, test = obstacles.tobytes(), None
         for count in range(1, len(rows) + 1):
             if (key, rows[:count]) in self._clear:
@@ -271,7 +271,7 @@ class TimedPath:
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
-        """What the same rows on the first other mesh that bears them tell."""
+        """Comparison with the same rows on the first other mesh that reaches them."""
         with LOCK:
             at, mesh = self.reached(rows), self._path.mesh
             if not at.displacement.any():
@@ -289,11 +289,11 @@ class TimedPath:
                             there.seconds,
                         )
                 except ComputationError:
-                    continue  # its path ends before this load, or memory does
+                    continue  # its path ends before this load, or memory does not suffice
             return Comparison()
 
     def _deviations(self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached) -> np.ndarray:
-        """Those of the elements, with that of the steps of time in what is left."""
+        """Deviations of the elements, with that of time steps added to the remainder."""
         found = deviations(at.displacement, there.displacement)
         found[1] += at.deviation
         return found
@@ -312,5 +312,5 @@ class TimedPath:
 
 @lru_cache(maxsize=4)
 def timed_path(path: PadPath, material: Viscoelastic) -> TimedPath:
-    """The one that everybody shares."""
+    """The shared path of a pad and material."""
     return TimedPath(path, material)

@@ -1,4 +1,4 @@
-"""Values of a load with their times, as a silicone with a memory needs them."""
+"""Values of a load with their times, for viscoelastic silicones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 
 def rubs(load: Load) -> bool:
-    """Whether a load has friction, so that states depend on those before."""
+    """Whether a load has friction, so that states depend on earlier ones."""
     return isinstance(load, IndenterDisplacement | IndenterForce) and load.indenter.friction > 0
 
 
@@ -21,13 +21,13 @@ Row = tuple[float, tuple[float, ...]]
 
 
 def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray, times: object) -> tuple[Row, ...]:
-    """The rows of a load, none where states depend on its value alone; raises `InputError`.
+    """The rows of a load, none if states depend on its value alone; raises `InputError`.
 
-    Where a body rubs on a material without a memory, they are all at 0 s, and it comes down before it goes sideways.
+    For friction on an elastic material, all are at 0 s, and the indenter first moves down, then sideways.
     """
     if not isinstance(material, Viscoelastic):
         if times is not None:
-            raise refusal("times", times, f"{material} has no memory, only a Viscoelastic has; none are needed")
+            raise refusal("times", times, f"{material} is elastic, and only a Viscoelastic has times; none are needed")
         if not rubs(load):
             return ()
         if isinstance(load, IndenterForce):
@@ -35,9 +35,9 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
         return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
     if times is None:
-        raise InputError("times are missing: a silicone with a memory needs the time of each value of its load.")
+        raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     if isinstance(load, IndenterForce):
-        raise refusal("load", load, "of a silicone with a memory, the displacement of an indenter is needed")
+        raise refusal("load", load, "of a viscoelastic silicone, the displacement of an indenter is needed")
     when = array_of("times", times, (len(values),))
     before = np.concatenate([[0.0], when[:-1]])
     wrong = np.flatnonzero(when < before)

@@ -185,7 +185,7 @@ def test_times_that_no_load_has_are_refused(times, words):
 
 
 def test_other_refusals():
-    with pytest.raises(InputError, match="has no memory"):
+    with pytest.raises(InputError, match="is elastic"):
         states([(0, 0, -0.1)], [1.0], LAW)
     with pytest.raises(InputError, match="displacement of an indenter"):
         states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0)))
