@@ -1,1 +1,2 @@
-"""Light between diffuse walls without random numbers: readings, and their derivatives by the places of the walls."""
+"""Deterministic light transport between diffuse walls: readings, and their derivatives by the positions of the
+walls."""

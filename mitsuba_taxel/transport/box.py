@@ -1,7 +1,7 @@
-"""A box that stands between walls: what it blocks of the light from one point to another.
+"""A box between walls, and the light that it blocks between two points.
 
-The light ends at the silhouette of the box with a step. It is spread over ways that run through the box, or miss it, by
-a short length, so that what is blocked is a smooth function of places; as many ways gain by that as lose.
+Visibility is discontinuous at the silhouette of the box. It is smoothed over segments that run through the box, or miss
+it, by a short length, so that the blocked light is a smooth function of positions; gains and losses balance.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ import numpy as np
 from drjit.llvm import Array3f64, Float64, UInt32
 
 WIDTH = 0.2
-"""Length of the ways through a box by which some light passes, relative to its shortest side; with half or a quarter of
-it derivatives change by less than 1e-3."""
+"""Length within a box up to which some light passes, relative to its shortest side; with half or a quarter of it,
+derivatives change by less than 1e-3."""
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box that takes up all light that comes to it.
+    """A box that absorbs all incident light.
 
     Attributes
     ----------
     centre : (3,) ndarray
         In mm.
     axes : (3, 3) ndarray
-        Rows: unit vectors along its sides.
+        Unit vectors along its sides, as rows.
     half : (3,) ndarray
         Half its sides in mm.
     """
@@ -43,22 +43,22 @@ class Box:
     __hash__ = None  # type: ignore[assignment]
 
     def below_top(self, places: np.ndarray) -> bool:
-        """Whether any of some places (..., 3) lies lower than its top, along its third side."""
+        """Whether any of ``places`` (..., 3) lies below its top, along its third side."""
         return bool(((places - self.centre) @ self.axes[2] < self.half[2]).any())
 
     def within(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) points in its own frame."""
+        """(N, 3) points in the frame of the box."""
         return (points - self.centre) @ self.axes.T
 
 
 class Passage:
-    """What passes a box on straight ways.
+    """Share of the light that passes a box on straight segments.
 
     Parameters
     ----------
     box : Box
     start, d : Array3f64
-        Starts in the frame of the box, and vectors from there to the ends.
+        Starts of the segments in the frame of the box, and vectors to their ends.
     """
 
     def __init__(self, box: Box, start: Array3f64, d: Array3f64) -> None:
@@ -80,7 +80,8 @@ class Passage:
         self._by = [(dr.select(enter_by == k, one, 0), dr.select(leave_by == k, one, 0)) for k, one in enumerate(over)]
 
     def slopes(self) -> tuple[Array3f64, Array3f64]:
-        """Derivatives of the share that passes, by the end, and by start and end together, in the world's frame."""
+        """Derivatives of the share that passes by the end, and by a common translation of both ends, in world
+        coordinates."""
         along = (self._leave - self._enter) / self._length
         by_end = Array3f64(
             *(

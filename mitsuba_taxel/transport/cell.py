@@ -1,10 +1,10 @@
-"""One cell: its reading, and the derivatives of that, by one linear system and its adjoint.
+"""The reading of one cell and its derivatives, by one linear system and its adjoint.
 
-Let W(x) be what the phototransistor makes of a watt that comes in at x on the walls. It gets D(x) at once, and the rest
-by way of other walls: W = D + K W. With the power B that the LED sheds on the walls the reading is P = B . W, and with
-the adjoint A = B + K^T A it changes by dP = dB . W + A . (dD + dK W). W is known at the points of a rule of quadrature
-on each patch (Nystrom's method), and in between it is a polynomial. Source: K. E. Atkinson, The Numerical Solution of
-Integral Equations of the Second Kind, Cambridge University Press, 1997.
+Let W(x) be the response of the phototransistor to a watt incident at x on the walls. It receives D(x) directly, and the
+rest via other walls: W = D + K W. With the power B from the LED on the walls, the reading is P = B . W, and with the
+adjoint A = B + K^T A it changes by dP = dB . W + A . (dD + dK W). W is known at the points of a quadrature rule on each
+patch (Nystrom's method), and a polynomial in between. Source: K. E. Atkinson, The Numerical Solution of Integral
+Equations of the Second Kind, Cambridge University Press, 1997.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import triangle_rule
 
 DISTANCE = 0.8
-"""As for :func:`cut_near`: readings change by 3e-5, and derivatives by 2e-4, where it is twice as large."""
+"""As for :func:`cut_near`: with twice the value, readings change by 3e-5 and derivatives by 2e-4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Walls:
     places : (F, 15, 3) ndarray
         In mm.
     isotropic, lambertian : (F,) ndarray
-        Share of the light coming in that each scatters so.
+        Share of the incident light that each scatters with this law.
     """
 
     places: np.ndarray
@@ -48,14 +48,14 @@ class Walls:
 
 
 class Mesh:
-    """What the undeformed walls of a cell say of how they are integrated over: the same for all of its loads.
+    """Quadrature on the walls of a cell, determined by the undeformed state and the same for all loads.
 
     Parameters
     ----------
     rest : (F, 15, 3) ndarray
-        Places of the patches, undeformed, in mm.
+        Positions of the undeformed patches in mm.
     degree : int
-        Of the polynomials: 2, or 1 for a solution that is coarser.
+        Of the polynomials: 2, or 1 for a coarser solution.
     """
 
     def __init__(self, rest: np.ndarray, degree: int = 2) -> None:
@@ -66,12 +66,13 @@ class Mesh:
 
     @cached_property
     def pairs(self) -> Pairs:
-        """Targets, the points at which W is known, and the points that an integral over all patches takes for each."""
+        """Pairs of targets, the points at which W is known, and the points of the integral over all patches for
+        each."""
         return pairs_of(self.targets.places(self.rest), self.rest, self.own, self.degree, DISTANCE)
 
 
 class Cell:
-    """A cell in one state, with its LED and phototransistor, which may be in the top of a ``box``."""
+    """A cell in one state, with its LED and phototransistor, which may be at the top of a ``box``."""
 
     def __init__(self, mesh: Mesh, walls: Walls, led: End, phototransistor: End, box: Box | None = None) -> None:
         self._mesh, self._walls = mesh, walls
@@ -90,7 +91,7 @@ class Cell:
 
     @property
     def emitted(self) -> np.ndarray:
-        """(T,) shares of the LED's power that count at each of the points at which the response is known."""
+        """(T,) shares of the LED's power for each of the points at which the response is known."""
         return self._emission.power
 
     @property
@@ -99,14 +100,14 @@ class Cell:
         return float(self._emission.power @ self.response)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where light goes: from the LED, from wall to wall, and to the phototransistor, in samples.
+        """Samples of the light paths: from the LED, from wall to wall, and to the phototransistor.
 
         Returns
         -------
         sources, ends : (M, 2, 3) ndarray
-            Places in mm, and unit normals there; from wall to wall one of each patch that gets light from a point.
+            Positions in mm, and unit normals; from wall to wall, one for each patch that receives light from a point.
         share : (M,) ndarray
-            Of the reading that comes this way; what comes by several walls counts several times.
+            Share of the reading on this segment; light via several walls counts several times.
         """
         count, size = len(self._walls.places), len(self._at) // len(self._walls.places)
         shares = self._adjoint[:, None] * self._exchange * self.response
@@ -121,7 +122,7 @@ class Cell:
         return np.concatenate(sources), np.concatenate(ends), np.concatenate(into) / self.reading
 
     def _between_walls(self, box: Box | None) -> Exchange:
-        """From the points at which W is known to those of all patches, past a box where one stands between them."""
+        """Exchange from the points at which W is known to those of all patches, with a box between them if given."""
         pairs, places = self._mesh.pairs, self._walls.places
         standing = box if box is not None and box.below_top(places) else None
         return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, standing)
@@ -154,15 +155,15 @@ class Cell:
         return total + mesh.targets.gradient(places, by_start, by_area)
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:
-        """By how much the reading changes, to first order.
+        """First-order change of the reading.
 
         Parameters
         ----------
         led, phototransistor : End
         box : Box or None
-            As they would be.
+            Their changed values.
         scattered : (F,) ndarray
-            What each patch would scatter, over what it does.
+            Changed scattering of each patch, relative to the present one.
         """
         change = 0.0
         if led != self._led:
@@ -178,5 +179,5 @@ class Cell:
 
 
 def _summed(vectors: Sequence[np.ndarray], into: np.ndarray, count: int) -> np.ndarray:
-    """(count, 3) sums of vectors, whose components are (N,), by their numbers."""
+    """(count, 3) sums of vectors with components (N,), grouped by number."""
     return np.stack([np.bincount(into, each, count) for each in vectors], axis=1)

@@ -1,4 +1,4 @@
-"""What an LED sheds on patches: the integral of its intensity over them, cut where its cone ends."""
+"""Power of an LED on patches: the integral of its intensity over them, clipped at the edge of its cone."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from mitsuba_taxel.transport.pieces import Pieces, cut_near, quartered
 from mitsuba_taxel.transport.rules import coefficients, gauss, monomials, triangle_rule
 
 DISTANCE = 1.5
-"""As for :func:`cut_near`, for laws that change over a radian."""
+"""As for :func:`cut_near`, for laws that vary over a radian."""
 EDGE_CUTS = 2
-"""How often pieces through which the edge of the cone goes are cut, before the edge counts as a parabola."""
+"""Number of subdivisions of pieces that the edge of the cone crosses, before the edge is approximated by a parabola."""
 MOST_EDGE_CUTS = 4
-"""Where it leaves a piece by the side by which it came in."""
+"""The same, where the edge leaves a piece by the side by which it entered."""
 RIM_POINTS = 3
-"""Rays from a corner that the edge cuts off, each of one point less."""
+"""Number of rays from a corner that the edge cuts off; each has one point less."""
 TINY = np.finfo(float).tiny
 _SIX = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
 
 
 @dataclass(frozen=True, eq=False)
 class Lit:
-    """Points that LEDs' points shine on; ``edge`` are those at the end of the cone.
+    """Points lit by points of LEDs; ``edge`` are those at the edge of the cone.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Lit:
     points : Points
         N of them.
     weight : (N,) ndarray
-        In the integral over s and t; at the edge, area that is lit for each change of the cosine.
+        In the integral over s and t; at the edge, lit area per change of the cosine.
     """
 
     source: np.ndarray
@@ -46,7 +46,7 @@ class Lit:
 
 @dataclass(frozen=True, eq=False)
 class Emission:
-    """What an LED sheds on patches (F), whose values are known at Q points each."""
+    """Power of an LED on patches (F), whose values are known at Q points each."""
 
     led: End
     places: np.ndarray
@@ -56,7 +56,7 @@ class Emission:
 
     @cached_property
     def power(self) -> np.ndarray:
-        """(F * Q,) shares of the LED's power that count at each of these points."""
+        """(F * Q,) shares of the LED's power for each of these points."""
         rays = _Rays(self.led, self.inside, self.places)
         shares = self._shares(self.inside)
         size = shares.shape[1]
@@ -64,7 +64,7 @@ class Emission:
         return np.bincount(into.ravel(), (rays.value[:, None] * shares).ravel(), len(self.places) * size)
 
     def gradient(self, values: np.ndarray) -> np.ndarray:
-        """(F, 15, 3) derivatives, by the patches' places, of the integral of the power times ``values`` (F * Q,)."""
+        """(F, 15, 3) derivatives, by the patches' positions, of the integral of the power times ``values`` (F * Q,)."""
         rays, rim = _Rays(self.led, self.inside, self.places), _Rays(self.led, self.edge, self.places)
         at, passed = self._at(self.inside, values), self._at(self.edge, values) * rim.value[:, None]
         by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
@@ -80,7 +80,7 @@ class Emission:
 
 
 class _Rays:
-    """From points of an LED to the points that they light."""
+    """Rays from points of an LED to the points that they light."""
 
     def __init__(self, led: End, lit: Lit, places: np.ndarray) -> None:
         self._led = led
@@ -97,7 +97,7 @@ class _Rays:
 
     @property
     def of_cosine(self) -> np.ndarray:
-        """(N, 3) derivative of the cosine by the lit place."""
+        """(N, 3) derivative of the cosine by the lit point."""
         return (self._led.normal - self.cosine[:, None] * self.direction) / self.distance[:, None]
 
     @property
@@ -107,7 +107,7 @@ class _Rays:
 
     @property
     def by_place(self) -> np.ndarray:
-        """(N, 3) derivative of the value by the lit place."""
+        """(N, 3) derivative of the value by the lit point."""
         per_square = (self.weight / self.squared)[:, None]
         lit = (self.facing > 0)[:, None]
         fall = (
@@ -118,7 +118,7 @@ class _Rays:
 
 
 def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emission:
-    """What ``led`` sheds on patches with ``places`` (F, 15, 3), which are cut as they need it at ``rest``."""
+    """Power of ``led`` on patches with ``places`` (F, 15, 3), which are subdivided as needed at ``rest``."""
     sources, faces, corners = [], [], []
     for source, which, pieces in cut_near(led.points, rest, None, DISTANCE / min(led.law.width, 1.0)):
         sources.append(source)
@@ -156,10 +156,10 @@ def _clipped(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces, d
 
 
 def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
-    """Rules for pieces (M, 3, 2) one of whose corners is lit while others are not, or the other way round.
+    """Rules for pieces (M, 3, 2) with one lit corner and two dark ones, or vice versa.
 
-    Between that corner, the tip, and the edge of the light: along rays from the tip, on which heights (M, 6) are
-    quadratic. A tip that is dark counts as negative, beside its piece as a whole.
+    They cover the part between that corner, the tip, and the edge of the light, along rays from the tip, on which
+    heights (M, 6) are quadratic. The part of a dark tip is subtracted from the whole piece.
     """
     up = heights[:, :3] >= 0
     lit_tip = up.sum(axis=1) == 1
@@ -174,7 +174,7 @@ def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
     bend = 2 * (a**2 * (h0 + h1 - 2 * m01) + b**2 * (h0 + h2 - 2 * m20) + 2 * a * b * (h0 + m12 - m01 - m20))
     square = slope**2 - 4 * bend * h0
     root = np.where(square >= 0, np.sqrt(np.maximum(square, 0)) - slope, 0)
-    ends_within = root > 2 * h0  # else the ray leaves the piece before the light ends
+    ends_within = root > 2 * h0  # else the ray leaves the piece before the edge of the light
     reach = np.where(ends_within, 2 * h0 / np.where(ends_within, root, 1), 1)
     passed = np.where(ends_within, reach / np.maximum(np.abs(slope + 2 * bend * reach), TINY), 0)
 
@@ -198,7 +198,7 @@ def _lit(
     points: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
 ) -> Lit:
-    """All points of some pieces, each with so many of them, in the order of the patches."""
+    """All points of pieces with numbers ``sizes`` of points, in the order of the patches."""
     source, face = (
         np.concatenate([np.repeat(each, size) for each, size in zip(rows, sizes, strict=True)])
         for rows in (sources, faces)
@@ -208,7 +208,7 @@ def _lit(
 
 
 def _heights(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces) -> np.ndarray:
-    """(M, 6) by how much the cosine at corners and amid sides of pieces is above that where the cone ends."""
+    """(M, 6) cosine at corners and midpoints of sides of pieces, minus that at the edge of the cone."""
     order = np.argsort(pieces.face, kind="stable")
     points = Points(np.repeat(pieces.face[order], 6), pieces.points(_SIX)[order].reshape(-1, 2))
     at = np.empty((len(order), 6, 3))

@@ -1,4 +1,4 @@
-"""The two ends of the light: an LED and a phototransistor, as points with weights, and their laws of direction."""
+"""The ends of light paths: LED and phototransistor as weighted points, and their angular laws."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Law(Protocol):
-    """A function of the cosine of the angle against the normal, for cosines from ``cutoff`` on; 0 below."""
+    """A function of the cosine of the angle to the normal, for cosines of at least ``cutoff``; 0 below."""
 
     @property
     def cutoff(self) -> float:
@@ -18,10 +18,10 @@ class Law(Protocol):
 
     @property
     def width(self) -> float:
-        """Angle in radians within which it changes a lot."""
+        """Angle in radians over which it varies substantially."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative, also a little below the cutoff."""
+        """Value and derivative, also slightly below the cutoff."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CosinePower:
 
 
 def uniform_cone(cosine: float) -> CosinePower:
-    """The density [1/sr] of directions that are uniform within a cone of that cosine."""
+    """The density [1/sr] of directions uniform within a cone of that cosine."""
     return CosinePower(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
 
 
@@ -58,7 +58,7 @@ class End:
     weights : (L,) ndarray
         Of an LED, shares of its power; of a phototransistor, areas in mm².
     normal : (3,) ndarray
-        Unit vector in the direction that it looks in.
+        Unit normal, in the viewing direction.
     law : Law
         Of an LED, share of its power per solid angle; of a phototransistor, response relative to the ideal one.
     """

@@ -1,8 +1,8 @@
-"""How diffuse walls pass light on: from a point into the hemisphere before it, and onto a surface.
+"""Light exchange between diffuse walls: from a point into its hemisphere, and onto a surface.
 
 All integrals are over surfaces. With d from a point x to a point y of a surface, r = |d|, and the area normal N of the
-surface (its length is area per unit of what is integrated over), light that leaves x evenly over solid angles falls
-there with -(N . d) / (2 pi r^3), and by Lambert's law with (n . d) (-N . d) / (pi r^4), n being the unit normal at x.
+surface (its length is the area per unit of the integration variables), light emitted isotropically at x arrives there
+with -(N . d) / (2 pi r^3), and by Lambert's law with (n . d) (-N . d) / (pi r^4), with the unit normal n at x.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from mitsuba_taxel.transport.box import Box, Passage
 HORIZON = 4e-3
 """Cosine up to which a way counts for what goes along the horizon."""
 _TURN = threading.Lock()
-"""Threads that make kernels take turns."""
+"""Lock of threads that launch kernels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Points of walls that send light on.
+    """Points of walls that scatter light.
 
     Attributes
     ----------
     at, normal : (S, 3) ndarray
-        Places in mm, and unit normals.
+        Positions in mm, and unit normals.
     isotropic, lambertian : (S,) ndarray
-        Share of the light coming in that each scatters so.
+        Share of the incident light that each scatters with this law.
     """
 
     at: np.ndarray
@@ -43,8 +43,9 @@ class Starts:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of what falls on a surface, as components (N,): by its place (and, with the other sign, by the
-    start's), by its area normal, by the unit normal at the start, and by the places of both where a box stands."""
+    """Derivatives of the light on a surface, as components (N,): by its position (with opposite sign, by that of the
+    start), by its area normal, by the unit normal at the start, and by a common translation of both relative to a
+    box."""
 
     by_end: list[np.ndarray]
     by_area: list[np.ndarray]
@@ -53,7 +54,7 @@ class Slopes:
 
 
 class Exchange:
-    """What leaves some points and falls on a surface at others.
+    """Light from points of walls to points of a surface.
 
     Parameters
     ----------
@@ -62,9 +63,9 @@ class Exchange:
     at, area : (E, 3) ndarray
         Points of the surface, and its area normals.
     start, end : (N,) ndarray
-        Numbers of those that make a pair.
+        Numbers of start and end of each pair.
     box : Box or None
-        That stands between them.
+        Box between them.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Exchange:
         self._start, self._end, self._box = start, end, box
 
     def values(self) -> np.ndarray:
-        """(N,) per unit of power and of what the surface is integrated over."""
+        """(N,) light per unit of power and of the integration variables of the surface."""
         with _TURN:
             pair = self._pairs()
             value = pair.per_facing * pair.facing
@@ -121,7 +122,7 @@ class Exchange:
 
 
 class _Pairs:
-    """Vectors and factors of pairs, as they go into values and derivatives."""
+    """Vectors and factors of pairs, for values and derivatives."""
 
     def __init__(
         self, d: Array3f64, normal: Array3f64, area: Array3f64, isotropic: Float64, lambertian: Float64

@@ -1,7 +1,7 @@
-"""The integral over patches as seen from targets, as a sum over pairs of targets and points.
+"""The integral over patches seen from targets, as a sum over pairs of targets and points.
 
-The closer a patch, the more points: it is cut into pieces, each of which takes the rule by which values on patches are
-known. Targets and patches keep their pieces under loads, so that the sum is a smooth function of their places.
+The closer a patch, the more points: it is subdivided into pieces, to each of which the quadrature rule of patches is
+applied. The subdivision does not change with the load, so that the sum is a smooth function of positions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mitsuba_taxel.transport.pieces import cut_near
 from mitsuba_taxel.transport.rules import coefficients, monomials, polar_rule, triangle_rule
 
 SELF_POINTS = 8
-"""Along and across each of the three triangles that a patch is cut into for a target of its own."""
+"""Points along and across each of the three triangles into which a patch is subdivided for a target on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +26,13 @@ class Pairs:
     Attributes
     ----------
     target, point : (N,) ndarray
-        Their numbers; target by target.
+        Numbers of target and point of each pair, ordered by target.
     weight : (N,) ndarray
         Of the point in the integral over s and t.
     points : Points
-        Those that there are.
+        All points.
     degree : int
-        Of the polynomials by which values on patches are known.
+        Of the polynomials of values on patches.
     """
 
     target: np.ndarray
@@ -43,7 +43,7 @@ class Pairs:
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """(P, Q) weights of the values on a patch in that at each point."""
+        """(P, Q) weights of the values on a patch for the value at each point."""
         return monomials(self.points.at, self.degree) @ coefficients(self.degree)
 
 
@@ -53,9 +53,9 @@ def pairs_of(targets: np.ndarray, places: np.ndarray, own: np.ndarray, degree: i
     Parameters
     ----------
     own : (T,) ndarray
-        Number of the patch that each target lies on; targets are the points of :func:`triangle_rule`, patch by patch.
+        Number of the patch of each target; targets are the points of :func:`triangle_rule`, patch by patch.
     degree : int
-        Of that rule, which each piece takes.
+        Of that rule, which is applied to each piece.
     distance : float
         See :func:`cut_near`.
     """

@@ -1,4 +1,4 @@
-"""Curved triangles: polynomials of fourth degree through 15 places, which follow spheres to some 1e-6."""
+"""Curved triangles: polynomials of fourth degree through 15 points, which approximate spheres to some 1e-6."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from mitsuba_taxel.transport.rules import differentiated, monomials
 
 DEGREE = 4
 LATTICE = np.array([(i, j) for j in range(DEGREE + 1) for i in range(DEGREE + 1 - j)]) / DEGREE
-"""(15, 2) where the places of a patch lie on it, as (s, t)."""
+"""(15, 2) coordinates (s, t) of the points of a patch."""
 _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE))
-"""(3, 15, 15) from places to the polynomial through them, and its derivatives by s and t."""
+"""(3, 15, 15) matrices from points to the polynomial through them, and to its derivatives by s and t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,9 @@ class Points:
     Attributes
     ----------
     face : (P,) ndarray
-        Number of the patch; in order.
+        Number of the patch, in ascending order.
     at : (P, 2) ndarray
-        Where on it, as (s, t).
+        Coordinates (s, t) on it.
     """
 
     face: np.ndarray
@@ -46,7 +46,7 @@ class Points:
         return monomials(self.at, DEGREE).T
 
     def _evaluated(self, places: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
-        """(K, P, 3) values of K polynomials (K, 15, 15) of the places of the patches."""
+        """(K, P, 3) values of K polynomials (K, 15, 15) of the positions of the patches."""
         factors = np.einsum("kmc,fcx->fkxm", polynomials, places).reshape(len(places), -1, len(LATTICE))
         result = np.empty((factors.shape[1], len(self.face)))
         for face, points in self._of_faces:
@@ -54,17 +54,17 @@ class Points:
         return result.reshape(len(polynomials), 3, -1).transpose(0, 2, 1)
 
     def places(self, places: np.ndarray) -> np.ndarray:
-        """(P, 3) on patches with ``places`` (F, 15, 3)."""
+        """(P, 3) positions on patches with ``places`` (F, 15, 3)."""
         return self._evaluated(places, _COEFFICIENTS[:1])[0]
 
     def placed(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(P, 3) each: places, and area normals, as long as the area for each unit of s and t."""
+        """Positions (P, 3), and area normals (P, 3), whose length is the area per unit of s and t."""
         at, one, other = self._evaluated(places, _COEFFICIENTS)
         return at, cross(one, other)
 
     def gradient(self, places: np.ndarray, by_place: np.ndarray, by_area: np.ndarray) -> np.ndarray:
-        """(F, 15, 3) derivatives by the patches' places, of what has such derivatives (P, 3) by place and area normal
-        of the points."""
+        """(F, 15, 3) derivatives by the patches' positions, from those (P, 3) by position and area normal of the
+        points."""
         one, other = self._evaluated(places, _COEFFICIENTS[1:])
         given = np.concatenate([by_place.T, cross(other, by_area).T, cross(by_area, one).T])
         summed = np.zeros((len(places), len(given), len(LATTICE)))
@@ -74,6 +74,6 @@ class Points:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(P, 3) products of vectors; several times as fast as numpy's."""
+    """(P, 3) cross products; several times as fast as numpy's."""
     (ax, ay, az), (bx, by, bz) = a.T, b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]).T

@@ -1,4 +1,4 @@
-"""Pieces of patches, cut as finely as targets that are near need."""
+"""Pieces of patches, subdivided as finely as nearby targets need."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mitsuba_taxel.transport.patches import Points
 MOST_CUTS = 7
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
 QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 - WHOLE[[0, 1, 2]] / 2])
-"""(4, 3, 2) corners of the quarters of a triangle."""
+"""(4, 3, 2) corners of the four quarters of a triangle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Pieces:
         return self.corners[:, :1] + rule @ sides
 
     def areas(self) -> np.ndarray:
-        """(M,) their share of the patch."""
+        """(M,) shares of the patch's area."""
         (a, b), (c, d) = (self.corners[:, 1:] - self.corners[:, :1]).transpose(1, 2, 0)
         return np.abs(a * d - b * c)
 
@@ -57,7 +57,7 @@ def quartered(corners: np.ndarray) -> np.ndarray:
 def cut_near(
     targets: np.ndarray, places: np.ndarray, own: np.ndarray | None, distance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Pieces]]:
-    """Pairs of targets and pieces that together cover all patches, by the size of the pieces.
+    """Pairs of targets and pieces that together cover all patches, grouped by the size of the pieces.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def cut_near(
     places : (F, 15, 3) ndarray
         Of the patches, in mm.
     own : (T,) ndarray or None
-        Patch of each target, with which it makes no pair.
+        Patch of each target, with which it forms no pair.
     distance : float
-        From a target to the middle of a piece, over its longest side, from which it is cut no further.
+        Distance from a target to the middle of a piece, relative to its longest side, from which it is not subdivided.
 
     Yields
     ------

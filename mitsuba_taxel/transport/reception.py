@@ -1,4 +1,4 @@
-"""What a phototransistor makes of light that walls scatter towards it."""
+"""Response of a phototransistor to light scattered by walls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.transport.exchange import Exchange, Starts
 
 
 class Reception:
-    """What it makes of a watt at points (T) of walls."""
+    """Response to a watt at points (T) of walls."""
 
     def __init__(self, end: End, starts: Starts) -> None:
         self._end, self._shape = end, (len(starts.at), len(end.points))
@@ -27,13 +27,13 @@ class Reception:
         return (self._bare * self._response).sum(axis=1)
 
     def gradient(self, adjoint: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(T, 3) each: derivatives of ``adjoint`` . :attr:`value` by the places and unit normals of the walls."""
+        """Derivatives (T, 3) of ``adjoint`` . :attr:`value` by the positions and by the unit normals of the walls."""
         slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel())
         by_end, by_normal = (
             np.stack([part.reshape(self._shape).sum(axis=1) for part in each], axis=1)
             for each in (slopes.by_end, slopes.by_normal)
         )
-        # The cosine is -(away . normal) / distance, and falls with the place as it rises with the end.
+        # The cosine is -(away . normal) / distance; its derivatives by position and end have opposite signs.
         turned = adjoint[:, None] * self._bare * self._slope / self._distance
         direction = self._away / self._distance[:, :, None]
         along = np.einsum("te,tec->tc", turned * self._cosine, direction)

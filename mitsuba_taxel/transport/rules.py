@@ -1,4 +1,4 @@
-"""Rules of quadrature on triangles and rectangles, and the polynomials through their points.
+"""Quadrature rules on triangles and rectangles, and the polynomials through their points.
 
 Points of triangles are (s, t): the corners are (0, 0), (1, 0) and (0, 1); weights add up to the area of 1/2.
 """
@@ -23,8 +23,9 @@ _ORBITS = {
 def triangle_rule(degree: int) -> Rule:
     """The symmetric rule of 3 points for ``degree`` 1, of 6 points for 2: exact for polynomials of twice the degree.
 
-    As many points as such a polynomial has coefficients. Source: D. A. Dunavant, High degree efficient symmetrical
-    Gaussian quadrature rules for the triangle, International Journal for Numerical Methods in Engineering 21, 1985.
+    It has as many points as a polynomial of this degree has coefficients. Source: D. A. Dunavant, High degree efficient
+    symmetrical Gaussian quadrature rules for the triangle, International Journal for Numerical Methods in Engineering
+    21, 1985.
     """
     points = [point for a, _ in _ORBITS[degree] for point in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]
     weights = [weight / 2 for _, weight in _ORBITS[degree] for _ in range(3)]
@@ -32,7 +33,7 @@ def triangle_rule(degree: int) -> Rule:
 
 
 def monomials(points: np.ndarray, degree: int) -> np.ndarray:
-    """(Q, C) all products s^i t^j of at most that degree; those of a product lie one after the other."""
+    """(Q, C) all monomials s^i t^j of at most that degree; each is contiguous."""
     table = np.ones((len(_exponents(degree)), len(points)))
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     s, t = np.ascontiguousarray(points.T)
@@ -46,7 +47,7 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @lru_cache
 def differentiated(degree: int) -> np.ndarray:
-    """(3, C, C) from a polynomial's coefficients to its own, and to those of its derivatives by s and by t."""
+    """(3, C, C) matrices from a polynomial's coefficients to themselves, and to those of its derivatives by s and t."""
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
     for (i, j), number in numbers.items():
@@ -64,7 +65,8 @@ def _exponents(degree: int) -> list[tuple[int, int]]:
 
 @lru_cache
 def coefficients(degree: int) -> np.ndarray:
-    """(C, Q) from values at the points of :func:`triangle_rule` to the coefficients of the polynomial through them."""
+    """(C, Q) matrix from values at the points of :func:`triangle_rule` to the coefficients of the polynomial through
+    them."""
     return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
 
 
@@ -75,14 +77,14 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
-    """On a rectangle round (0, 0); weights add up to its area."""
+    """Rule on a rectangle around (0, 0); weights add up to its area."""
     (x, of_x), (y, of_y) = gauss(columns), gauss(rows)
     points = np.stack(np.meshgrid((x - 0.5) * width, (y - 0.5) * depth, indexing="ij"), axis=-1).reshape(-1, 2)
     return points, (np.outer(of_x, of_y) * width * depth).ravel()
 
 
 def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> Rule:
-    """On a square of that side with a square hole: four rectangles that follow each other round the hole."""
+    """Rule on a square with a square hole: four rectangles around the hole."""
     if inner == 0:
         return rectangle_rule(outer, outer, along, along)
     width, depth = (outer + inner) / 2, (outer - inner) / 2
@@ -95,7 +97,7 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
 
 
 def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Rule:
-    """On a disc of that diameter with a round hole."""
+    """Rule on a disc of that diameter with a round hole."""
     share, weights = gauss(rings)
     radius = 0.5 * np.sqrt(inner**2 + share * (outer**2 - inner**2))
     angle = 2 * math.pi * (np.arange(spokes) + 0.5) / spokes
@@ -104,12 +106,12 @@ def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Ru
 
 
 def polar_rule(target: np.ndarray, count: int) -> Rule:
-    """On the triangle, for functions that grow as 1 / distance from a ``target`` (2,) in it.
+    """Rule on the triangle, for functions that grow as 1 / distance from a ``target`` (2,) in it.
 
-    Three triangles from the target to the sides: Gauss' rule along rays, whose directions are spaced by a sine
-    hyperbolicus as the target may lie close to a side, in the plane where the triangle is equilateral. Source:
-    B. M. Johnston, P. R. Johnston, D. Elliott, A sinh transformation for evaluating two-dimensional nearly singular
-    boundary element integrals, International Journal for Numerical Methods in Engineering 69, 2007.
+    Three triangles from the target to the sides: Gauss' rule along rays, with directions spaced by a hyperbolic sine
+    since the target may lie close to a side, in the plane where the triangle is equilateral. Source: B. M. Johnston, P.
+    R. Johnston, D. Elliott, A sinh transformation for evaluating two-dimensional nearly singular boundary element
+    integrals, International Journal for Numerical Methods in Engineering 69, 2007.
     """
     equilateral = np.array([[1.0, 0.0], [0.5, math.sqrt(3) / 2]])
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -122,7 +124,7 @@ def polar_rule(target: np.ndarray, count: int) -> Rule:
         height = math.sqrt(to_start @ to_start - first**2)
         low, high = math.asinh(first / height), math.asinh((first + length) / height)
         place = height * np.sinh(low + share * (high - low))
-        rate = np.sqrt(height**2 + place**2) * (high - low) / length  # of the share of the side, per that of the angle
+        rate = np.sqrt(height**2 + place**2) * (high - low) / length  # of the position along the side
         rim = start + ((place - first) / length)[:, None] * (end - start)
         twice_area = abs((start - target)[0] * (end - target)[1] - (start - target)[1] * (end - target)[0])
         points.append((target + along[:, None, None] * (rim - target)).reshape(-1, 2))
