@@ -1,1 +1,1 @@
-"""How the package does: at the extremes, and error against time, each by one command."""
+"""Benchmarks of the package: extreme cases, accuracy against time, comparisons, each by one command."""

@@ -1,4 +1,4 @@
-"""Work-precision diagrams of a scene: what error each way to read it has after how much time."""
+"""Work-precision diagrams of a scene: error against time of each method."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def accuracy(
     Parameters
     ----------
     seconds : float
-        Of all processors together, for each method of the light, and for the longest solution of the mechanics;
-        references, and each reading to a target error (by the clock there), may take four times as long, and the mesh
-        that the mechanics is judged by sixteen times.
+        Of all processors together, for each light-transport method, and for the longest solution of the mechanics;
+        references, and each reading to a target error (wall time), may take four times as long, and the reference mesh
+        of the mechanics sixteen times.
     starting : Callable[[str], None]
         Called with the name of each step.
 
@@ -48,7 +48,7 @@ def accuracy(
     InputError
         if the time is not allowed, the scene cannot be built or read, or the folder cannot be written to.
     ComputationError
-        if a pad cannot be deformed as asked, or no two independent methods can compute the light.
+        if a load path fails, or no two independent methods can compute the light.
     """
     if not 0 < seconds < math.inf:
         raise InputError(f"seconds = {seconds} is not allowed: a finite number above 0 is needed.")
@@ -62,10 +62,10 @@ def accuracy(
     if pads:
         curves += _with_pads(scene, pads, seconds, starting)
     elif loaded:
-        reason = "the scene says how fine the mesh of its loaded pads is: there is nothing to compare it with"
+        reason = "the scene fixes the mesh size of its loaded pads: there is nothing to compare it with"
         curves += [Curve(part, "", [], remark=reason) for part in ("mechanics", "chain")]
     else:
-        curves.append(Curve("mechanics", "", [], remark="no pad of the scene bears a load"))
+        curves.append(Curve("mechanics", "", [], remark="no pad of the scene is loaded"))
         curves.append(reading_curve(scene, light, REFERENCE_TIME * seconds, starting))
     _write(curves, scene, folder)
     return curves
@@ -77,7 +77,7 @@ def _write(curves: Sequence[Curve], scene: Scene, folder: Path) -> None:
 
 
 def title(scene: Scene) -> str:
-    """The scene's name, and what its parameters are where they are not the default."""
+    """The scene's name, and its parameters that differ from the default."""
     changed = [f"{name} = {value}" for name, value in scene.parameters.items() if value != scene.defaults.get(name)]
     return ", ".join([scene.name, *changed])
 
@@ -98,6 +98,6 @@ def _with_pads(
     middle = min(solved, key=lambda h: abs(h - DEFAULT_MESH_SIZE))
     steps = tolerance_errors(*tolerance_runs(scene, pads, middle, starting))
     slopes = slope_limit(found[0], found[1], near.step).truth if near else None
-    if slopes is not None and not slopes.power.any():  # the force is not one that loads the pad
+    if slopes is not None and not slopes.power.any():  # the force does not load the pad
         near = slopes = None
     return [sizes, steps, *chain_curves(scene, truth, near, slopes, REFERENCE_TIME * seconds, starting)]

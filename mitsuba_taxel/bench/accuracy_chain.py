@@ -1,4 +1,4 @@
-"""The whole chain: total error, stated and true, of a reading and of a slope of it against force, by target error."""
+"""The whole chain: total error, stated and true, of a reading and of its slope by force, against target error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mitsuba_taxel.sensing.scene import Scene
 
 TARGETS = (0.02, 0.01, 0.005, 0.002)
 NEAR = 0.95
-"""The other load that a slope is taken to, relative to the scene's."""
+"""Second load of a slope, relative to that of the scene."""
 FORCES = ("fz", "fx", "fy")
 
 
@@ -27,7 +27,7 @@ class Near(NamedTuple):
     force : str
         Name of the parameter.
     step : float
-        In N, from there to the scene's own.
+        In N, from there to that of the scene.
     """
 
     scene: Scene
@@ -55,7 +55,7 @@ def slope_limit(limit: Limit, near_limit: Limit, step: float) -> Limit:
 
 
 def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> Curve:
-    """Only the reading, of a scene whose pads bear no load.
+    """Curve of the reading alone, for a scene whose pads are not loaded.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable
 def chain_curves(
     scene: Scene, truth: Truth, near: Near | None, slope: Truth | None, seconds: float, starting: Callable[[str], None]
 ) -> list[Curve]:
-    """A curve for the reading, and one for its slope if there is a load nearby; all of it solved from nothing.
+    """A curve for the reading, and one for its slope if there is a nearby load; all solved without caches.
 
-    The slope takes another reading on the mesh and with the points that the target error led to.
+    The slope takes another reading, on the mesh and with the points chosen for the target error.
     """
     readings, slopes = [], []
     measure(scene, points=1)  # compiles
@@ -102,7 +102,7 @@ def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float
 
 
 def _reading_point(found: Readings, long: np.ndarray, seconds: float, target: float, truth: Truth) -> Point:
-    """``long`` is what long light reads on the mesh of what was found."""
+    """``long`` are readings with many points on the same mesh."""
     shares = {
         "light_error": relative_rms(found.power - long, truth.power),
         "mechanics_error": relative_rms(long - truth.power, truth.power),
@@ -128,7 +128,7 @@ def _slope_point(found: Readings, other: Readings, step: float, seconds: float, 
     """Errors are relative to the root mean square of all taxels' slopes, some of which may be nearly 0."""
     value = (found.power - other.power) / step
     light = standard_error((found.replicates - other.replicates) / step)
-    # What the mechanics is off by is nearly the same in both readings, and drops out.
+    # The error of the mechanics is nearly the same in both readings, and cancels.
     mechanics = np.zeros_like(value)
     if found.deviation is not None and other.deviation is not None:
         mechanics = ERROR_SHARE * (found.deviation - other.deviation) / step

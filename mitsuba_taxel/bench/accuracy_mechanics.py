@@ -1,4 +1,4 @@
-"""The mechanics: error of a reading against the time of the finite elements, by their size and by the load's steps."""
+"""The mechanics: error of a reading against the time of the finite elements, by mesh size and load steps."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
 
 COARSEST = 2 * DEFAULT_MESH_SIZE
 REFINEMENT = 2**0.5
-"""Largest elements in mm, and how much smaller each next ones are."""
+"""Largest elements in mm, and the ratio of successive sizes."""
 FEWEST_SIZES = 2
-"""Solved for however long they take."""
+"""Solved regardless of the time limit."""
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 STRICT = 1e-6
-"""Step tolerance of what counts as the truth for the others."""
+"""Step tolerance of the reference."""
 POINTS = 1 << 12
-"""Of light for each taxel and replicate, with the same random numbers everywhere."""
+"""Light paths for each taxel and replicate, with common random numbers."""
 SEED = 1 << 20
 ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no other order to compare."
 
 
 @dataclass(frozen=True)
 class Solved:
-    """A scene whose pads were solved from nothing, and read.
+    """A scene whose pads were solved without caches, and read.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Limit:
     replicates : (R, T) ndarray
         Power in W.
     change : (T,) ndarray
-        In W, that the extrapolation made; its error is taken to be as large.
+        In W, by the extrapolation; also the estimate of its error.
     size : float
         Of the smallest elements solved on, in mm.
     """
@@ -81,13 +81,13 @@ class Limit:
 
     @property
     def truth(self) -> Truth:
-        """What other readings of the scene are judged by."""
+        """Reference for other readings of the scene."""
         error = np.hypot(standard_error(self.replicates), self.change)
         return Truth(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
 
 
 class PadRequest(NamedTuple):
-    """A pad under a load, without the scene that it is part of."""
+    """A pad under a load, without its scene."""
 
     pad: Pad | PadFile
     material: Material
@@ -96,7 +96,7 @@ class PadRequest(NamedTuple):
 
 
 def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
-    """The loaded pads of a scene whose mesh it leaves open, so that they got that of a `Scene.mesh_size`."""
+    """The loaded pads of a scene whose mesh size is that of `Scene.mesh_size`."""
     return [
         PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value))
         for pad in loaded_pads(live)
@@ -105,7 +105,7 @@ def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
 
 
 class SizeRuns(NamedTuple):
-    """Runs by the size of their elements in mm, the size of those that they are judged by, and why they end."""
+    """Runs by mesh size in mm, the mesh size of their reference, and the reason for their end."""
 
     solved: dict[float, Solved]
     judge: float
@@ -113,10 +113,10 @@ class SizeRuns(NamedTuple):
 
 
 def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
-    """The scene on smaller and smaller elements, until one solution would take longer, or elements be too many.
+    """The scene on successively smaller elements, until a solution would exceed the time, or the number of elements.
 
-    They are judged by elements of half the size of the smallest, or the smallest that can be afforded. The next
-    solution is taken to be longer as the last was, and at least as it has more elements.
+    The reference has elements of half the smallest size, or the smallest affordable ones. The time of the next solution
+    is predicted from the growth of the last, and at least from the number of elements.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
             judge = 0.5 * size
         size /= REFINEMENT
         if size < 1.1 * judge:
-            return SizeRuns(solved, judge, f"elements of {judge:.2g} mm are the smallest that the memory is taken for")
+            return SizeRuns(solved, judge, f"elements of {judge:.2g} mm are the smallest for the memory")
         predicted = last.seconds * max(last.seconds / before, REFINEMENT**3)
         before = last.seconds
         if len(solved) >= FEWEST_SIZES and predicted > seconds:
@@ -148,10 +148,10 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
 
 
 def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
-    """What each of some scenes reads in the limit of small elements: from those of ``size`` [mm] and of twice that.
+    """Readings of scenes in the limit of small elements, from those of ``size`` [mm] and twice that.
 
-    The error of a reading falls with the power `ORDER` of the elements' size, and so is known from two (L. F.
-    Richardson, Phil. Trans. R. Soc. A 210, 1911).
+    The error of a reading falls with the power `ORDER` of the mesh size, and follows from two sizes (L. F. Richardson,
+    Phil. Trans. R. Soc. A 210, 1911).
     """
     with from_nothing():
         coarse, fine = (
@@ -167,7 +167,7 @@ def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
 ) -> tuple[dict[float, Solved], Limit]:
-    """The scene on one mesh with larger and smaller steps of the load, by their tolerance; and with very small ones."""
+    """The scene on one mesh with load steps of different tolerances, and with very small ones."""
     solved = {}
     for tolerance in (*TOLERANCES, STRICT):
         starting(f"mechanics: step tolerance {tolerance:g}, elements of {size:.2g} mm")
@@ -187,14 +187,14 @@ def size_errors(solved: Mapping[float, Solved], limit: Limit, remark: str) -> Cu
 
 
 def tolerance_errors(solved: Mapping[float, Solved], strict: Limit) -> Curve:
-    """The curve of step tolerances, on one mesh; readings state no error of their own for the steps."""
+    """The curve of step tolerances, on one mesh; readings state no error due to steps."""
     reference = f"step tolerance {STRICT:g}, elements of {strict.size:.2g} mm"
     points = [_point(f"{tolerance:g}", run, strict, math.nan, reference) for tolerance, run in solved.items()]
     return Curve("mechanics", "step tolerance", points)
 
 
 def _point(setting: str, run: Solved, limit: Limit, stated: float, reference: str) -> Point:
-    """The error of a reading that shares its random numbers with the limit, so that the light drops out."""
+    """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates
     return Point(
@@ -212,7 +212,7 @@ def _point(setting: str, run: Solved, limit: Limit, stated: float, reference: st
 def solve(
     scene: Scene, pads: Sequence[PadRequest], size: float, tolerance: float = load_segment.INTERPOLATION_TOLERANCE
 ) -> Solved:
-    """Solve the pads of a scene from nothing and read it; the estimate of the error is part of the mechanics."""
+    """Solve the pads of a scene without caches and read it; the error estimate is part of the mechanics."""
     with from_nothing(tolerance):
         start = now()
         states = [
@@ -227,7 +227,7 @@ def solve(
 
 @contextmanager
 def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Iterator[None]:
-    """Let nothing that was solved before help, and load steps be chosen for another tolerance of the interpolation."""
+    """Ignore earlier solutions, and choose load steps for another tolerance of the interpolation."""
     kept, before = os.environ.get("MITSUBA_TAXEL_CACHE"), load_segment.INTERPOLATION_TOLERANCE
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder

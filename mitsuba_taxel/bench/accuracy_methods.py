@@ -1,4 +1,4 @@
-"""The ways to compute the light of a scene that are compared: this project's integrators and Mitsuba's own."""
+"""The compared light-transport methods: this project's integrators and Mitsuba's own."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.specification.taxel_tracer import STRATEGIES
 
 LARGEST_STRAY = 1e-4
-"""Of a reading, from other LEDs than the taxel's own: above it an integrator that lights all of them reads too much."""
+"""Largest share of a reading from other LEDs than the taxel's own, for integrators that light all of them."""
 _STRAY_POINTS = 256
 _RAYS = 1 << 12
 MOST_LANES = 1 << 25
-"""Paths that Mitsuba's integrators are asked for at once."""
+"""Paths per launch of Mitsuba's integrators."""
 
 
 class Estimate(NamedTuple):
-    """(T,) power of each taxel in W, and the standard error that the method states, not numbers where it has none."""
+    """(T,) power of each taxel in W, and the standard error stated by the method, NaN if it has none."""
 
     power: np.ndarray
     stated: np.ndarray
 
 
 Estimator = Callable[[int, int], Estimate]
-"""(samples for each taxel, seed) -> what they give."""
+"""(samples for each taxel, seed) -> estimate."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """An integrator with its sampler; ``strategy`` is that of `taxel_tracer`, of which only ``all`` sees all light."""
+    """An integrator with its sampler; ``strategy`` is that of `taxel_tracer`, of which only ``all`` includes all
+    light."""
 
     integrator: str
     sampler: str = "owen_sobol"
@@ -48,7 +49,7 @@ class Method:
 
     @property
     def is_ours(self) -> bool:
-        """Whether the integrator is one of this project's, which read each taxel against its own LED."""
+        """Whether the integrator is one of this project's, which read each taxel with its own LED."""
         return self.integrator in _OURS
 
     @property
@@ -59,7 +60,7 @@ class Method:
 
     @property
     def most_samples(self) -> int:
-        """For each taxel in one run: of the sampler's points, or of what fits in memory."""
+        """Per taxel in one run: limit of the sampler's points, or of memory."""
         if self.is_ours:
             return MOST_POINTS * REPLICATES
         return MOST_POINTS if self.sampler == "owen_sobol" else MOST_LANES
@@ -88,7 +89,7 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
     Raises
     ------
     InputError
-        if the method cannot do the scene; the message says why.
+        if the method does not support the scene; the message gives the reason.
     """
     if not method.is_ours and not stray <= LARGEST_STRAY:
         share = "an unknown share" if math.isnan(stray) else f"{stray:.1%}"
@@ -101,7 +102,7 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
 
 
 def stray_light(scene: Scene) -> float:
-    """Largest share of a taxel's reading that the other taxels' LEDs would add; not a number where it is unknown."""
+    """Largest share of a taxel's reading that LEDs of other taxels would add; NaN if unknown."""
     try:
         power = crosstalk(scene, points=_STRAY_POINTS).power
     except InputError:
@@ -112,15 +113,15 @@ def stray_light(scene: Scene) -> float:
 
 
 def is_bounded(scene: Scene) -> bool:
-    """Whether paths from the phototransistor carry weights that are bounded."""
+    """Whether paths from the phototransistor have bounded weights."""
     return all(map(is_bounded_from_detector, walls_of(prepare(scene).scene)))
 
 
 def offset_share(scene: Scene) -> float:
-    """About the share by which readings under Mitsuba's integrators may be off for where their rays start.
+    """Approximate relative error of readings by Mitsuba's integrators due to the offset of ray origins.
 
-    That is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.ray_offsets.leave`); taken
-    relative to what half of the rays from a phototransistor go to the first wall.
+    The offset is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.ray_offsets.leave`), here
+    relative to the median distance from a phototransistor to the first wall.
     """
     import mitsuba as mi
 
@@ -146,7 +147,7 @@ def _ours(ready: Prepared) -> Estimator:
 
 
 def _stock(live: Any) -> Estimator:
-    """One launch a run, which is how these integrators are cheapest; they state no error."""
+    """One launch per run, which is the cheapest for these integrators; they state no error."""
     import drjit as dr
     import mitsuba as mi
 
@@ -154,7 +155,7 @@ def _stock(live: Any) -> Estimator:
         columns = []
         for sensor in live.sensors():
             faces, (width, height) = sensor.faces, sensor.block
-            # Kept out of the kernel, which would otherwise be compiled anew for each seed.
+            # Kept out of the kernel, which would otherwise be recompiled for each seed.
             number = dr.opaque(mi.UInt32, seed)
             with _errors_alone():  # samplers report each count that they round up
                 image = mi.render(live, sensor=sensor, spp=max(1, samples // (width * height)), seed=number)
@@ -168,7 +169,7 @@ def _stock(live: Any) -> Estimator:
 
 @contextmanager
 def _errors_alone() -> Iterator[None]:
-    """Let Mitsuba log nothing but errors."""
+    """Let Mitsuba log errors only."""
     import mitsuba as mi
 
     before = mi.log_level()
@@ -212,7 +213,7 @@ def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
 
 
 def _name_files_in_full(root: ElementTree.Element, scene: Scene) -> None:
-    """Files that the scene names relative to its own folder are not beside its variant."""
+    """Make the scene's relative file names absolute, as its variant lies in another folder."""
     if isinstance(scene.source, Path):
         for text in root.iter("string"):
             file = scene.source.resolve().parent / text.get("value", "")

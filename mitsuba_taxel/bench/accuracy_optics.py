@@ -1,4 +1,4 @@
-"""The light: error against time of every integrator that can do a scene, each judged by one of another family."""
+"""The light: error against time of every integrator that supports a scene, with references of another family."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from mitsuba_taxel.sensing.scene import Scene
 FEWEST_SEEDS, MOST_SEEDS = 4, 16
 """Runs with each number of samples, each with a seed of its own."""
 LARGEST_SHARE = 1 / 8
-"""Of the time for a method, that more than the fewest runs with one number of samples take."""
+"""Share of a method's time for runs beyond the minimum at one number of samples."""
 FIRST_SAMPLES = 1 << 7
-"""So few that a run with them takes as long as its launch."""
+"""Few enough that a run takes as long as its launch."""
 REFERENCE_TIME = 4.0
-"""Time for a reference, relative to that for a method, whose longest run takes an eighth of it at most."""
+"""Time of a reference, relative to that of a method, whose longest run takes at most an eighth of its time."""
 UNBIASED = ("taxel_tracer", "taxel_path")
-"""Who may judge others before all others may: their weights are bounded, and they gain from quasi-random points."""
+"""Preferred references: their weights are bounded, and they benefit from quasi-random points."""
 SIGNIFICANT = 5.0
-"""Standard errors by which a method must be off to be said to be."""
+"""Standard errors beyond which a deviation is reported."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class _Trial:
 
     @property
     def scatter(self) -> float:
-        """Relative standard error that its longest runs would have if they took a second."""
+        """Relative standard error of its longest runs, scaled to one second."""
         last = self.rungs[-1]
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 
 
 def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None]) -> tuple[list[Curve], Truth]:
-    """A curve for each method, and the reference that `taxel_tracer` is judged by.
+    """A curve for each method, and the reference for `taxel_tracer`.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None])
     Raises
     ------
     ComputationError
-        if no light is found, or less than two families of methods can do the scene.
+        if no light is found, or fewer than two families of methods support the scene.
     """
     stray = stray_light(scene)
     trials, references = [], {}
@@ -117,9 +117,9 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
 
 
 def rungs(estimate: Estimator, seconds: float, most_samples: int) -> Iterator[Rung]:
-    """Runs with more and more samples, twice as many each time, for about so many seconds in all.
+    """Runs with successively doubled samples, for about ``seconds`` in total.
 
-    Compilation does not count, and is in the seconds of no run: these are the median.
+    Compilation is excluded; the seconds of runs are medians.
     """
     estimate(FIRST_SAMPLES, 0)
     samples, spent, last = FIRST_SAMPLES, 0.0, 0.0
@@ -137,7 +137,7 @@ def rungs(estimate: Estimator, seconds: float, most_samples: int) -> Iterator[Ru
 
 
 def reference(method: Method, estimate: Estimator, samples: int, seconds: float) -> Truth:
-    """The mean of runs of so many samples, for so many seconds and :data:`FEWEST_SEEDS` runs at least."""
+    """The mean of runs of ``samples`` samples, for ``seconds`` and at least :data:`FEWEST_SEEDS` runs."""
     powers: list[np.ndarray] = []
     start = now()
     while len(powers) < FEWEST_SEEDS or now() - start < seconds:
@@ -146,7 +146,7 @@ def reference(method: Method, estimate: Estimator, samples: int, seconds: float)
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
-    """Two methods of different families: those of :data:`UNBIASED`, then those that scatter least."""
+    """Two methods of different families: those of :data:`UNBIASED`, then those with the least noise."""
     best: dict[str, _Trial] = {}
     for trial in sorted((trial for trial in trials if trial.sees_all), key=_preference):
         best.setdefault(trial.method.integrator, trial)
@@ -169,7 +169,7 @@ def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> Curve:
     points = [_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
     if unbounded and method.integrator == "path":
-        remarks.append("from the detector an isotropic wall gives weights without bound: the error may fall slowly")
+        remarks.append("paths from the detector have unbounded weights at an isotropic wall: the error may fall slowly")
     if trial.rungs and not trial.rungs[-1].power.any():
         return Curve("optics", method.name, [], remark="it finds no light here")
     off, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)

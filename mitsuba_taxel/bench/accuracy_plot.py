@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 LABELLED = ("mechanics", "chain")
-"""Parts whose points are few, so that each says what was varied."""
+"""Parts with few points, which are labelled."""
 
 
 def plot_accuracy(curves: Sequence[Curve], title: str, folder: Path) -> None:
     """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
 
-    A filled marker is an error that can be claimed, a hollow one lies below the error of its reference, which is a
-    dashed line. A dotted line is the error that the method itself states, where it is one of few.
+    Filled markers are significant errors, hollow ones lie below the error of the reference, a dashed line. Dotted lines
+    are errors stated by the method, for parts with few methods.
     """
     parts = [part for part in TITLES if any(curve.part == part and curve.points for curve in curves)]
     axes = axes_of((6.4 * len(parts), 7.2), 1, len(parts))
@@ -51,7 +51,7 @@ def _panel(ax: Any, curves: Sequence[Curve], part: str) -> None:
 
 
 def _floors(curves: Sequence[Curve], part: str) -> dict[str, float]:
-    """Errors of the references by what to call them: those of the light serve many methods each."""
+    """Errors of the references by label: those of the light are shared by many methods."""
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
     if part == "optics":
         return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
@@ -94,7 +94,7 @@ def _draw(ax: Any, curve: Curve, number: int, labelled: bool) -> None:
 
 
 def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
-    """What to write beside which place; one label for points that nearly lie on each other."""
+    """Labels by position; one label for points that nearly coincide."""
     labels: dict[tuple[float, float], str] = {}
     for point in points:
         near = [
@@ -108,7 +108,7 @@ def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
 
 
 def _widen(ax: Any) -> None:
-    """A decade of seconds at least."""
+    """Widen the axis of seconds to at least a decade."""
     low, high = ax.get_xlim()
     if high < 10 * low:
         middle = math.sqrt(low * high)

@@ -1,4 +1,4 @@
-"""Work-precision curves as a CSV with all digits, and as the rows of a table."""
+"""Work-precision curves as a CSV in full precision, and as rows of a table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PEERS = (
 
 
 def write_csv(curves: Sequence[Curve], file: Path) -> None:
-    """Write every point with all digits, one a line; what is not known is empty."""
+    """Write all points in full precision, one per line; unknown values are empty."""
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
@@ -42,7 +42,7 @@ def write_csv(curves: Sequence[Curve], file: Path) -> None:
 
 
 def cells(curve: Curve) -> list[str]:
-    """One method's row of the table, in the order of :data:`HEADINGS`: what its last point reached."""
+    """One method's row of the table, in the order of :data:`HEADINGS`, from its last point."""
     if not curve.points:
         return [curve.part, curve.method or "-", "0", "-", "-", "-", "-", "-", f"not possible: {curve.remark}"]
     last = curve.points[-1]

@@ -1,4 +1,4 @@
-"""The extremes of the mechanics, each a pad, a material and a load of its own."""
+"""Extreme cases of the mechanics, each with its pad, material and load."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mitsuba_taxel.mechanics.materials.silicones import silicone
 from mitsuba_taxel.pads.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
 
 MESH_SIZE = 2.0
-"""Size of the elements in mm where a case is not about it: coarse, as the table is about what happens."""
+"""Default mesh size in mm: coarse, as the table is about robustness."""
 
 _PAD = Pad()
 _CELL = replace(_PAD, rows=1, columns=1)
@@ -44,9 +44,9 @@ class Case:
     mesh_size : float
         Of the finite elements, in mm.
     in_one_step : bool
-        Whether the load is put on in one Newton solve from rest, instead of along the load path.
+        Whether the load is applied in one Newton solve from rest, instead of along the load path.
     with_finer_mesh : bool
-        Whether the pad is solved on elements smaller by a factor of 1.5 too.
+        Whether the pad is also solved on elements smaller by a factor of 1.5.
     """
 
     name: str
@@ -59,13 +59,13 @@ class Case:
     with_finer_mesh: bool = False
 
     def measured(self) -> Row:
-        """The row, as this process finds it."""
+        """The row, measured in this process."""
         from mitsuba_taxel.bench.measure import measure
 
         return measure(self)
 
     def failed(self, end: str) -> Row:
-        """The row of a process that gave none."""
+        """The row of a process that returned none."""
         return Row(self.name, end, wrong="no answer")
 
 

@@ -1,4 +1,4 @@
-"""The table of stated and true errors of readings, row by row."""
+"""The table of stated and true errors of readings."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ random numbers.
 
 {table}
 
-- **true**, **stated**: relative error of the taxel that is worst, by the finite elements.
-- **noise**: of **true**, by the light. **truth extrapolated by**: what the finest elements are themselves off by.
-- **within twice**: readings whose true error is within twice the stated one, and twice the noise.
-- **CPU s**: time of all processors, for all three.
+- **true**, **stated**: relative error of the worst taxel due to the finite elements.
+- **noise**: of **true**, due to the light. **truth extrapolated by**: error of the finest elements themselves.
+- **within twice**: readings whose true error is within twice the stated one and the noise, added in quadrature.
+- **CPU s**: time of all processors, for all three meshes.
 """
 
 
@@ -52,18 +52,18 @@ def coverage(
     Parameters
     ----------
     only : str, optional
-        A part of the names of the settings wanted, in which * and ? stand for anything.
+        Pattern for a part of the settings' names, with the wildcards * and ?.
     csv_file : Path, optional
-        File of the rows measured so far: those that it holds are not measured again.
+        File of the rows measured so far, which are not measured again.
     markdown : Path, optional
-        Page that is written anew with each row.
+        Page that is rewritten after each row.
     starting : Callable[[int, int, str], None], optional
-        Called with the number of a setting, that of all, and its name.
+        Called with (number of a setting, total number, its name).
 
     Raises
     ------
     InputError
-        if no setting has such a name, a file cannot be written, or one that is there holds other rows.
+        if no setting matches, a file cannot be written, or an existing one holds other rows.
     """
     cases = chosen(coverage_cases(), only)
     for file, suffix in ((csv_file, ".csv"), (markdown, ".md")):
@@ -84,7 +84,7 @@ def coverage(
 
 
 def summary(rows: Sequence[CoverageRow]) -> str:
-    """How many readings are within twice their stated error, in words."""
+    """Sentence with the number of readings within twice their stated error."""
     told = [row for row in rows if row.within == row.within]
     readings, within = sum(row.readings for row in told), sum(row.within for row in told)
     untold = f"; {len(rows) - len(told)} settings could not be read" if len(told) < len(rows) else ""
@@ -93,7 +93,7 @@ def summary(rows: Sequence[CoverageRow]) -> str:
 
 
 def read_rows(file: Path) -> dict[str, CoverageRow]:
-    """Rows that :func:`write_rows` wrote, by the names of their settings; raises `InputError`."""
+    """Rows of a file from :func:`write_rows`, by name of the setting; raises `InputError`."""
     texts = {"case", "remark"}
     try:
         with file.open(newline="", encoding="utf-8") as stream:
@@ -107,7 +107,7 @@ def read_rows(file: Path) -> dict[str, CoverageRow]:
 
 
 def write_rows(rows: Iterable[CoverageRow], file: Path) -> None:
-    """Write the rows with a heading, all digits; no number is ``nan``."""
+    """Write the rows with a heading, in full precision; missing numbers are ``nan``."""
     with replacing(file) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, [field.name for field in fields(CoverageRow)])
         writer.writeheader()
@@ -115,7 +115,7 @@ def write_rows(rows: Iterable[CoverageRow], file: Path) -> None:
 
 
 def write_page(rows: Sequence[CoverageRow], file: Path, csv_file: Path | None) -> None:
-    """Write the rows as a page that says what its columns mean."""
+    """Write the rows as a page with an explanation of its columns."""
     text = _PAGE.format(
         csv=csv_file or "FILE.csv",
         page=file,

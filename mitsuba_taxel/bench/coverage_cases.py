@@ -1,4 +1,4 @@
-"""Settings of pads whose readings are compared with those on much finer elements, the quickest first."""
+"""Settings of pads whose readings are compared with those on much finer elements, the fastest first."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 FINE = 0.4
-"""mm, size of the elements of the truth, at most; it is extrapolated from them and from COARSER times as large ones."""
+"""Largest mesh size of the truth in mm, which is extrapolated from this size and COARSER times that."""
 FINER = 2.0
-"""How much smaller they are than those of the reading, at least."""
+"""Minimum ratio of the mesh sizes of the reading and the truth."""
 COARSER = math.sqrt(2)
 POINTS = 1 << 14
-"""Of light for each taxel and replicate, with the same random numbers everywhere."""
+"""Light paths for each taxel and replicate, with common random numbers."""
 SEED = 5
 PITCH_OF_THICK_WALLS = 3.55
 FINE_OF_MANY = 0.56
-"""mm, of ten cells: on smaller elements they take more than 8 GB."""
+"""Mesh size of ten cells in mm: smaller elements take more than 8 GB."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class CoverageCase:
     Attributes
     ----------
     sensor : PadSensor
-        What is read on the default mesh, with its error, and on fine ones.
+        Sensor that is read on the default mesh, with its error, and on fine ones.
     file_format : str
-        ``.step`` or ``.stl`` where the pad is read from a file of its shape; its truth is that of the shape.
+        ``.step`` or ``.stl`` if the pad is read from a file; the truth is that of the parametric pad.
     fine : float or None
-        Size of the finest elements, in mm, where those of the others would take too much memory.
+        Size of the finest elements in mm, if the default would take too much memory.
     """
 
     name: str
@@ -55,7 +55,7 @@ class CoverageCase:
     fine: float | None = None
 
     def measured(self) -> CoverageRow:
-        """The row, as this process finds it."""
+        """The row, measured in this process."""
         began = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))
@@ -82,11 +82,11 @@ class CoverageCase:
         )
 
     def failed(self, end: str) -> CoverageRow:
-        """The row of a process that gave none."""
+        """The row of a process that returned none."""
         return CoverageRow(self.name, end)
 
     def _truth(self) -> tuple[np.ndarray, np.ndarray]:
-        """(R, T) W on vanishing elements, and (T,) W by how much the finest are extrapolated."""
+        """(R, T) W in the limit of small elements, and (T,) W, change by the extrapolation from the finest."""
         size = self.fine or min(FINE, self.sensor.pad.default_mesh_size / FINER)
         scene = self.sensor.scene()
         (coarse, mesh), (fine, finer) = (_read(scene.with_mesh_size(h)) for h in (COARSER * size, size))
@@ -111,7 +111,7 @@ def _read(scene: Scene, mechanics_error: bool = False) -> tuple[Readings, Volume
 
 
 def _write_stl(pad: Pad, file: Path) -> None:
-    """The surface of a pad that has flat faces alone."""
+    """Write the surface of a pad with flat faces only."""
     import trimesh
 
     mesh = pad.mesh(pad.default_mesh_size)
@@ -119,7 +119,7 @@ def _write_stl(pad: Pad, file: Path) -> None:
 
 
 def _write_step(pad: Pad, file: Path) -> None:
-    """The solid of a pad of parallelepiped cells."""
+    """Write the solid of a pad of parallelepiped cells."""
     from netgen.occ import Box, Pnt
 
     x, y, _ = (extent / 2 for extent in pad.extent)

@@ -10,26 +10,26 @@ from mitsuba_taxel.bench.row import cell
 
 @dataclass(frozen=True)
 class CoverageRow:
-    """What became of a setting; missing values are NaN.
+    """Result of a setting; missing values are NaN.
 
     Attributes
     ----------
     remark : str
-        Why there is no true or no stated error, empty where there are both.
+        Reason why there is no true or no stated error, empty if there are both.
     elements : float
         Of the pad.
     true : float
-        Relative error of the reading of the taxel that is worst, by the finite elements.
+        Relative error of the reading of the worst taxel due to the finite elements.
     stated : float
-        The relative error that it states for them.
+        Relative error stated for them.
     noise : float
-        Relative standard error of `true` by the light.
+        Relative standard error of `true` due to the light.
     extrapolated : float
-        Of the truth, by how much the finest elements are extrapolated, relative.
+        Relative change of the truth by the extrapolation from the finest elements.
     readings : float
         Number of taxels.
     within : float
-        Of these, how many are true within twice the stated error (and twice the noise).
+        Number of these whose true error is within twice the stated error (and twice the noise).
     seconds : float
         Of processors' time.
     """

@@ -1,4 +1,4 @@
-"""Domes beside what is known of them otherwise: the sphere, and loaded ones on much smaller elements."""
+"""Domes compared with independent references: the sphere, and loaded ones on much smaller elements."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ WALLS: dict[str, dict[str, Any]] = {
     "rough mirror": {"scattering": "rough_mirror", "rms_slope": 2.0},
 }
 LOAD, FINE = -2.0, 0.25
-"""N on one cell; mesh size in mm of the truth of loaded domes."""
+"""Force on one cell in N; mesh size in mm of the truth of loaded domes."""
 POINTS, RAYS = 1 << 13, 1 << 19
-"""For each replicate, of all taxels together; and for each of the 16 runs of the rays on a sphere."""
+"""Points per replicate, of all taxels together; and of each of the 16 runs of rays on a sphere."""
 
-HEADINGS = ("cell", "roof", "cells", "load [N]", "truth [W/W]", "off by", "noise of that", "stated for the shape")
+HEADINGS = ("cell", "roof", "cells", "load [N]", "truth [W/W]", "deviation", "its noise", "stated for the shape")
 
 _PAGE = """\
 # Domes
 
 Written by `{command}`; do not edit by hand.
 
-Readings of domed cells at the default settings, whose truth is known otherwise. Unloaded ones are spheres: of diffuse
-walls the truth is a quadrature, of mirrors it is traced on the sphere itself; neither knows elements, triangles or a
-renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of {fine:g} mm, a fifth of the
-default.
+Readings of domed cells at the default settings, compared with independent references. Unloaded domes are spheres: the
+reference is a quadrature for diffuse walls, and ray tracing on the exact sphere for mirrors; neither uses elements,
+triangles or a renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of
+{fine:g} mm, a fifth of the default.
 
 {table}
 
-- **off by**: mean of all taxels beside the truth, relative; **noise of that**: one standard error, of both.
-- **stated for the shape**: relative error that readings state for the geometry and, where loaded, the mechanics.
-- rough mirror: slopes of 2 degrees, root mean square.
+- **deviation**: of the mean of all taxels from the truth, relative; **its noise**: one standard error, of both.
+- **stated for the shape**: relative error stated for the geometry and, under load, the mechanics.
+- rough mirror: root-mean-square slope of 2 degrees.
 """
 
 
@@ -61,7 +61,7 @@ class DomeRow:
 
 
 def dome_scene(cell: str, wall: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
-    """Domes whose side wall and all below absorb, over LEDs without a hole."""
+    """Domes over LEDs without a hole, of which only the roof does not absorb."""
     roof = {"type": "region", "roof": {"type": "wall", **wall}}
     reflector = {"type": "photo_reflector", "rows": cells, "columns": cells, "spacing": SPACING}
     reflector |= {"led": {"type": "annular_led", "hole": 0.0}, "detector": {"type": "phototransistor"}}
@@ -105,7 +105,7 @@ def _on_small_elements(cell: str, wall: dict[str, Any]) -> tuple[float, float]:
 
 
 def _mean(readings: Readings) -> tuple[float, float]:
-    """Mean power of all taxels, which are alike, and its standard error."""
+    """Mean power of all equal taxels, and its standard error."""
     means = readings.replicates.mean(axis=1)
     return float(means.mean()), float(np.std(means, ddof=1) / math.sqrt(len(means)))
 
@@ -117,7 +117,7 @@ def dome_cells(row: DomeRow) -> list[str]:
 
 
 def write_page(rows: Sequence[DomeRow], file: Path, command: str) -> None:
-    """Write the rows as a page that says what its columns mean."""
+    """Write the rows as a page with an explanation of its columns."""
     table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
     text = _PAGE.format(command=command, fine=FINE, table=table)
     with replacing(file) as temporary:

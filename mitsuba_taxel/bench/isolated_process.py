@@ -1,4 +1,4 @@
-"""Measure a case in a process of its own: one that crashes, hangs or takes all memory is a row that says so."""
+"""Measurement of a case in a process of its own: a crash, timeout or lack of memory becomes a row."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mitsuba_taxel.base.limits import memory_limit
 
 
 class Measurable(Protocol):
-    """What is measured: it can be pickled, and its row is a dataclass of what JSON can hold."""
+    """A case to measure: it can be pickled, and its row is a dataclass of JSON values."""
 
     def measured(self) -> Any: ...
 
@@ -25,7 +25,7 @@ class Measurable(Protocol):
 
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes that a process writes to."""
+"""Memory limit of a process in bytes."""
 
 
 def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
@@ -45,7 +45,7 @@ def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: in
 
 
 def _end_of(done: subprocess.CompletedProcess[bytes]) -> str:
-    """How a process ended that gave no row."""
+    """How a process without a row ended."""
     lines = done.stderr.decode(errors="replace").strip().splitlines() or [""]
     if any(word in lines[-1] for word in ("MemoryError", "bad_alloc", "memory allocation")):
         return "out of memory"

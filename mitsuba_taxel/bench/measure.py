@@ -1,4 +1,4 @@
-"""One case of the table: solve it, and look at what came out with other means than the solver's."""
+"""One case of the table: solve it, and check the result independently of the solver."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import REGIONS
 
 FINER = 1.5
-"""Element size of a case, relative to that of the finer mesh that it is compared with."""
+"""Mesh size of a case, relative to that of the finer mesh."""
 JUST_BEFORE = 0.999
-"""Where the last state of a path that ends is looked at, relative to its end."""
+"""Load of the last state of a path that ends, relative to its end."""
 MOST_IMBALANCE = 1e-2
-"""Largest imbalance of an interpolated state that is right in its displacement."""
+"""Allowed imbalance of an interpolated state with accurate displacements."""
 MOST_UNDERSTATED = 2.0
-"""How much more than the stated error a finer mesh may change the roofs."""
+"""Allowed change of the roofs on a finer mesh, relative to the stated error."""
 
 _MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
@@ -46,10 +46,10 @@ class _Outcome:
 
 
 def measure(case: Case) -> Row:
-    """The row of a case. It takes the solutions that the cache has: a fresh one makes the seconds honest."""
+    """The row of a case. Cached solutions are used: only with an empty cache are the seconds meaningful."""
     began = time.process_time()
     outcome = _in_one_step(case) if case.in_one_step else _along_path(case)
-    figures = outcome.figures | _looked_at(outcome.state)  # among them the state's error, computed when it is asked for
+    figures = outcome.figures | _looked_at(outcome.state)  # including the state's error, which is computed lazily
     seconds, megabytes = time.process_time() - began, peak_memory()
     if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
         figures["finer_change"] = _finer_change(case, outcome.state)
@@ -58,13 +58,13 @@ def measure(case: Case) -> Row:
 
 
 def peak_memory() -> float:
-    """Most memory that this process has taken so far, in MB."""
+    """Peak memory of this process so far, in MB."""
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def flaw(row: Row) -> str:
-    """What a row that its process finished says, and must not; empty if nothing."""
+    """What is wrong with a finished row; empty if nothing."""
     numbers = (row.min_jacobian, row.residual, row.imbalance, row.roof)
     if row.verdict == CONVERGED and not all(map(math.isfinite, numbers)):
         return "not a number"
@@ -135,7 +135,7 @@ def _in_one_step(case: Case) -> _Outcome:
 
 
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
-    """What the steps of a path say of themselves, and the first load at which an element is inverted at a node."""
+    """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
     segments = list(path._segments.values())
     nodes = [node for segment in segments for node in segment.nodes]
     if not nodes:
@@ -152,7 +152,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 
 
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
-    """The load of the first accepted step of a segment, as far as the case goes, that inverts an element at a node."""
+    """The load of the first accepted step of a segment within the case that inverts an element at a node."""
     pad = path._pad_for(segment.origin, segment.direction)
     driven = isinstance(case.load, IndenterForce)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
@@ -163,7 +163,7 @@ def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
 
 
 def cutbacks(segment: LoadSegment) -> int:
-    """How often a step of a segment was halved or given up: its nodes tell, as each tries the longest interval."""
+    """Number of halved or abandoned steps of a segment, from its nodes, each of which tries the longest interval."""
     positions = [round(node.s * TICKS / segment.step) for node in segment.nodes]
     halved = 0
     for position, following in zip(positions, positions[1:], strict=False):
@@ -173,7 +173,7 @@ def cutbacks(segment: LoadSegment) -> int:
 
 
 def _first_try(position: int) -> int:
-    """Ticks of the first interval that a segment tries from a node."""
+    """Length in ticks of the first interval that a segment tries from a node."""
     return min(position & -position, TICKS) or TICKS
 
 
@@ -182,7 +182,7 @@ def _stability(checked: bool) -> str:
 
 
 def _looked_at(state: State | None) -> dict[str, float | str]:
-    """Figures of a state that the solver did not make."""
+    """Figures of a state computed independently of the solver."""
     if state is None:
         return {}
     roof = float(np.linalg.norm(mean_roof(state.mesh, state.displacement)))
@@ -196,7 +196,7 @@ def _looked_at(state: State | None) -> dict[str, float | str]:
 
 
 def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray) -> float:
-    """Least volume ratio J at any of the ten nodes of any element, under a displacement (N, 3) in mm."""
+    """Smallest volume ratio J at any of the ten nodes of any element, at a displacement (N, 3) in mm."""
     before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
     return float((after / before).min())
 
@@ -211,7 +211,7 @@ def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
 
 
 def _finer_change(case: Case, state: State | None) -> float:
-    """Change of the roofs' mean displacement on the finer mesh, relative; not a number if that cannot be loaded."""
+    """Relative change of the roofs' mean displacement on the finer mesh; NaN if its load path fails."""
     assert state is not None
     size = case.mesh_size / FINER
     try:

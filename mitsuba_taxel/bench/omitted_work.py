@@ -1,7 +1,7 @@
-"""What leaving out is worth: shipped scenes as they are, and with what they do not need done all the same.
+"""Savings from omitted work: shipped scenes, unchanged and with unnecessary work added.
 
-Each row is taken in processes of its own: first with empty caches of kernels and solutions, then twice with what the
-first has left there. This module is run for that, with the scene and what is added as JSON.
+Each row is measured in processes of its own: first with empty caches of kernels and solutions, then twice with the
+caches of the first. This module is run for that, with the scene and the added work as JSON.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-# Nothing else here: a row counts the modules that its scene needs.
+# No further imports: a row counts the modules that its scene needs.
 
 SCENES: dict[str, tuple[str, dict[str, object]]] = {
     "plate": ("plate.xml", {}),
@@ -26,10 +26,10 @@ SCENES: dict[str, tuple[str, dict[str, object]]] = {
 }
 POINTS = 256
 SMALLEST_KERNEL = 100
-"""Operations; how many smaller ones there are, which only read numbers, is not always the same."""
+"""Number of operations from which kernels count: the number of smaller ones, which only read values, varies."""
 HEAVY = ("matplotlib", "meshio", "netgen", "pandas", "pytetwild", "rslab", "scipy", "trimesh", "xarray")
 AS_IS, ALL = "as it is", "all of these"
-HEADINGS = ("scene", "done all the same", "modules", "heavy ones", "triangles", "unknowns", "kernels", "operations",
+HEADINGS = ("scene", "added work", "modules", "slow ones", "triangles", "unknowns", "kernels", "operations",
             "first CPU s", "again CPU s", "Z")  # fmt: skip
 
 
@@ -40,7 +40,7 @@ def _import_everything() -> None:
     import mitsuba_taxel
 
     for name in HEAVY:
-        if name != "pytetwild":  # the mesher's own process alone can import it
+        if name != "pytetwild":  # only the mesher's own process can import it
             import_module(name)
     for room in pkgutil.walk_packages(mitsuba_taxel.__path__, "mitsuba_taxel."):
         left_out = ("mitsuba_taxel.plugins", "mitsuba_taxel.cli", "mitsuba_taxel.pads.imported.worker")
@@ -56,7 +56,7 @@ def _solve_the_whole_pad() -> None:
 
 
 def _solve_without_load() -> None:
-    """Solve for the state of rest, and trace what its error, which is 0, does to the readings."""
+    """Solve for the state of rest, and trace the effect of its error, which is 0, on the readings."""
     import numpy as np
 
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
@@ -90,7 +90,7 @@ def _cut_everything_finely() -> None:
         return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
 
     def finely(mesh, subdivision, cells=None):
-        """As fine in the cells as before."""
+        """Subdivide all faces as finely as those in cells."""
         ratio = longest(mesh, mesh.faces) / longest(mesh, mesh.faces[mesh.face_cell > 0])
         side = np.full_like(mesh.face_region, REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
@@ -99,7 +99,7 @@ def _cut_everything_finely() -> None:
 
 
 def _only_asked_for() -> None:
-    """What another request alone brings about."""
+    """Work that follows from another request."""
 
 
 ALL_THE_SAME: dict[str, Callable[[], None]] = {
@@ -112,11 +112,11 @@ ALL_THE_SAME: dict[str, Callable[[], None]] = {
     "all pairs traced": _only_asked_for,
 }
 OF_ANY = ("everything imported", "three channels traced", "irradiance map accumulated")
-"""What can be done to a scene without a pad."""
+"""Work that can be added to a scene without a pad."""
 
 
 def additions(scene: str) -> list[list[str]]:
-    """What is done all the same in each row of a scene."""
+    """Work added in each row of a scene."""
     file, values = SCENES[scene]
     loaded = any(values.values())
     possible = [
@@ -139,7 +139,7 @@ def row(scene: str, added: list[str]) -> dict:
 
     mi.set_variant("llvm_ad_rgb" if "three channels traced" in added else "llvm_ad_mono")
     dr.set_flag(dr.JitFlag.KernelHistory, True)
-    dr.set_thread_count(1)  # waiting threads take time as well
+    dr.set_thread_count(1)  # waiting threads take time too
     from mitsuba_taxel.sensing import crosstalk, measure
     from mitsuba_taxel.sensing.runs import prepare
 
@@ -168,7 +168,7 @@ def row(scene: str, added: list[str]) -> dict:
 
 
 def _unknowns() -> int:
-    """Of the largest system of equations that was solved, 0 if none was."""
+    """Number of unknowns of the largest system of equations solved, 0 for none."""
     import gc
 
     pads = [thing for thing in gc.get_objects() if type(thing).__name__ == "LoadedPad"]
@@ -176,7 +176,7 @@ def _unknowns() -> int:
 
 
 def with_seconds(scene: str, added: list[str]) -> dict:
-    """The row of a first run, with its CPU seconds and the least of two later ones."""
+    """The row of a first run, with its CPU seconds and the minimum of two later ones."""
     with tempfile.TemporaryDirectory() as folder:
         kept = {"HOME": folder, "MITSUBA_TAXEL_CACHE": str(Path(folder) / "solutions")}
         figures, seconds = _run(scene, added, kept)
@@ -192,17 +192,17 @@ def _run(scene: str, added: list[str], kept: dict[str, str]) -> tuple[dict, floa
 
 
 def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """All rows in words, :data:`HEADINGS`, as they come.
+    """All rows as text, :data:`HEADINGS`, as they are measured.
 
     Parameters
     ----------
     scenes : sequence of str
-        Names of :data:`SCENES`, all if there are none.
+        Names from :data:`SCENES`; all if empty.
 
     Raises
     ------
     InputError
-        if a name is not known.
+        if a name is unknown.
     """
     from mitsuba_taxel.base.arguments import refusal
 
@@ -232,36 +232,36 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def _apart(here: dict, there: dict) -> float:
-    """Largest change of a reading in standard errors of the two."""
+    """Largest change of a reading, in combined standard errors."""
     columns = zip(here["power"], there["power"], here["error"], there["error"], strict=True)
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
 
 
-PAGE = """# What leaving out is worth
+PAGE = """# Savings from omitted work
 
 Written by `taxel bench omitted-work --markdown docs/omitted_work.md`; do not edit by hand.
-`taxel render SCENE --explain` says what was left out of a scene.
+`taxel render SCENE --explain` lists the work omitted for a scene.
 
-Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the scene as it is; the next
-do one thing all the same that the scene does not need; the last does all of them.
+Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the unchanged scene; the next
+add one piece of work that the scene does not need; the last adds all of them.
 
 {table}
 
-- **modules**, **heavy ones**: Python modules imported; packages among them that are slow to import.
-- **triangles**: of the meshes that light is traced through.
-- **unknowns**: of the largest system of equations solved; 0 if none is.
-- **kernels**, **operations**: distinct kernels of {smallest} operations or more that Dr.Jit has run, and the operations
-  of their intermediate representation together.
+- **modules**, **slow ones**: Python modules imported; packages among them that are slow to import.
+- **triangles**: of the meshes in which light is traced.
+- **unknowns**: of the largest system of equations solved; 0 for none.
+- **kernels**, **operations**: distinct kernels of {smallest} operations or more that Dr.Jit ran, and the total number
+  of operations of their intermediate representation.
 - **first CPU s**: from start to end of the process, with empty caches of kernels and solutions, traced by one thread;
-  **again CPU s**: the least of two runs with what the first has left there (a pad without load is solved anew). Rows
-  that do the same work differ by up to a third where the machine does other things as well.
-- **Z**: largest change of a reading against the first row, in standard errors of the light. The random numbers are the
-  same except where all pairs are traced: a change of one or two is to be expected there alone.
+  **again CPU s**: the minimum of two runs with the caches of the first (a pad without load is solved anew). Rows of
+  equal work differ by up to a third if the machine is busy.
+- **Z**: largest change of a reading from the first row, in standard errors of the light. The random numbers are the
+  same unless all pairs are traced: only there, a change of one or two is expected.
 
-What is left out in any case, and so has no row: paths end at absorbing walls by themselves. Under a plate, or an
-unloaded flat roof, all that reflects lies in one plane, and no path is reflected twice: `max_depth` = 1 gives the same
-readings to the bit. And of three channels `taxel_tracer` traces the first alone, in any variant: Dr.Jit leaves out what
-the others would take.
+Some work is always omitted, and thus has no row: paths end at absorbing walls. Under a plate or an unloaded flat roof,
+all reflecting surfaces lie in one plane, and no path is reflected twice: `max_depth` = 1 gives bitwise the same
+readings. Of three channels, `taxel_tracer` traces the first alone, in any variant: Dr.Jit eliminates the work of the
+others.
 """
 
 
@@ -269,7 +269,7 @@ def page(rows: Sequence[tuple[str, ...]]) -> str:
     """The table as a Markdown page."""
     from mitsuba_taxel.base.markdown import markdown_table
 
-    table = markdown_table(HEADINGS, rows, ("scene", "done all the same", "heavy ones"))
+    table = markdown_table(HEADINGS, rows, ("scene", "added work", "slow ones"))
     return PAGE.format(points=POINTS, smallest=SMALLEST_KERNEL, table=table)
 
 

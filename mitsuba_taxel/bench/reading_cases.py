@@ -1,7 +1,6 @@
-"""Readings at the extremes: of narrow gaps and closing cells, of little light, of many samples, taxels and steps.
+"""Extreme readings: narrow gaps and closing cells, little light, many samples, taxels and steps.
 
-Each is compared with a run of `analog_tracer`, which releases rays and counts them, with a law of scale, or with a
-refusal that must come.
+Each is compared with a run of `analog_tracer`, which counts rays, with a scaling law, or with a required refusal.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ from mitsuba_taxel.specification.wall import Wall
 LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 """A cell whose roof is 0.35 mm above the package."""
 ROUNDING = 1e-6
-"""Of single precision, relative: what laws of scale hold to."""
+"""Relative rounding error of single precision, to which scaling laws hold."""
 POINTS_OF_A_BILLION = 1 << 20
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A reading of the worst taxel, what it should be, both with their errors in W, and what else was seen."""
+    """A reading of the worst taxel and its reference, with their errors in W, and a remark."""
 
     power: float
     error: float
@@ -49,9 +48,9 @@ class ReadingCase:
     Attributes
     ----------
     look : Callable[[], Compared]
-        Reads the scene and compares; raises what the program raises.
+        Reads the scene and compares; raises the program's exceptions.
     refused : bool
-        Whether it must.
+        Whether the scene must be refused.
     """
 
     name: str
@@ -59,7 +58,7 @@ class ReadingCase:
     refused: bool = False
 
     def measured(self) -> ReadingRow:
-        """The row, as this process finds it."""
+        """The row, measured in this process."""
         from mitsuba_taxel.bench.measure import peak_memory
 
         began = time.process_time()
@@ -67,7 +66,7 @@ class ReadingCase:
         return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
 
     def failed(self, end: str) -> ReadingRow:
-        """The row of a process that gave none."""
+        """The row of a process that returned none."""
         return ReadingRow(self.name, end, wrong="no answer")
 
     def _row(self) -> ReadingRow:
@@ -154,7 +153,7 @@ def _read(scene: Callable[[], Scene]) -> Compared:
 
 
 def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compared:
-    """A reading, and the same by counted rays."""
+    """A reading compared with counted rays."""
     import mitsuba as mi
 
     ready = prepare(scene())
@@ -163,7 +162,7 @@ def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compa
 
 
 def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> Compared:
-    """The taxel that differs most; of the mechanics both have the same error."""
+    """The taxel that differs most; both have the same error of the mechanics."""
     spread = np.hypot(ours.standard_error, theirs.standard_error) + rounding * theirs.power
     change = np.abs(ours.power - theirs.power)
     worst = int(np.argmax(np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)))
@@ -173,7 +172,7 @@ def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", round
 
 
 def _all_but_closed() -> Compared:
-    """Light in a narrow gap goes with the square of its height."""
+    """Light in a narrow gap is proportional to the square of its height."""
     near, nearer = (measure(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
     theirs = replace(near, replicates=near.replicates * 1e-2)
     return _compared(nearer, theirs, "law of scale", rounding=1e-2)
@@ -186,7 +185,7 @@ def _closed() -> Compared:
 
 
 def _little_light(watts: float) -> Compared:
-    """Readings are in proportion to the power of the LED."""
+    """Readings are proportional to the power of the LED."""
 
     def at(power: float) -> Readings:
         led = AnnularLed(power=power)
@@ -220,7 +219,7 @@ def _million_states() -> Compared:
 
 
 def _scaled(scale: float) -> Compared:
-    """A pad with all that stands in it, whatever the unit of length is."""
+    """A pad with its contents in another unit of length."""
     import mitsuba as mi
 
     sensor = PadSensor(pad=Pad("cylindrical", 1, 1), force=(0.0, 0.0, -1.0), roof=Wall("lambertian", 0.9))
@@ -239,7 +238,7 @@ def _scaled(scale: float) -> Compared:
 
 
 def _many_taxels() -> Compared:
-    """Under one wide plate all read alike."""
+    """Under a wide plate, all taxels read the same."""
 
     def at(rows: int, points: int, seed: int) -> Readings:
         return measure(_array(rows, rows), points=points, seed=seed)
@@ -247,12 +246,12 @@ def _many_taxels() -> Compared:
     many, one = at(30, 256, 1), at(1, 1 << 13, 2)
     like = replace(one, replicates=np.tile(one.replicates, (1, 900)))
     found = _compared(many, like, "one alone")
-    share = 1 / 900  # the worst of 900 deviates more than one would: Bonferroni's bound
+    share = 1 / 900  # Bonferroni's bound for the worst of 900
     return replace(found, error=found.error * _wider(share))
 
 
 def _wider(share: float) -> float:
-    """By how much the limit of deviations is wider for the worst of many, for a false alarm as rare."""
+    """Factor of the limit of deviations for the worst of many, at the same rate of false alarms."""
     from scipy.stats import norm
 
     limit = norm.sf(MOST_DEVIATIONS)
@@ -272,7 +271,7 @@ def _array(rows: int, columns: int) -> Scene:
 
 
 def _billion() -> Compared:
-    """2^30 paths at once, and beside them what a running sum in single precision makes of as many numbers."""
+    """2^30 paths at once, and for comparison a running sum of as many numbers in single precision."""
     many = measure(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
     few = measure(_array(8, 4), points=1 << 16, seed=2)
     remark = f"a running single-precision sum of as many is off by {running_sum_error(1 << 30):.0%}"
@@ -280,7 +279,7 @@ def _billion() -> Compared:
 
 
 def running_sum_error(count: int) -> float:
-    """Relative error of a sum of so many numbers, of mean 1, that is carried along in single precision."""
+    """Relative error of a running sum of ``count`` numbers of mean 1 in single precision."""
     numbers = np.random.default_rng(0).exponential(size=1 << 22).astype(np.float32)
     total, blocks = np.float32(0), count // len(numbers)
     for _ in range(blocks):

@@ -1,4 +1,4 @@
-"""One row of the table of readings at the extremes, and its cells as text."""
+"""One row of the table of extreme readings, and its cells as text."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from mitsuba_taxel.bench.row import cell
 
 RIGHT = "right"
 MOST_DEVIATIONS = 4.0
-"""Of the errors of a reading and what it is compared with, between the two."""
+"""Allowed deviation between a reading and its reference, in combined errors."""
 
 
 @dataclass(frozen=True)
 class ReadingRow:
-    """What became of a case; missing values are NaN.
+    """Result of a case; missing values are NaN.
 
     Attributes
     ----------
     verdict : str
-        ``right``, ``refused: ...`` with the message, or how the process ended; and what else was seen.
+        ``right``, ``refused: ...`` with the message, or how the process ended; and a remark.
     wrong : str
-        What is wrong, empty if nothing is.
+        Failure, empty if there is none.
     power : float
-        In W, of the taxel that is worst.
+        In W, of the worst taxel.
     error : float
         Relative, of light and mechanics.
     reference : float
-        In W, what the reading should be.
+        In W, expected reading.
     deviations : float
-        Of the errors of both, that the reading is from it.
+        Deviation of the reading from it, in combined errors.
     by : str
-        What the reference comes from.
+        Source of the reference.
     seconds : float
-        Of processors' time.
+        CPU time.
     megabytes : float
-        Most memory.
+        Peak memory.
     """
 
     case: str

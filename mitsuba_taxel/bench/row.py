@@ -1,4 +1,4 @@
-"""One row of a table of extremes, and its cells as text."""
+"""One row of the table of extreme mechanics, and its cells as text."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ CONVERGED = "converged"
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a case; missing values are NaN.
+    """Result of a case; missing values are NaN.
 
     Attributes
     ----------
     verdict : str
         ``converged``, ``ends at ...``, ``refused: ...``, or how the process ended.
     wrong : str
-        What is wrong with the row itself, empty if nothing is.
+        Failure, empty if there is none.
     iterations : float
         Of Newton's method, over all accepted steps.
     steps : float
         Accepted steps.
     cutbacks : float
-        Times that a step was halved, or given up.
+        Number of steps halved or given up.
     min_jacobian : float
-        Least volume ratio J at the quadrature points, at any accepted step.
+        Smallest volume ratio J at the quadrature points, at any accepted step.
     node_jacobian : float
-        Least J at the ten nodes of the elements of the last state.
+        Smallest J at the ten nodes of the elements of the last state.
     residual : float
         Largest out-of-balance force of any accepted step, relative to the load.
     imbalance : float
@@ -39,13 +39,13 @@ class Row:
     roof : float
         Length of the mean displacement of the roofs at the last state, in mm.
     stated_error : float
-        Root mean square of the roofs' error that the state states, relative to `roof`.
+        Root mean square of the stated error of the roofs, relative to `roof`.
     finer_change : float
         Change of the mean displacement on the finer mesh, relative to `roof`.
     seconds : float
-        Of processors' time, for the state and its error.
+        CPU time, for the state and its error.
     megabytes : float
-        Most memory.
+        Peak memory.
     inverted : str
         Load of the first accepted step with J of 0 or less at a node of an element, empty if there is none.
     """
@@ -108,7 +108,7 @@ def cells(row: Row) -> list[str]:
 
 
 def cell(row: Any, name: str, forms: Mapping[str, str]) -> str:
-    """A number of a row in its form, or a text; the verdict says what is wrong."""
+    """A formatted number of a row, or a text; the verdict includes failures."""
     value = getattr(row, name)
     if name == "verdict" and row.wrong:
         return f"{value}; WRONG: {row.wrong}"

@@ -1,4 +1,4 @@
-"""A pad whose mesh has very flat elements on purpose."""
+"""A pad whose mesh has slivers (very flat elements) on purpose."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 from mitsuba_taxel.pads.pad import Pad
 
 FLATNESS = 0.01
-"""Height of a flattened element, relative to what it was."""
+"""Height of a flattened element, relative to the original one."""
 
 
 @dataclass(frozen=True)
 class SliverPad(Pad):
-    """A pad in whose mesh many an inner corner lies almost in the opposite face of one of its elements.
+    """A pad in whose mesh many inner corners lie almost in the opposite face of one of their elements.
 
-    No mirror maps the mesh on itself, so that the whole pad is solved.
+    The mesh has no symmetry, so that the whole pad is solved.
     """
 
     @property
     def identity(self) -> dict[str, object]:
-        """What tells the pad from others, as values that JSON can write."""
+        """Identity of the pad, as JSON values."""
         return super().identity | {"flatness": FLATNESS}
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
@@ -32,9 +32,9 @@ class SliverPad(Pad):
 
 
 def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
-    """The mesh with corners that lie on no surface moved until an element is flat; no two of them share an element.
+    """The mesh with inner corners moved until an element is flat; no two of them share an element.
 
-    The edges at a moved corner become straight. A corner stays where it is if an element would turn inside out.
+    The edges at a moved corner become straight. A corner does not move if an element would be inverted.
     """
     points, tets = mesh.points.copy(), mesh.tets
     order = np.argsort(tets[:, :4].ravel(), kind="stable")
@@ -49,7 +49,8 @@ def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
 
 
 def _flatten(points: np.ndarray, corner: int, around: np.ndarray) -> bool:
-    """Move a corner into one of the elements ``around`` it; whether one was found that leaves all of them valid."""
+    """Move a corner into one of the elements ``around`` it; returns whether this was possible with all of them
+    valid."""
     before = points[around]
     for own in around[:, :4]:
         base = points[own[own != corner]].mean(axis=0)

@@ -1,4 +1,4 @@
-"""Derivatives of readings at the default settings beside those on small elements."""
+"""Derivatives of readings at the default settings, compared with those on small elements."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.scene_rates import rates
 
 FORCES = ((0.0, 0.0, -0.8), (0.1, 0.03, -1.0))
-"""N on one cell."""
+"""Forces on one cell in N."""
 PARAMETERS = ("fz", "fx", "youngs_modulus", "cell_size", "wall", "spacing")
 FINE = 0.6
 """Mesh size in mm of the truth, half the default."""
 
-HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "off by", "off / stated", "CPU s for all")
+HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "deviation", "deviation / stated", "CPU s for all")
 
 _PAGE = """\
 # Derivatives
 
 Written by `{command}`; do not edit by hand.
 
-Derivatives of one cell's reading at the default settings, beside those on elements of half the size, whose own error is
-about a third of what is told here. Roofs scatter isotropically. Both have the same patches of light: what these are off
-by is not in the comparison, and `tests/sensing/test_derivatives.py` bounds it with smaller ones.
+Derivatives of one cell's reading at the default settings, compared with those on elements of half the size, whose own
+error is about a third of the deviation given here. Roofs scatter isotropically. Both use the same patches for the
+light: their error is not part of the comparison, and is bounded with smaller ones in
+`tests/sensing/test_derivatives.py`.
 
 {table}
 
-- **stated**: one standard deviation, relative; **off by**: relative to the value on small elements.
+- **stated**: one standard deviation, relative; **deviation**: relative to the value on small elements.
 - **CPU s for all**: seconds of all processors for six derivatives, after the pad has been solved for.
 """
 
@@ -83,14 +84,14 @@ def slope_cells(row: SlopeRow) -> list[str]:
 
 
 def summary(rows: Sequence[SlopeRow]) -> str:
-    """How many of the rows are off by no more than once, and twice, what is stated."""
+    """Sentence with the numbers of rows within once and twice the stated error."""
     ratios = [abs(row.value - row.truth) / row.stated for row in rows]
     within = [sum(ratio <= bound for ratio in ratios) for bound in (1, 2)]
-    return f"{within[0]} of {len(rows)} derivatives are off by no more than what is stated, {within[1]} by twice that."
+    return f"{within[0]} of {len(rows)} derivatives are within the stated error, {within[1]} within twice that."
 
 
 def write_page(rows: Sequence[SlopeRow], file: Path, command: str) -> None:
-    """Write the rows as a page that says what its columns mean."""
+    """Write the rows as a page with an explanation of its columns."""
     table = markdown_table(HEADINGS, map(slope_cells, rows)) + f"\n\n{summary(rows)}"
     with replacing(file) as temporary:
         temporary.write_text(_PAGE.format(command=command, table=table), encoding="utf-8")

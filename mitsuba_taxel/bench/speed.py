@@ -1,4 +1,4 @@
-"""How long readings take as a user meets them, and how near the tracer comes to the raw rate of intersections."""
+"""Time of typical readings, and ray rate of the tracer relative to that of intersections alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ RAYS = 1 << 22
 
 
 def speed(target_error: float) -> Iterator[str]:
-    """All of them, a line each as they come.
+    """All measurements, one line each, as they are taken.
 
     Parameters
     ----------
@@ -49,7 +49,8 @@ def speed(target_error: float) -> Iterator[str]:
 
 
 def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
-    """Fewest points (a power of two) that reach the error on a loaded `pad.xml`, the error reached, and seconds."""
+    """Smallest number of points (a power of two) that reaches the error on a loaded `pad.xml`, that error, and
+    seconds."""
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     scene = Scene.from_file("pad.xml", cell=cell).load()
     points = 256
@@ -59,7 +60,7 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
 
 
 def first_answer() -> float:
-    """Seconds of the command ``taxel render plate.xml``, after one run that leaves its kernels in the cache."""
+    """Seconds of the command ``taxel render plate.xml``, after one run that fills the kernel cache."""
     command = [sys.executable, "-c", "from taxel_cli import main; main()", "render", "plate.xml"]
 
     def run() -> None:
@@ -70,7 +71,7 @@ def first_answer() -> float:
 
 
 def exported_model() -> float:
-    """Seconds of one reading in onnxruntime, the least of many: of nine taxels, of powers of two forces up to 5."""
+    """Minimum time in seconds of a reading in onnxruntime: nine taxels, a polynomial in two forces up to degree 5."""
     import onnxruntime
 
     fx, fz = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(0, -10, 6), indexing="ij")
@@ -94,13 +95,13 @@ def exported_model() -> float:
 def ray_rates(scene: Any) -> tuple[float, float]:
     """Rays per second (intersections and shadow rays) of `taxel_tracer`, and of ``ray_intersect`` on random rays.
 
-    The random rays start uniformly in the scene's bounding box, in uniform directions: none is like its neighbour.
+    The random rays start uniformly in the scene's bounding box, in uniform directions, without coherence.
     """
     (pair,) = taxels_of(scene)
     points = RAYS // (REPLICATES * pair.count * 8)
     counting = _CountingScene(scene)
     run = partial(trace, scene.integrator(), pair=pair, points=points, seed=0, replicates=REPLICATES)
-    run(scene=scene)  # finds the guide, whose rays do not count
+    run(scene=scene)  # computes the guide, whose rays do not count
     run(scene=counting)
     traced = counting.rays / _seconds(lambda: run(scene=scene))
 
@@ -121,7 +122,7 @@ def ray_rates(scene: Any) -> tuple[float, float]:
 
 
 class _CountingScene:
-    """A scene that counts the rays asked of it, also inside recorded loops."""
+    """A scene that counts its ray queries, also inside recorded loops."""
 
     def __init__(self, scene: Any) -> None:
         self._scene = scene

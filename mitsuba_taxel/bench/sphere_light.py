@@ -1,7 +1,7 @@
-"""Light in a cell that is a part of a sphere: quadrature and rays that know neither elements, triangles nor a renderer.
+"""Light in a spherical cell: quadrature and ray tracing without elements, triangles or a renderer.
 
-Lengths are in mm, heights above the plane of LED and phototransistor, powers in W per W of an LED that is evenly bright
-over its square and over the solid angle of its cone. The side wall and all below absorb.
+Lengths are in mm, heights above the plane of LED and phototransistor, powers in W per W of an LED that is uniform over
+its square and over the solid angle of its cone. All other surfaces absorb.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def gauss(low, high, count):
 
 @dataclass(frozen=True)
 class Dome:
-    """A cap of the sphere of ``radius`` whose rim, as wide as the cell, is ``rim`` above the LED."""
+    """A cap of a sphere of ``radius``, whose rim, of the cell's width, is at the height ``rim`` above the LED."""
 
     radius: float
     rim: float
@@ -52,13 +52,13 @@ class Dome:
     # ---- walls that scatter in all directions
 
     def diffuse_power(self, law: str, count: int = 36) -> float:
-        """With a roof that scatters all light, ``lambertian`` or ``isotropic``."""
+        """Power with a roof that scatters all light, ``lambertian`` or ``isotropic``."""
         polar, weight = gauss(0.0, self.widest, count)
         azimuth = 2 * math.pi * np.arange(2 * count) / (2 * count)
         weight = np.repeat(weight * np.sin(polar), 2 * count) * self.radius**2 * math.pi / count
         points = self.at(*np.broadcast_arrays(polar[:, None], azimuth)).reshape(-1, 3)
         seen = self._seen_by_detector(points, law)
-        if law == "lambertian":  # each part of a sphere lights every other alike
+        if law == "lambertian":  # each part of a sphere lights all others equally
             share = weight / (4 * math.pi * self.radius**2)
             value = seen + share @ seen / (1 - share.sum())
         else:
@@ -69,7 +69,7 @@ class Dome:
         return self._emitted(spline)
 
     def _seen_by_detector(self, points, law):
-        """Share of what each point scatters that goes straight to the phototransistor."""
+        """Share of the light scattered at each point that reaches the phototransistor directly."""
         x, wx = gauss(0.5 * self.spacing - 0.5 * WIDTH, 0.5 * self.spacing + 0.5 * WIDTH, 6)
         y, wy = gauss(-0.5 * DEPTH, 0.5 * DEPTH, 6)
         target = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((6, 6))], axis=-1).reshape(-1, 3)
@@ -99,7 +99,7 @@ class Dome:
         return value
 
     def _emitted(self, value) -> float:
-        """Mean of ``value`` over where the LED's light meets the roof."""
+        """Mean of ``value`` over the LED's light on the roof."""
         side, w = gauss(-0.5 * LED, 0.5 * LED, 5)
         azimuth = 2 * math.pi * (np.arange(128) + 0.5) / 128
         x, y, phi = (a.ravel() for a in np.meshgrid(side - 0.5 * self.spacing, side, azimuth, indexing="ij"))
@@ -121,7 +121,8 @@ class Dome:
     # ---- mirrors
 
     def mirror_power(self, rms_slope: float = 0.0, seed: int = 0, points: int = 1 << 16) -> tuple[float, float]:
-        """With a mirror for a roof, rough by ``rms_slope`` degrees, by rays; and the standard error, from 16 runs."""
+        """Power with a mirror roof of roughness ``rms_slope`` in degrees, by ray tracing, and its standard error, from
+        16 runs."""
         runs = [self._rays(rms_slope, qmc.Sobol(24, rng=seed * 16 + run).random(points)) for run in range(16)]
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
 
@@ -158,7 +159,7 @@ class Dome:
 
 
 def _from_a_facet(wi, normal, alpha, v):
-    """Direction of reflection at a facet whose normal is drawn after Beckmann's distribution, and its weight."""
+    """Direction of reflection at a facet with a normal sampled from Beckmann's distribution, and its weight."""
     cosine = 1 / np.sqrt(1 - alpha**2 * np.log1p(-v[:, 0]))
     sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * v[:, 1]
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])

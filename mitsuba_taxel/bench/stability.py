@@ -1,4 +1,4 @@
-"""The tables of extremes, of the mechanics and of readings, row by row."""
+"""The tables of extreme cases of mechanics and readings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mitsuba_taxel.studies.plan.files import check_new_file
 
 
 class NamedCase(Measurable, Protocol):
-    """A row of a table before it is measured."""
+    """A named case of a table."""
 
     @property
     def name(self) -> str: ...
@@ -38,16 +38,16 @@ def stability(
     Parameters
     ----------
     only : str, optional
-        A part of the names of the cases wanted, in which * and ? stand for anything.
+        Pattern for a part of the cases' names, with the wildcards * and ?.
     csv, markdown : Path, optional
-        Files that the rows are written to.
+        Output files.
     starting : Callable[[int, int, str], None], optional
-        Called with the number of a case, that of all, and its name.
+        Called with (number of a case, total number, its name).
 
     Raises
     ------
     InputError
-        if no case has such a name, or a file cannot be written.
+        if no case matches, or a file cannot be written.
     """
     both: list[NamedCase] = [*stability_cases(), *reading_cases()]
     cases = chosen(both, only)
@@ -67,7 +67,7 @@ def stability(
 
 
 def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
-    """The cases whose name has a part that the pattern ``only`` fits; raises `InputError` if there are none."""
+    """The cases with a part of the name that matches the pattern ``only``; raises `InputError` if there are none."""
     wanted = [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
     if not wanted:
         raise InputError(f"only = {only!r} is not allowed: a part of the name of a case is needed.")
@@ -75,7 +75,7 @@ def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
 
 
 def check(rows: Sequence[Row | ReadingRow]) -> None:
-    """Raise `ComputationError` if a row is wrong, or its process gave none."""
+    """Raise `ComputationError` if a row is wrong or missing."""
     wrong = [row.case for row in rows if row.wrong]
     if wrong:
         raise ComputationError(f"{len(wrong)} of {len(rows)} rows are wrong: {'; '.join(wrong)}.")

@@ -1,4 +1,4 @@
-"""Rows as files: CSV with all digits, and a page of Markdown."""
+"""Rows as files: CSV in full precision, and a page of Markdown."""
 
 from __future__ import annotations
 
@@ -16,61 +16,61 @@ from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 from mitsuba_taxel.mechanics import NeoHookean
 
 LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
-"""Headings of columns of words."""
+"""Headings of text columns."""
 
 _PAGE = """\
-# At the extremes
+# Extreme cases
 
-Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB says
-so. `WRONG` marks what must not be, and the command then exits with 1.
+Written by `{command}`; do not edit by hand. A process that crashed or went beyond {seconds:g} s or {memory:g} GB
+is reported. `WRONG` marks a failure, with which the command exits with 1.
 """
 
 _MECHANICS = """
 ## Mechanics
-Where nothing else is said, a pad is that of the paper
+Unless stated otherwise, the pad is that of the paper
 (3 x 3 parallelepiped cells, {silicone}) on elements of {mesh_size:g} mm, which is coarse: the table is
-about what happens, not about the last digit. Forces are in N, compression is z < 0. The rigid plate stands for a stiff
-layer bonded on top, whose limit it is. For comparison: the paper's solver stopped at tangential forces of 11 N
+about robustness, not accuracy. Forces are in N, compression is z < 0. The rigid plate is the limit of a stiff layer
+bonded on top. For comparison: the paper's solver stopped at tangential forces of 11 N
 (parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at -8 N.
 
 {table}
 
-- **verdict**: `converged`; `ends at` a load and why: the pad touches something there, or no stable state was found
-  beyond it; `refused` where one Newton solve, which looks for no contact, was asked for and found no acceptable state.
-  `WRONG` is a step accepted with an inverted element, a number that is none, forces out of balance, a stated error less
-  than half of what the finer mesh shows.
-- **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; how often a step was halved,
-  for want of an acceptable state or for the accuracy between steps, or given up.
-- **min J**, **min J at nodes**: least volume ratio at quadrature points and at the ten nodes of the elements, at any
-  step (the last one may lie beyond the load); and at the nodes in the last state, computed anew. The last state is that
-  of the whole load, or just before the end.
-- **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and how far the board's
-  reaction and the load are from balance in the last state, interpolated between steps, by forces assembled anew.
-- **stability**: `stable` where the factored tangent had as many negative pivots as it should at every step, on each
-  block that the pad's symmetry leaves; `not checked` where the solver does not count them.
-- **mean roof**: length of the roofs' mean displacement. **stated error**: what the state itself states, root mean
-  square over the roofs, relative to it. **finer mesh**: change of the mean displacement on elements smaller by 1.5.
-- **CPU s**, **MB**: time of all processors for the state with its error, and most memory of the process.
+- **verdict**: `converged`; `ends at` a load with the reason: the pad touches something there, or no stable state was
+  found beyond it; `refused` where a single Newton solve, without a check of contact, found no acceptable state.
+  `WRONG` is an accepted step with an inverted element, a NaN, forces out of balance, or a stated error less than half
+  of the change on the finer mesh.
+- **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; number of steps halved, for
+  lack of an acceptable state or for accuracy between steps, or given up.
+- **min J**, **min J at nodes**: smallest volume ratio at quadrature points and at the ten nodes of the elements, at any
+  step (the last one may lie beyond the load); and at the nodes in the last state, recomputed. The last state is that
+  at the whole load, or just before the end.
+- **residual**, **imbalance**: largest out-of-balance force at the steps, relative to the load; and the imbalance of
+  reaction and load in the last state, interpolated between steps, from reassembled forces.
+- **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
+  block of the symmetric pad; `not checked` if the solver does not count them.
+- **mean roof**: length of the roofs' mean displacement. **stated error**: that of the state, root mean square
+  over the roofs, relative to it. **finer mesh**: change of the mean displacement on elements smaller by 1.5.
+- **CPU s**, **MB**: time of all processors for the state with its error, and peak memory of the process.
 """
 
 
 _READINGS = """
 ## Readings
-Each case is read as a user would read it, and compared with what it should be: rays that `analog_tracer` released and
-counted, or a law of scale. Some must be refused.
+Each case is read as a user would read it, and compared with a reference: rays counted by `analog_tracer`, or a scaling
+law. Some must be refused.
 
 {table}
 
 - **verdict**: `right` within {deviations:g} errors of both; `refused` with the message. `WRONG` is another reading, one
-  that should have been refused, or a refusal of what should be read.
-- **power**, **error**: of the taxel that is worst, and its standard error, relative. **deviations**: of the errors of
-  both, from the reference.
-- **CPU s**, **MB**: time of all processors for both, and most memory of the process.
+  that should have been refused, or a wrong refusal.
+- **power**, **error**: of the worst taxel, and its relative standard error. **deviations**: from the reference, in
+  combined errors.
+- **CPU s**, **MB**: time of all processors for both, and peak memory of the process.
 """
 
 
 def write_csv(rows: Sequence[Row | ReadingRow], file: Path) -> None:
-    """Write the rows with a heading, all digits; a column that a row has not is empty, no number is ``nan``."""
+    """Write the rows with a heading, in full precision; columns that a row lacks are empty, missing numbers ``nan``."""
     names = dict.fromkeys(field.name for kind in (Row, ReadingRow) for field in fields(kind))
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(names))
@@ -79,7 +79,7 @@ def write_csv(rows: Sequence[Row | ReadingRow], file: Path) -> None:
 
 
 def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -> None:
-    """Write the rows as a page that says which ``command`` wrote it, and what its columns mean."""
+    """Write the rows as a page that names its ``command`` and explains its columns."""
     mechanics = [row for row in rows if isinstance(row, Row)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)

@@ -1,4 +1,4 @@
-"""Error against time: the points of a work-precision diagram, and how steeply the error falls."""
+"""Error against time: the points of a work-precision diagram, and the slope of the error."""
 
 from __future__ import annotations
 
@@ -11,44 +11,44 @@ from typing import NamedTuple
 import numpy as np
 
 now = time.process_time
-"""Seconds of all processors together, so that what else a machine does meanwhile matters little."""
+"""CPU seconds of all processors, which depend little on other load of the machine."""
 WARM = 2.5
-"""Times the seconds of the shortest run, from which a run is about its work and no longer about being launched."""
+"""Multiple of the seconds of the shortest run from which the launch no longer dominates."""
 ABOVE_FLOOR = 1.5
-"""Times the reference's own error, above which an error is that of the method."""
+"""Multiple of the reference's error above which an error is that of the method."""
 
 FEWEST_POINTS = 3
-"""From which a slope can be told: how much two scatter is not seen."""
+"""Minimum number of points for a slope: two do not show their scatter."""
 LEAST_SPAN = 2.0
-"""Times the seconds of its first point that the last of a curve must have taken, for a slope to be told."""
+"""Minimum ratio of the seconds of the last and first point of a curve for a slope."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """What one method gave with one setting.
+    """Result of one method with one setting.
 
     Attributes
     ----------
     setting : str
-        What was varied, in words.
+        Varied quantity, in words.
     seconds : float
         Of one run.
     error : float
         Relative, against the reference; root mean square over taxels and runs.
     stated : float
-        Relative error that the method itself states; not a number where it states none.
+        Relative error stated by the method; NaN if it states none.
     floor : float
-        Relative error of the reference: nothing is claimed below it.
+        Relative error of the reference, below which errors are not significant.
     reference : str
-        What the error was taken against.
+        Reference of the error.
     runs : int
-        With seeds of their own.
+        Number of runs, with different seeds.
     readings : int
-        Numbers that `error` is the root mean square of.
+        Number of values of which `error` is the root mean square.
     shares : dict[str, float]
         Further columns by name: parts of the errors, seconds by stage.
     remark : str
-        What the reader must know besides.
+        Note for the reader.
     """
 
     setting: str
@@ -77,9 +77,9 @@ class Curve:
     part : str
         ``optics``, ``mechanics`` or ``chain``.
     launched : bool
-        Whether a run has a launch that costs time before any work is done.
+        Whether a run has a launch with a fixed cost.
     remark : str
-        What the reader must know besides, or why there are no points.
+        Note for the reader, or the reason why there are no points.
     """
 
     part: str
@@ -90,19 +90,19 @@ class Curve:
 
 
 class Slope(NamedTuple):
-    """d log(error) / d log(seconds) with one standard error; not numbers where the points are too few or too close."""
+    """d log(error) / d log(seconds) with one standard error; NaN if points are too few or too close."""
 
     value: float
     standard_error: float
 
 
 def slope(curve: Curve) -> Slope:
-    """How steeply a method's error falls with its seconds, by least squares over the points after warm-up.
+    """Slope of a method's error against its seconds, by least squares over the points after warm-up.
 
-    Of a method that is launched the seconds of its shortest run, which did next to nothing, are taken off, and points
-    count from :data:`WARM` times these. Points not well above the reference's error do not count. Each point weighs as
-    much as the root mean square of so many readings is known; the standard error is that of these weights, or
-    larger where the points scatter more.
+    For methods with a launch, the seconds of the shortest run, which does almost nothing, are subtracted, and points
+    count from :data:`WARM` times these. Points not well above the reference's error do not count. Points are weighted
+    by the uncertainty of a root mean square of so many readings; the standard error is that of these weights, or larger
+    if the points scatter more.
     """
     launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0
     used = [point for point in curve.points if point.error > ABOVE_FLOOR * point.floor]
@@ -111,7 +111,7 @@ def slope(curve: Curve) -> Slope:
         return Slope(math.nan, math.nan)
     x = np.log([point.seconds - launch for point in used])
     y = np.log([point.error for point in used])
-    weight = np.array([2.0 * point.readings for point in used])  # 1 / variance of the logarithm of a mean square's root
+    weight = np.array([2.0 * point.readings for point in used])  # 1 / variance of the logarithm of a root mean square
     x = x - np.average(x, weights=weight)
     spread = weight @ x**2
     value = weight @ (x * y) / spread
@@ -122,7 +122,7 @@ def slope(curve: Curve) -> Slope:
 
 @dataclass(frozen=True)
 class Truth:
-    """(T,) power in W that estimates are judged by, its own standard error, and where it comes from."""
+    """(T,) reference power in W, its standard error, and its source."""
 
     power: np.ndarray
     error: np.ndarray
@@ -130,7 +130,7 @@ class Truth:
 
     @property
     def floor(self) -> float:
-        """Its relative error, root mean square over taxels: no smaller error can be claimed."""
+        """Its relative error, root mean square over taxels: smaller errors are not significant."""
         return relative_rms(self.error, self.power)
 
 

@@ -1,6 +1,6 @@
-"""The process that one row is measured in: a case comes in at standard input, its row leaves at standard output.
+"""The process that measures one row: it reads a case from standard input and writes its row to standard output.
 
-Run as ``python -m mitsuba_taxel.bench.worker BYTES``, with the most memory that it may take.
+Run as ``python -m mitsuba_taxel.bench.worker BYTES``, with its memory limit.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import sys
 
 
 def main(memory: int) -> None:
-    # Not addresses: the driver of a graphics card reserves more of them than the machine has memory.
+    # Not the address space: the driver of a graphics card reserves more than the machine's memory.
     resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # Of a parent that is killed outright nothing is heard.
+    # A parent that is killed cannot end this process itself.
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    # Standard output is for the answer alone, whatever the libraries print.
+    # Standard output is reserved for the row, whatever libraries print.
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
 

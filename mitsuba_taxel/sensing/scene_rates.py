@@ -209,7 +209,7 @@ def _pad(state: Any) -> DeformablePad:
         raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads, one is needed.")
     pad = DeformablePad.read(pads[0])
     if pad.prony:
-        raise InputError("derivatives are not available: the pad has a memory (prony); steps of the load are needed.")
+        raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")
     if pad.friction:
         raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
     return pad

@@ -126,7 +126,7 @@ class DeformablePad(Specification):
     history: str = text(
         "",
         "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';', linear in between; it "
-        "jumps where two times are equal. Studies of steps with a column time set it. Used with a memory and "
+        "jumps where two times are equal. Studies of steps with a column time set it. Used with viscoelasticity and "
         "with friction; to friction alone, times are only an order.",
         default_words="none",
     )

@@ -170,7 +170,7 @@ def test_quasi_random_points_gain_more_than_random_ones(clockwork, tmp_path):
     assert judges["taxel_path"] == {"taxel_tracer"} and judges["path (independent)"] < {"taxel_tracer", "taxel_path"}
     last = found["taxel_tracer"].points[-1]
     assert 0.3 < last.stated / last.error < 3 and last.floor < 0.5 * last.error < 1e-3
-    assert found[""].remark == "no pad of the scene bears a load"
+    assert found[""].remark == "no pad of the scene is loaded"
     assert "optics 1/4: taxel_tracer" in steps and "optics: reference by taxel_path" in steps
 
     with (tmp_path / "out" / "accuracy.csv").open(newline="") as stream:
