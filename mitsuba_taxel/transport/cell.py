@@ -139,7 +139,8 @@ class Cell:
         return (to_points @ shares).toarray()
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
-        """(F, 15, 3) derivatives of the reading by the places of the patches, per mm; see :meth:`Exchange.slopes`."""
+        """(F, 15, 3) derivatives of the reading by the positions of the patches, per mm; see
+        :meth:`Exchange.slopes`."""
         pairs, mesh, places = self._mesh.pairs, self._mesh, self._walls.places
         points, size = pairs.shares.shape
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])

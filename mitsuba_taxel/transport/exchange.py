@@ -18,7 +18,7 @@ from drjit.llvm import Array3f64, Float64, UInt32
 from mitsuba_taxel.transport.box import Box, Passage
 
 HORIZON = 4e-3
-"""Cosine up to which a way counts for what goes along the horizon."""
+"""Cosine up to which a direction counts as one along the horizon."""
 _TURN = threading.Lock()
 """Lock of threads that launch kernels."""
 
@@ -138,11 +138,11 @@ class _Pairs:
         self.per_facing = self.even + self.cosine * self.leaving
 
     def at_horizon(self, width: float) -> Float64:
-        """What isotropic light loses by ways that sink below the horizon of the start, for each mm of ``leaving``.
+        """Loss of isotropic light in directions that pass below the horizon of the start, per mm of ``leaving``.
 
-        The light ends there with a step, whose derivative is spread over directions of a ``width`` (cosine). On a
-        surface that is curved evenly both ends see each other alike: what one sees more of than the other is what there
-        is at the horizon.
+        Visibility is discontinuous there, and its derivative is spread over directions of a ``width`` (cosine). On a
+        surface of uniform curvature, both ends see each other equally: the difference of their views is the
+        contribution of the horizon.
         """
         over = dr.rcp(self.distance)
         cosine = self.leaving * over / width

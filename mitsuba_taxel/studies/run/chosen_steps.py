@@ -85,7 +85,7 @@ class _Curve:
         return sorted(self._known)
 
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """(T,) W, and slopes over the range's length; from disk, where a run before has read them."""
+        """Readings (T,) in W, and slopes by the fraction of the range; from disk, if an earlier run has read them."""
         from mitsuba_taxel.mechanics.path import cache
 
         start, stop = self._ends
@@ -100,7 +100,7 @@ class _Curve:
 
     @cached_property
     def _origin(self) -> list[Any]:
-        """What readings depend on besides values."""
+        """What readings depend on in addition to values."""
         origin = provenance(self._batch)
         return [origin[name] for name in ("scene_content", "code", "versions")]
 
