@@ -1,4 +1,4 @@
-"""Which parameters of a scene there are derivatives by."""
+"""Parameters of a scene for which derivatives are available."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsuba_taxel.sensing.scene import Scene
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Those of some parameters that ``scene`` has no derivative by, and why, in words."""
+    """Those of ``names`` for which ``scene`` has no derivative, with the reasons in words."""
     from mitsuba_taxel.sensing.scene_rates import rates
 
     refused = {}

@@ -24,12 +24,11 @@ class Derivatives:
         Such as W/N.
     values : (T, P) ndarray
     standard_errors : (T, P) ndarray
-        What values are off by for patches of finite size, finite elements, and light that is blocked on its way, as one
-        standard deviation.
+        One standard deviation, due to patches of finite size, finite elements, and occluded light.
     power : (T,) ndarray
         Readings without random numbers, in W.
     power_errors : (T,) ndarray
-        One standard deviation of these, for the same causes.
+        One standard deviation of these, due to the same causes.
     """
 
     parameters: tuple[str, ...]

@@ -1,8 +1,8 @@
 """Derivatives of readings by parameters of a scene: force, material, dimensions, parts.
 
-Light in diffuse cells is followed without random numbers, so that a derivative is as exact as a reading (see
-`transport`). A parameter moves the walls of the cells, by way of the mechanics, and changes LED, phototransistor and
-what walls send back: dP = dP/dx . dx + dP/d(ends).
+Light in diffuse cells is computed without random numbers, so that derivatives are as accurate as readings (see
+`transport`). A parameter moves the walls of the cells through the mechanics, and changes LED, phototransistor and the
+scattering of walls: dP = dP/dx . dx + dP/d(ends).
 """
 
 from __future__ import annotations
@@ -32,38 +32,37 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 FINE, COARSE = 2, 1
-"""Degrees of the solutions on a patch, of which the coarser one tells the error of the finer one."""
+"""Degrees of the solutions on a patch, the coarser one for the error of the finer one."""
 LIGHT_SHARE, READING_SHARE = 0.25, 0.1
-"""Of the difference of the two, the error of the finer one as one standard deviation: of derivatives, of readings."""
+"""Standard deviation of the finer solution, relative to the difference of the two: of derivatives, of readings."""
 HORIZON_SHARE = 1.3
-"""Of what a horizon of twice the width changes, the error of the derivative as one standard deviation: beside
-differences of readings of bent plates and of loaded pads it is 0.5 to 2.5."""
+"""Standard deviation of a derivative, relative to its change with a horizon of twice the width: compared with
+differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
 SMALL = 1e-4
-"""Displacement, relative to the pad's size, of the state that tells how wrong rates are of a pad at rest."""
+"""Displacement, relative to the pad's size, of the state for the error of rates of a pad at rest."""
 TINY = np.finfo(float).tiny
 PARALLEL = 1e-8
-"""One minus the cosine up to which two changes of a load count as one."""
+"""One minus the cosine up to which two changes of a load count as parallel."""
 MOST_HIDDEN = 3e-3
-"""Share of a reading by ways that something stands in, which derivatives do not follow."""
+"""Largest share of a reading on occluded paths, which derivatives ignore."""
 
 
 def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, degree: int = FINE) -> Derivatives:
-    """Derivatives of the readings of a scene that is loaded, by the parameters whose :func:`rates` are given.
+    """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
 
     Parameters
     ----------
     with_errors : bool
-        Without them, which take most of the time, they are not a number.
+        Whether to compute errors, which take most of the time; else they are NaN.
     degree : int
-        Of the solutions on a patch; those of degree 1, to be had without errors, are within a percent in half the time.
+        Of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the time.
 
     Raises
     ------
     InputError
-        if the scene has no derivative by one of them; `NotDiffuse` if its light is not followed without random numbers,
-        as that by way of mirrors.
+        if the scene has no derivative by one of them; `NotDiffuse` if its light needs random paths, as with mirrors.
     ComputationError
-        if there is no state of balance near by, or too much light is blocked on its way.
+        if there is no equilibrium nearby, or too much light is occluded.
     """
     try:
         with stages.stage("derivatives"):
@@ -73,7 +72,7 @@ def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, de
 
 
 class _Linearised:
-    """A scene of diffuse cells, and how its readings change with the places of its walls."""
+    """A scene of diffuse cells, and the derivatives of its readings by the positions of its walls."""
 
     def __init__(self, cells: DiffuseCells, with_errors: bool, degree: int) -> None:
         self.cells, self.with_errors, self.degree = cells, with_errors, degree
@@ -89,7 +88,7 @@ class _Linearised:
     def by(self, changes: list[Rates]) -> Derivatives:
         nodal = [self._nodal(change) for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
-        # Many small products of matrices: each would wake and wait for threads of its own.
+        # Many small matrix products: each would start and wait for its own threads.
         first = self._equal(nodal, others)
         with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
             alone = sorted(set(first))
@@ -117,7 +116,7 @@ class _Linearised:
         )
 
     def _equal(self, nodal: list[_Nodal], others: list) -> list[int]:
-        """The cell that stands for each."""
+        """The representative cell of each cell."""
         if any(others):
             return list(range(len(self.patches)))
         fields = [self.state.displacement, *(each.displacement for each in nodal)]
@@ -132,7 +131,7 @@ class _Linearised:
         pad, displacement = self.cells.pad, np.zeros_like(self.state.displacement)
         if change.load.any():
             displacement += self._by_load(change.load)
-        if not pad.is_loaded:  # nothing else displaces a pad at rest
+        if not pad.is_loaded:  # only a load displaces a pad at rest
             return _Nodal(displacement, change.pad, self._deviations_at_rest(change.load, displacement))
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
@@ -143,16 +142,16 @@ class _Linearised:
         return _Nodal(displacement, change.pad, self._deviations_along(displacement, change.load, softer))
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) displacement for a change of the load, to first order; along the path it is known already."""
+        """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
         return self._linear.by_value(load)
 
     def _deviations_along(self, rate: np.ndarray, load: np.ndarray, softer: np.ndarray) -> np.ndarray | None:
-        """(2, N, 3), what coarser elements would change of a rate: the share that they change of what goes along the
-        displacement, and the rest of what they change, as far as a load goes along that of the state, or what the
-        material does goes along its displacement."""
+        """(2, N, 3) change of a rate with coarser elements: the relative change along the displacement, and the
+        remainder, to the extent that the load change is parallel to the load, or the effect of the material to the
+        displacement."""
         if not self.with_errors or self.state.deviations is None:
             return None
         along, rest = self.state.deviations
@@ -166,7 +165,7 @@ class _Linearised:
         return np.stack([share * rate, alike * rest])
 
     def _deviations_at_rest(self, load: np.ndarray, rate: np.ndarray) -> np.ndarray | None:
-        """(2, N, 3) likewise, from a state under a small load."""
+        """(2, N, 3) the same, from a state under a small load."""
         if not load.any():
             return np.zeros((1, *rate.shape))
         if not self.with_errors:
@@ -178,7 +177,7 @@ class _Linearised:
 
 @dataclass(frozen=True, eq=False)
 class _Nodal:
-    """How nodes move with a parameter.
+    """Rates of the nodes with a parameter.
 
     Attributes
     ----------
@@ -187,7 +186,7 @@ class _Nodal:
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
     deviations : (K, N, 3) ndarray or None
-        What coarser finite elements would change of the first.
+        Change of the first with coarser finite elements.
     """
 
     displacement: np.ndarray
@@ -196,7 +195,7 @@ class _Nodal:
 
 
 class _Found(NamedTuple):
-    """Of a cell: its reading per W of its LED, derivatives by each of some changes, and where its light goes."""
+    """Results of a cell: its reading per W of its LED, the derivatives by each change, and its light paths."""
 
     reading: float
     reading_error: float
@@ -206,7 +205,7 @@ class _Found(NamedTuple):
 
 
 class _OfCell:
-    """One cell, and how its walls move."""
+    """One cell, and the rates of its walls."""
 
     def __init__(self, whole: _Linearised, number: int, nodal: list[_Nodal], others: list) -> None:
         self._whole, self._number = whole, number
@@ -218,7 +217,7 @@ class _OfCell:
         self._others = others
 
     def found(self) -> _Found:
-        """All that is kept of the cell: its pairs of points take much memory."""
+        """Results of the cell, without its pairs of points, which take much memory."""
         fine = self._solved(self._whole.degree, self._at)
         values = self._derivatives(fine, fine.gradient())
         unknown = np.full_like(values, np.nan), np.nan
@@ -226,7 +225,7 @@ class _OfCell:
         return _Found(fine.reading, reading_error, values, errors, fine.flows())
 
     def _errors(self, values: np.ndarray, reading: float) -> tuple[np.ndarray, float]:
-        """Of derivatives, and of the reading."""
+        """Errors of derivatives, and of the reading."""
         cell = self._solved(COARSE, self._at)
         gradient = cell.gradient()
         coarse = self._derivatives(cell, gradient)
@@ -240,7 +239,7 @@ class _OfCell:
         return self._whole.cells.solved(self._number, self._meshes[degree], places)
 
     def _velocity(self, nodal: _Nodal) -> np.ndarray:
-        """(F, 15, 3) of the walls, deformed."""
+        """(F, 15, 3) velocity of the deformed walls."""
         displacement = self._whole.state.displacement
         dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())
         return sum(dimensions, start=self._patches.carried(nodal.displacement))
@@ -260,7 +259,7 @@ class _OfCell:
         return total
 
     def _mechanics(self, gradient: np.ndarray, derivatives: np.ndarray, reading: float) -> tuple[np.ndarray, float]:
-        """What derivatives, and the reading, change by with coarser finite elements: the rates, and where walls are."""
+        """Changes of derivatives and reading with coarser finite elements, through rates and positions of walls."""
         state = self._whole.state
         of_rates = [each.deviations for each in self._nodal if each.deviations is not None]
         if state.deviations is None or len(of_rates) < len(self._nodal):
@@ -275,5 +274,5 @@ class _OfCell:
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:
-    """By what a parameter is measured: its value, or that of the load that it is part of."""
+    """Scale of a parameter: its value, or that of the load of which it is a component."""
     return float(np.linalg.norm(load)) if change.load.any() else abs(change.value)

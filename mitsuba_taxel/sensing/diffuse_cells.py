@@ -1,4 +1,4 @@
-"""Cells whose walls are all diffuse, each with its LED and phototransistor: what light does there needs no random
+"""Cells with diffuse walls, each with its LED and phototransistor, whose light can be computed without random
 numbers."""
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
-"""Along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
+"""Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
 MOST_FACES = 400
-"""Of patches, on the walls of a cell: time and memory grow with their square, and are some 20 s and 4 GB there."""
+"""Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
 PROBES, LEAKS = 4096, 4
-"""Rays from each LED that show whether it lights its own cell only, and how many of them may slip between triangles."""
+"""Rays from each LED to test whether it lights only its own cell, and how many of them may leak between triangles."""
 
 
 CLEARANCE = 3e-3
-"""Distance from walls at which rays between them start and end, over the longest: triangles lie that far off."""
+"""Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
 
 
 class NotDiffuse(InputError):
-    """The scene holds what only random paths take account of."""
+    """The scene needs random paths."""
 
 
 @dataclass(frozen=True, eq=False)
 class Taxel:
-    """One LED and the phototransistor that is read against it.
+    """One LED and its phototransistor.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Taxel:
     led, phototransistor : End
         In the frame of the pad.
     body : Box or None
-        Of the package that they are in, in that frame.
+        Their package, in that frame.
     """
 
     power: float
@@ -66,14 +66,14 @@ class Taxel:
 
 @dataclass(frozen=True, eq=False)
 class CellWalls:
-    """Where the walls of a cell are that scatter light.
+    """The scattering walls of a cell.
 
     Attributes
     ----------
     faces : (F,) ndarray
-        Numbers of the faces of the mesh that tells the patches.
+        Numbers of the mesh faces that define the patches.
     isotropic, lambertian : (F,) ndarray
-        Share of the light coming in that each scatters so.
+        Share of the incident light that each scatters with this law.
     """
 
     faces: np.ndarray
@@ -82,14 +82,14 @@ class CellWalls:
 
 
 class DiffuseCells:
-    """A loaded scene of one pad whose cells hold one taxel each.
+    """A loaded scene of one pad whose cells contain one taxel each.
 
-    Patches of the light are the faces of a mesh of the default size, whatever the size of the finite elements is.
+    Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements.
 
     Raises
     ------
     NotDiffuse
-        with the reason, where that is not so, or other surfaces send light back.
+        with the reason, if the scene is of another kind, or other surfaces reflect light.
     ComputationError
         if a cell has too many patches.
     """
@@ -107,7 +107,7 @@ class DiffuseCells:
         self._refuse_other_cells()
 
     def _into_pad(self, points: np.ndarray, is_direction: bool = False) -> np.ndarray:
-        """Points or unit directions of the world, in the frame of the pad."""
+        """Points or unit directions in world coordinates, transformed to the frame of the pad."""
         turn, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
         moved = points if is_direction else points - shift
         inside = np.linalg.solve(turn, moved.T).T
@@ -143,7 +143,7 @@ class DiffuseCells:
         return CellWalls(faces, *each.T)
 
     def _refuse_other_cells(self) -> None:
-        """Raise where an LED sheds light on walls that are not of its own cell and send it back."""
+        """Raise if an LED lights scattering walls of another cell."""
         of_cells = np.concatenate([cell.faces for cell in self.cells])
         if len(np.unique(of_cells)) < len(of_cells):
             raise NotDiffuse("two photo-reflectors lie in one cell")
@@ -166,7 +166,7 @@ class DiffuseCells:
         return number[ours]
 
     def _rays(self, start: np.ndarray, away: np.ndarray) -> mi.Ray3f:
-        """Rays of the world, from points and along vectors in the frame of the pad."""
+        """Rays in world coordinates, from points and along vectors in the frame of the pad."""
         turn, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
         origin, direction = (
             mi.Vector3f(*each.T.astype(np.float32)) for each in (start @ turn.T + shift, away @ turn.T)
@@ -174,7 +174,7 @@ class DiffuseCells:
         return mi.Ray3f(mi.Point3f(origin), direction)
 
     def hidden_share(self, sources: np.ndarray, ends: np.ndarray, share: np.ndarray) -> float:
-        """Share of a reading that comes by ways that something but the package stands in; see :meth:`Cell.flows`."""
+        """Share of a reading on paths that are occluded by anything but the package; see :meth:`Cell.flows`."""
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
         ray = self._rays(start, end - start)
@@ -186,17 +186,17 @@ class DiffuseCells:
         return float(share[hidden].sum())
 
     def patches(self, number: int) -> WallPatches:
-        """The walls of a cell, undeformed, and how they move."""
+        """The undeformed walls of a cell, with their dependence on displacement."""
         return _patches(self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist()))
 
     def walls_alike(self, one: int, other: int) -> bool:
-        """Whether two cells have walls that scatter alike, as far as all that they hold tells."""
+        """Whether the walls of two cells scatter equally, judged by all of their properties."""
         shares = (np.column_stack([cell.isotropic, cell.lambertian]) for cell in (self.cells[one], self.cells[other]))
         each = [np.unique(rows, axis=0, return_counts=True) for rows in shares]
         return all(np.array_equal(*pair) for pair in zip(*each, strict=True))
 
     def readings(self) -> np.ndarray:
-        """(T,) W, of the state that the pad is in."""
+        """(T,) W, readings in the present state of the pad."""
         readings = []
         for number, taxel in enumerate(self.taxels):
             patches = self.patches(number)
@@ -222,7 +222,7 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 
 @lru_cache(maxsize=4)
 def _mesh_of(pad: Any) -> VolumeMesh:
-    """Whose faces are patches of the light."""
+    """The mesh whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 
     return pad_mesh(pad, pad.default_mesh_size)
@@ -230,14 +230,14 @@ def _mesh_of(pad: Any) -> VolumeMesh:
 
 @lru_cache(maxsize=32)
 def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Any, faces: tuple[int, ...]) -> WallPatches:
-    """Kept for the states of a path: places are to be found among the elements."""
+    """Cached for the states of a path, as its points have to be located in the elements."""
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
     return WallPatches(elements, walls, pad, np.array(faces), LATTICE)
 
 
 def _shares(wall: Any) -> tuple[float, float]:
-    """Shares of the light that a wall scatters isotropically and by Lambert's law; it sends nothing else back."""
+    """Shares of the light that a wall scatters isotropically and by Lambert's law; it reflects nothing else."""
     scattering = getattr(wall, "scattering", None)
     if scattering is None:
         raise NotDiffuse(f"a surface is a {kind_of(wall)}, not a wall")
@@ -280,7 +280,7 @@ def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
 
 
 def _bodies(pair: TaxelPair, into_pad: Any, scale: float) -> list[Box | None]:
-    """Of the packages whose tops hold the LEDs of a pair."""
+    """Boxes of the packages with the LEDs of a pair at their tops."""
     package, faces = pair.led.get_shape(), pair.led.faces
     centres = np.array(faces.centres, dtype=float).T
     if not is_package(package):
@@ -320,7 +320,7 @@ def _law_of_phototransistor(stated: Any) -> Law:
 
 
 def _hemisphere(count: int) -> np.ndarray:
-    """(N, 3) directions round +z, evenly spread on a spiral."""
+    """(N, 3) directions around +z, evenly distributed on a spiral."""
     z = (np.arange(count) + 0.5) / count
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z**2)

@@ -1,7 +1,7 @@
-"""How the parts of a scene change with one of its parameters.
+"""Rates of the parts of a scene with one of its parameters.
 
-The description is read at values ahead of and behind the parameter's own; what its parts say then tells how fast they
-change. So a parameter may stand for several things, as the pitch of a pad and of its photo-reflectors.
+The scene is loaded at values on both sides of the parameter's own, and the rates follow from differences of its parts.
+A parameter may thus occur several times, such as the pitch of a pad and of its photo-reflectors.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from mitsuba_taxel.specification import Specification, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 STEP = 1e-3
-"""Of a parameter, or of 1 where it is 0."""
+"""Step relative to a parameter, or to 1 if it is 0."""
 NOISE = 1e-9
-"""Rates of rounding."""
+"""Rates due to rounding."""
 PAD = DeformablePad.plugin
 COMPONENTS = {
     name: (quantity, index)
     for quantity, names in (("force", ("fx", "fy", "fz")), ("displacement", ("ux", "uy", "uz")))
     for index, name in enumerate(names)
 }
-"""Names of the components of a load, where a scene has no parameters of these names."""
+"""Names of load components for which a scene has no parameters of these names."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """How parts change with a parameter, per its unit.
+    """Rates of parts with a parameter, per its unit.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Rates:
     material, pad : dict[str, float]
         Of the parameters of the material, and of the dimensions of the pad.
     scenes : list[tuple[float, mi.Scene]]
-        Weights of scenes in a difference whose other parts are as they would be; none where they stay.
+        Weights of scenes in a difference, for changes of other parts; empty if they do not change.
     """
 
     name: str
@@ -65,18 +65,18 @@ class Rates:
 
 
 def rates(scene: Scene, name: str) -> Rates:
-    """How the parts of ``scene`` change with its parameter ``name``.
+    """Rates of the parts of ``scene`` with its parameter ``name``.
 
     Parameters
     ----------
     name : str
         A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz); or a parameter of one of its
-        plugins, with the plugin before it and a dot where several have it.
+        plugins, preceded by the plugin and a dot if several have it.
 
     Raises
     ------
     InputError
-        if there is no such parameter, it is no number, or has no derivative.
+        if there is no such parameter, it is not a number, or has no derivative.
     """
     config = parser_config(activate_variant())
     parameter = _found(scene, name, config)
@@ -86,7 +86,7 @@ def rates(scene: Scene, name: str) -> Rates:
         for stencil in _STENCILS:
             try:
                 return _differences(parameter, [(weight / step, offset * step) for weight, offset in stencil], config)
-            except (InputError, RuntimeError) as error:  # what Mitsuba passes on from a plugin is a RuntimeError
+            except (InputError, RuntimeError) as error:  # Mitsuba turns exceptions of a plugin into RuntimeError
                 refusals.append(error)
     if isinstance(refusals[-1], InputError):
         raise refusals[-1]
@@ -98,7 +98,7 @@ _STENCILS = (
     ((1.5, 0), (-2, -1), (0.5, -2)),
     ((-1.5, 0), (2, 1), (-0.5, 2)),
 )
-"""Weights and steps of differences of second order: to both sides, or to one where the other is not allowed."""
+"""Weights and steps of differences of second order: central, or one-sided if the other side is not allowed."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _found(scene: Scene, name: str, config: Any) -> _Parameter:
 
 
 def _present(part: Specification, name: str) -> Any:
-    """What a part has as a parameter, None where it does without; a dimension that follows from others counts."""
+    """Value of a parameter of a part, None if unset; including derived dimensions."""
     field = next(field for field, parameter in parameters_of(type(part)).items() if parameter.name == name)
     value = getattr(part, field)
     if value is not None or not isinstance(part, DeformablePad):
@@ -239,7 +239,7 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
 
 
 def _others(state: Any) -> list[dict[str, Any]]:
-    """What each part but the pad is told, as values that can be compared."""
+    """Parameters of each part except the pad, as comparable values."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
         for node in state.nodes
