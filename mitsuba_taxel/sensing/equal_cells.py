@@ -1,4 +1,4 @@
-"""Cells that a mirror of the pad and of what happens to it makes equal: one of them stands for the others."""
+"""Cells that are equal by a symmetry of pad and deformation: one of them represents the others."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
 
 EQUAL, ALIKE = 1e-7, 1e-2
-"""Difference, relative to the largest, up to which what moves a pad's nodes is as it would be seen in a mirror, and up
-to which its errors are."""
+"""Largest difference, relative to the maximum, of nodal fields from their mirror images; the same for their errors."""
 
 
 def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> list[int]:
-    """The number of the first cell that each cell is equal to, itself where it is alone.
+    """The number of the first cell that each cell is equal to, its own if there is none.
 
     Parameters
     ----------
     fields, errors : Sequence[ndarray]
-        (N, 3) each: what is wanted of the cells, and its errors, depend on these vectors at the nodes of the pad.
+        Vectors (N, 3) at the nodes of the pad, on which the results of cells, and their errors, depend.
     """
     from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
@@ -42,7 +41,7 @@ def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Seque
 
 
 def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
-    """Whether an end is the image of another, as far as its points' mean and spread tell."""
+    """Whether an end is the image of another, judged by mean and spread of its points."""
     image = mirror.image(other.points)
     middles, normals = (end.points.mean(axis=0), image.mean(axis=0)), (end.normal, mirror.image(other.normal))
     spreads = (np.cov(points.T, aweights=each.weights) for points, each in ((end.points, end), (image, other)))
@@ -51,7 +50,7 @@ def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
 
 
 def _same_size(body: Box | None, other: Box | None) -> bool:
-    """Of packages, which are where their LEDs are."""
+    """Whether packages, which move with their LEDs, have the same size."""
     return body is other is None or (body is not None and other is not None and _close(body.half, other.half))
 
 

@@ -1,1 +1,1 @@
-"""Other programs on the same cases, side by side with this one."""
+"""Comparison with other programs on the same cases."""

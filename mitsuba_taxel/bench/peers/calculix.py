@@ -23,7 +23,7 @@ _JOB = "pad"
 
 @dataclass(frozen=True)
 class Result:
-    """What one run of the program gave.
+    """Result of one run of the program.
 
     Attributes
     ----------
@@ -32,9 +32,9 @@ class Result:
     seconds : float
         Wall time of the whole process: it reads the deck, solves, and writes the displacements.
     increments : int
-        In which the load was applied.
+        Number of load increments.
     iterations : int
-        Of Newton's method, those of increments given up included.
+        Of Newton's method, including those of abandoned increments.
     """
 
     displacement: np.ndarray
@@ -44,14 +44,14 @@ class Result:
 
 
 def installed() -> bool:
-    """Whether there is a `ccx` to run."""
+    """Whether `ccx` is installed."""
     return shutil.which("ccx") is not None
 
 
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> Result:
     """Deform a pad glued to the board by a dead load spread over its undeformed top.
 
-    Increments and tolerances are the program's own: the whole load at once, cut back where that fails.
+    Increments and tolerances are the program's defaults: the whole load at once, reduced if that fails.
 
     Parameters
     ----------
@@ -110,6 +110,6 @@ def _rows(file: Path) -> list[list[str]]:
 
 
 def _complaint(output: str) -> str:
-    """The first thing that the program calls an error, on one line."""
+    """The program's first error message, on one line."""
     _, _, rest = output.partition("*ERROR")
     return " ".join(rest.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"

@@ -1,4 +1,4 @@
-"""What is measured: shipped scenes with their parameters, and what a Lambertian LED under each kind of roof reads."""
+"""Cases to measure: shipped scenes with values of their parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Estimator = Callable[[int, int], np.ndarray]
 
 
 class Unsuitable(Exception):
-    """A system cannot do a case; the message says why."""
+    """A system does not support a case, for the reason in the message."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class PeerCase:
     exponent: float = 1
 
     def require_ideal(self) -> None:
-        """Raise where a peer that knows no angular response cannot do the case."""
+        """Raise if a peer without angular responses does not support the case."""
         if self.exponent != 1:
             raise Unsuitable("the phototransistor's angular response was not modelled for it")
 
@@ -48,7 +48,7 @@ class PeerCase:
 
     @property
     def isotropic(self) -> bool:
-        """Whether the roof scatters uniformly over the hemisphere; it obeys the cosine law otherwise."""
+        """Whether the roof scatters uniformly over the hemisphere, rather than by the cosine law."""
         return self.parameters["scattering"] == "isotropic"
 
     def load(self, integrator: str, sampler: str | None = None) -> Any:

@@ -1,6 +1,6 @@
 """The plain quadratic tetrahedron: displacements alone and four quadrature points, as CalculiX's C3D10.
 
-It verifies the answers of such a peer node by node. It locks near incompressibility and is no measure of accuracy.
+It verifies the results of such a peer node by node. It locks near incompressibility and is not a reference.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ RESIDUAL_TOLERANCE = 1e-10
 """Largest out-of-balance force accepted, relative to the load."""
 MOST_ITERATIONS = 20
 LEAST_STEP = 1 / 64
-"""Smallest part of the load that is tried at once."""
+"""Smallest fraction of the load per step."""
 
 
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.ndarray:
     """Displacement (N, 3) in mm of a pad glued to the board, under a dead load spread over its undeformed top.
 
-    Newton's method with the whole load; where that fails, with halves of it, quarters and so on.
+    Newton's method with the whole load; if that fails, in halves, quarters and so on.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ class DisplacementForm:
         self._solver = make_solver()
 
     def equilibrium(self, start: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Displacement (N, 3) in balance with nodal forces (N, 3), by Newton's method from ``start`` (N, 3).
+        """Displacement (N, 3) in equilibrium with nodal forces (N, 3), by Newton's method from ``start`` (N, 3).
 
         Raises
         ------
         ComputationError
-            if it does not converge, or turns an element inside out.
+            if it does not converge, or inverts an element.
         """
         displacement = start.copy()
         for _ in range(MOST_ITERATIONS):

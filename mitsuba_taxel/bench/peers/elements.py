@@ -1,4 +1,4 @@
-"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with the same element of ours."""
+"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with our version of its element."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "i
 
 
 def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Iterator[tuple[object, ...]]:
-    """Rows for every mesh size [mm] and Poisson's ratio, :data:`COLUMNS`, as they come.
+    """Rows for every mesh size [mm] and Poisson's ratio, :data:`COLUMNS`, as they are measured.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Itera
 
 
 def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ...]]:
-    """Rows of the table for one mesh, :data:`COLUMNS`, as they come; where CalculiX gives up, the reason."""
+    """Rows of the table for one mesh, :data:`COLUMNS`, as they are measured; if CalculiX fails, the reason."""
     mesh = mesh_pad(PAD, mesh_size)
     unknowns = 3 * np.count_nonzero(~displacement_form.held(mesh))
     ours = _own_displacement(mesh, material)
@@ -80,7 +80,7 @@ def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int
 
 
 def _own_displacement(mesh: VolumeMesh, material: NeoHookean) -> np.ndarray:
-    """Of the same element of ours, mm; not a number where it does not get there."""
+    """Displacement in mm with our version of the element; NaN if it fails."""
     try:
         return displacement_form.solve(mesh, material, FORCE)
     except ComputationError:

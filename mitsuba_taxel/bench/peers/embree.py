@@ -28,7 +28,7 @@ class Geometry:
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """Triangles are taken from the loaded scene; tracing uses nothing of Mitsuba."""
+    """Estimator with the triangles of the loaded scene; tracing does not use Mitsuba."""
     case.require_ideal()
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -90,7 +90,7 @@ def _trace(geometry: Geometry, taxel: int, count: int, rng: np.random.Generator)
 
 
 def _connect(geometry: Geometry, centre, origin, normal, rng: np.random.Generator) -> float:
-    """Power sent straight to a random point of the phototransistor."""
+    """Power sent directly to a random point of the phototransistor."""
     target = centre + np.column_stack([(rng.random((len(origin), 2)) - 0.5) * DETECTOR, np.zeros(len(origin))])
     target[:, 0] += geometry.half_spacing
     way = target - origin

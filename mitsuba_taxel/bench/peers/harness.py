@@ -1,4 +1,4 @@
-"""Repeated runs of one system on one case, and what they say: accuracy, agreement with the truth, figure of merit."""
+"""Repeated runs of one system on one case: accuracy, agreement with the truth, figure of merit."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mitsuba_taxel.bench.peers.plate_quadrature import plate_power
 from mitsuba_taxel.bench.work_precision import Truth
 
 FALSE_ALARM_RATE = 1e-4
-"""Chance that a row is said to disagree with the truth although it does not."""
+"""Probability that a correct row is reported to disagree with the truth."""
 _MOST_SAMPLES = 1 << 25
 _TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # apart from those of the runs
 
 
 @dataclass(frozen=True)
 class Result:
-    """What the runs of one system on one case gave.
+    """Result of the runs of one system on one case.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Result:
 
 
 def samples_for(estimate: Estimator, seconds: float) -> int:
-    """The samples, a power of two, with which a warm run lasts about so long."""
+    """The number of samples, a power of two, with which a warm run takes about ``seconds``."""
     samples = 1 << 10
     while True:
         estimate(samples, _TRIAL_SEEDS)
@@ -64,8 +64,8 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
 def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result:
     """Run a warm estimator with ``runs`` seeds.
 
-    The variance is about the truth where that is exact, so that runs which share an error do not hide it, and about
-    the mean of the runs elsewhere.
+    The variance is taken about the truth if that is exact, so that an error common to all runs shows, else about the
+    mean of the runs.
     """
     timed = [_timed(estimate, samples, seed) for seed in range(runs)]
     deviation = np.array([power for _, power in timed]) / truth.power - 1
@@ -81,7 +81,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result
 def truth_of(case: PeerCase, seconds: float) -> Truth:
     """Quadrature for the plate; for pads the pooled mean of Mitsuba's own `path`, traced for about ``seconds``.
 
-    Under an isotropic roof paths from the phototransistor have no bounded variance: `ptracer`, from the LED, there.
+    Under an isotropic roof, paths from the phototransistor have unbounded variance: `ptracer`, from the LED, is used.
     """
     if case.single_bounce:
         z, spacing = (float(case.parameters[name]) for name in ("z", "spacing"))

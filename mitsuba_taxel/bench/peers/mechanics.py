@@ -30,9 +30,9 @@ FORCE = (0.0, 0.0, -20.0)
 NORMAL = [(0.0, 0.0, -0.5 * step) for step in range(41)]
 TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]
 REFERENCE_SIZE = 0.28
-"""Mesh size in mm of what counts as the truth, for the eighth of the pad that a normal load needs."""
+"""Mesh size in mm of the reference, for the eighth of the pad that a normal load needs."""
 TANGENTIAL_REFERENCE_SIZE = 0.5
-"""And for the half that a tangential one needs."""
+"""The same for the half that a tangential load needs."""
 
 
 def solve_table() -> Iterator[tuple[object, ...]]:
@@ -77,14 +77,14 @@ def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, fl
 
 
 def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
-    """The same by CalculiX, on the same mesh; without the time of meshing and of writing the deck."""
+    """The same by CalculiX, on the same mesh; the time excludes meshing and writing the deck."""
     mesh = mesh_pad(pad, size)
     result = calculix.solve(mesh, MATERIAL, FORCE, threads)
     return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
 
 
 def paths_table() -> Iterator[tuple[object, ...]]:
-    """The paper's paths: seconds and memory from nothing, and the error of the last step against a finer mesh."""
+    """The paper's paths: seconds and memory without caches, and the error of the last step against a finer mesh."""
     yield "cells", "path", "steps", "seconds", "MB", "stated error", "largest error", "rms error", "between nodes"
     for cell in CELL_SHAPES:
         for name, steps, size in (
@@ -157,7 +157,7 @@ TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
 
 
 def _apart(function: Callable, *arguments: object) -> tuple:
-    """What ``function`` returns, and the peak memory in MB, of a process of its own."""
+    """The return value of ``function`` in a process of its own, and its peak memory in MB."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(_measured, function, arguments).result()
 
