@@ -169,7 +169,7 @@ def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> Curve:
     points = [_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
     if unbounded and method.integrator == "path":
-        remarks.append("paths from the detector have unbounded weights at an isotropic wall: the error may fall slowly")
+        remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
     if trial.rungs and not trial.rungs[-1].power.any():
         return Curve("optics", method.name, [], remark="it finds no light here")
     off, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)

@@ -340,7 +340,7 @@ def test_a_pad_whose_mesh_is_given_cannot_be_compared(write, tmp_path, monkeypat
     scene = write(CELL, mesh='<float name="mesh_size" value="3.6"/>')
     curves = accuracy(scene, tmp_path / "out", 0.01)
     assert [curve.part for curve in curves] == ["optics", "mechanics", "chain"]
-    assert all("how fine the mesh" in curve.remark and not curve.points for curve in curves[1:])
+    assert all("fixes the mesh size" in curve.remark and not curve.points for curve in curves[1:])
 
 
 @pytest.mark.parametrize(
