@@ -9,8 +9,8 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, traces_taxels
-from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, walls_of
+from mitsuba_taxel.kernels.protocols import has_faces, has_pad, is_owen_sobol, is_package, traces_taxels
+from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
 from mitsuba_taxel.sensing.clearance import refuse_contact
 from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
 
@@ -70,6 +70,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     refuse_contact(scene)
     if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
         raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
+    _refuse_unseen_indenters(scene)
     _refuse_moved_packages(scene)
     _refuse_far_faces(scene, ours)
     refuse_unknown_wavelength(scene, one_by_one=ours)
@@ -102,6 +103,20 @@ def _refuse_samplers(scene: Any) -> None:
         sampler = sensor.sampler()
         if not is_owen_sobol(sampler):
             raise InputError(f"phototransistor: its sampler must be owen_sobol, not {kind_of(sampler)}.", sampler)
+
+
+def _refuse_unseen_indenters(scene: Any) -> None:
+    """Raise if light may leave a pad to where an indenter is, which is no surface of the scene."""
+    for shape in scene.shapes():
+        if not has_pad(shape) or getattr(shape, "specification", None) is None or shape.specification.indenter is None:
+            continue
+        for region in ("top", "outer"):
+            wall = wall_at(shape.bsdf(), region)
+            if wall is not None and wall.flags() & (mi.BSDFFlags.Transmission | mi.BSDFFlags.Null):
+                raise InputError(
+                    f"bsdf {region} of a pad under an indenter lets light through, which would not see the indenter: "
+                    "a wall that is opaque is needed."
+                )
 
 
 def _refuse_moved_packages(scene: Any) -> None:

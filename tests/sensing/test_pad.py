@@ -9,6 +9,7 @@ from mitsuba_taxel import (
     AnnularLed,
     Indenter,
     IndenterDisplacement,
+    InputError,
     Pad,
     PadSensor,
     PhotoReflector,
@@ -31,6 +32,16 @@ def edited(folder, name, *replacements):
     path = folder / name
     path.write_text(text)
     return path
+
+
+@pytest.mark.parametrize("region", ["top", "outer"])
+def test_light_must_not_leave_a_pad_to_an_indenter(llvm_mono, tmp_path, region):
+    load = """<string name="load" value="indenter_displacement"/> <float name="indenter_radius" value="2"/>
+        <vector name="displacement" value="$fx, $fy, $fz"/> <bsdf type="region"> <bsdf name="REGION" type="null"/>"""
+    force = '<vector name="force" value="$fx, $fy, $fz"/>\n        <bsdf type="region">'
+    path = edited(tmp_path, "clear.xml", (force, load.replace("REGION", region)))
+    with pytest.raises(InputError, match=f"bsdf {region} of a pad under an indenter lets light through"):
+        prepare(path)
 
 
 @pytest.mark.parametrize("spacing, hole", [(0.9, 0.1), (0.6, 0.0)])
