@@ -11,6 +11,10 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slope
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
+PLACES = 1 << 20
+"""Barycentric coordinates are compared as whole multiples of 1 / PLACES. A power of 2: fractions k / n then never lie
+half-way between two of these, where rounding would tell coincident points of two faces apart."""
+
 
 @dataclass(frozen=True)
 class Cut:
@@ -66,7 +70,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
     keys, weights, slopes, face, corners, faces, count = [], [], [], [], [], [], 0
     for chosen, (barycentric, pattern) in patterns:
         points = len(barycentric)
-        keys.append(_keys(mesh.faces[chosen, :3], np.rint(6 * subdivision * barycentric).astype(np.int64)))
+        keys.append(_keys(mesh.faces[chosen, :3], np.rint(PLACES * barycentric).astype(np.int64)))
         weights.append(np.tile(shape_functions(barycentric), (len(chosen), 1)))
         slopes.append(np.tile(np.array(shape_slopes(barycentric)), (1, len(chosen), 1)))
         face.append(np.repeat(chosen, points))

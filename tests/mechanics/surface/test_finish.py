@@ -105,6 +105,12 @@ def test_steps_on_a_dome_are_treads_and_risers():
     assert base == pytest.approx(math.pi * 1.275**2, rel=2e-3)
 
 
+@pytest.mark.parametrize("height", [0.02, 0.0375, 0.045])
+def test_steps_that_need_many_triangles_are_closed(height):
+    """Some cut edges into 16 parts at places where coincident points of two faces were once told apart."""
+    assert_closed(tessellate(state_of("hemispheric"), 12, LayerSteps(height)))
+
+
 def test_risers_stand_where_the_dome_is_midway_between_levels():
     height = 0.15
     surface = tessellate(state_of("hemispheric"), 12, LayerSteps(height))

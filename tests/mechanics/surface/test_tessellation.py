@@ -28,7 +28,7 @@ def pressed(request):
     return state_of(request.param, (0.3, 0.2, -2.0))
 
 
-@pytest.mark.parametrize("subdivision", [1, 2, 5])
+@pytest.mark.parametrize("subdivision", [1, 2, 5, 20])
 def test_the_surface_is_closed_and_outward(pressed, subdivision):
     surface = tessellate(pressed, subdivision)
     edges = surface.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
