@@ -24,9 +24,11 @@ def missing_from(shown: str, printed: str) -> str:
 def renewed(shown: str, printed: str) -> str:
     """The lines shown with today's numbers, or as they are where other words are printed."""
     wanted, there = [_words(line) for line in _lines(shown)], printed.splitlines()
-    for start in range(len(there) - len(wanted) + 1):
-        if wanted == [_words(" ".join(line.split())) for line in there[start : start + len(wanted)]]:
-            return "\n".join([*there[start : start + len(wanted)], ""])
+    told = [number for number, line in enumerate(there) if line.strip()]
+    for start in range(len(told) - len(wanted) + 1):
+        places = told[start : start + len(wanted)]
+        if wanted == [_words(" ".join(there[place].split())) for place in places]:
+            return "\n".join([*(line.rstrip() for line in there[places[0] : places[-1] + 1]), ""])
     return shown
 
 

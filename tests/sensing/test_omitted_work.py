@@ -161,7 +161,7 @@ def test_a_tolerance_of_the_mesh_takes_solutions():
     from mitsuba_taxel.sensing.omitted_work import _of_pad
 
     state = SimpleNamespace(value=np.zeros(3))
-    pad = SimpleNamespace(is_loaded=False, prony=(), mesh_tolerance=0.5, finish=None, state=state)
+    pad = SimpleNamespace(is_loaded=False, remembers=False, mesh_tolerance=0.5, finish=None, state=state)
     lines = list(_of_pad(pad))
     assert not has(lines, "pad without load: meshed") and has(lines, "pad without load: no error")
 

@@ -189,5 +189,5 @@ def test_other_refusals():
         states([(0, 0, -0.1)], [1.0], LAW)
     with pytest.raises(InputError, match="displacement of an indenter"):
         states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0)))
-    with pytest.raises(InputError, match="memory"):
+    with pytest.raises(InputError, match="viscoelastic silicone are not available"):
         linearise(states([(0, 0, -0.3)], [1.0])[0])
