@@ -139,10 +139,10 @@ def test_derivatives_by_places_are_those_of_differences(law, rim, isotropic):
     assert (gradient * velocity).sum() == pytest.approx((ahead - behind) / (2 * step), rel=2e-4)
 
 
-def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
-    """A plate that is bent like an S, askew to its patches, when the bend moves on."""
-    flat, rate = plate(2.5, 0.6, 6), np.zeros((72, 15, 3))
-    along = flat[..., 0] * np.cos(0.4) + flat[..., 1] * np.sin(0.4)
+def bent_plate(cuts, angle):
+    """The cell under a plate bent like an S, by the phase of the bend, and the rate of the plate."""
+    flat = plate(2.5, 0.6, cuts)
+    along, rate = flat[..., 0] * np.cos(angle) + flat[..., 1] * np.sin(angle), np.zeros_like(flat)
     rate[..., 2] = -0.12 * np.cos(2.4 * along)
 
     def bent(phase):
@@ -150,6 +150,12 @@ def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
         raised[..., 2] = 0.12 * np.sin(2.4 * along - phase)
         return cell(flat + raised, 1, 0.7, CONE, rest=flat)
 
+    return bent, rate
+
+
+def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
+    """A plate that is bent like an S, askew to its patches, when the bend moves on."""
+    bent, rate = bent_plate(6, 0.4)
     plain = bent(0.0)
     expected = (bent(0.1).reading - bent(-0.1).reading) / 0.2
     found = (plain.gradient() * rate).sum()
@@ -161,15 +167,7 @@ def test_ways_that_sink_below_the_horizon_count_in_derivatives(monkeypatch):
 
 @pytest.mark.parametrize("angle", [0.2, 0.4, 0.7, 1.1])
 def test_a_horizon_of_twice_the_width_tells_what_its_derivative_is_off_by(angle):
-    flat, rate = plate(2.5, 0.6, 4), np.zeros((32, 15, 3))
-    along = flat[..., 0] * np.cos(angle) + flat[..., 1] * np.sin(angle)
-    rate[..., 2] = -0.12 * np.cos(2.4 * along)
-
-    def bent(phase):
-        raised = np.zeros_like(flat)
-        raised[..., 2] = 0.12 * np.sin(2.4 * along - phase)
-        return cell(flat + raised, 1, 0.7, CONE, rest=flat)
-
+    bent, rate = bent_plate(4, angle)
     plain = bent(0.0)
     found, wider = ((plain.gradient(width) * rate).sum() for width in (1, 2))
     off = found - (bent(0.1).reading - bent(-0.1).reading) / 0.2
