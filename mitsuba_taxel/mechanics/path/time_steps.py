@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -66,6 +67,8 @@ class Stretch:
         MPa, largest stress so far, root mean square over the pad.
     judges : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
+    coarsening : int
+        Length of steps under friction, 1 or 2 times that of the path.
     """
 
     def __init__(
@@ -77,11 +80,14 @@ class Stretch:
         duration: float,
         scale: float,
         judges: bool,
+        coarsening: int = 1,
     ) -> None:
         self._pad, self._material, self._start, self._load = pad, material, start, load
-        self._duration, self._scale = duration, scale
-        change = float(np.linalg.norm(load[1]))
-        self._longest = min(1.0, pad.step / change) if change else 1.0
+        self._duration, self._scale, self._tolerance = duration, scale, coarsening**2 * TIME_TOLERANCE
+        steps = float(np.linalg.norm(load[1])) / pad.step
+        if isinstance(pad, IndentedPad) and pad.friction:
+            steps = 2 * math.ceil(steps) / coarsening
+        self._longest = 1 / max(steps, 1.0)
         self._near: Linearised | None = None
         self._judges = judges
 
@@ -109,16 +115,16 @@ class Stretch:
                     raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
                 continue
             error, judged = self._judged(before, here, after)
-            if error > TIME_TOLERANCE and length > SHORTEST:
+            if error > self._tolerance and length > SHORTEST:
                 here, before = (before or here), None
-                length *= min(max(CAUTION * np.sqrt(TIME_TOLERANCE / error), MOST_CUT), LEAST_CUT)
+                length *= min(max(CAUTION * np.sqrt(self._tolerance / error), MOST_CUT), LEAST_CUT)
                 continue
             self._refuse_contact(here, after, touch)
             first = here.relaxing.slope is None and self._duration
             before = here if first else None
             here = judged
             if not first:
-                growth = CAUTION * np.sqrt(TIME_TOLERANCE / error) if error else MOST_GROWTH
+                growth = CAUTION * np.sqrt(self._tolerance / error) if error else MOST_GROWTH
                 length *= min(max(growth, LEAST_CUT), MOST_GROWTH)
         return here, self._scale
 

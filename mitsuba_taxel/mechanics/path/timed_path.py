@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
@@ -31,7 +32,7 @@ from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, SECOND_MESH, PadPath
 from mitsuba_taxel.mechanics.path.state import Comparison, Memory, State
 from mitsuba_taxel.mechanics.path.time_steps import TIME_TOLERANCE, Ended, Moment, Stretch
-from mitsuba_taxel.mechanics.path.timed_rows import Row
+from mitsuba_taxel.mechanics.path.timed_rows import Row, rubs
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 
 KEPT = 3
@@ -89,10 +90,12 @@ class TimedPath:
     ----------
     path : PadPath
         Path of the same elastic pad, for its mesh and the comparison with another mesh.
+    coarsening : int
+        As in :class:`Stretch`.
     """
 
-    def __init__(self, path: PadPath, material: Viscoelastic) -> None:
-        self._path, self._material = path, material
+    def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1) -> None:
+        self._path, self._material, self._coarsening = path, material, coarsening
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
@@ -170,7 +173,8 @@ class TimedPath:
         if isinstance(pad, IndentedPad) and pad.friction:
             start = replace(start, rubbed=self._rubbed(pad, before, np.array(start_value)))
             judged = False
-        stretch = Stretch(pad, self._material, start, (np.array(start_value), change), duration, before.scale, judged)
+        load = np.array(start_value), change
+        stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening)
         try:
             end, scale = stretch.run(self._touch)
         except Ended as ended:
@@ -271,7 +275,7 @@ class TimedPath:
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
-        """Comparison with the same rows on the first other mesh that reaches them."""
+        """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
         with LOCK:
             at, mesh = self.reached(rows), self._path.mesh
             if not at.displacement.any():
@@ -280,22 +284,32 @@ class TimedPath:
                 try:
                     with memory_for(SECOND_MESH):
                         other = timed_path(second, self._material)
-                        there = other.reached(rows)
-                        forces = (one._board_force(rows, reached) for one, reached in ((self, at), (other, there)))
+                        there, longer = other.reached(rows), self._longer.reached(rows)
+                        solved = (self, at), (other, there), (self, longer)
+                        force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
+                        of_steps = float(np.linalg.norm(force_longer - force))
+                        error = comparison.force_error(force, force_there) + of_steps
                         return Comparison(
                             comparison.error(at.displacement, there.displacement),
-                            partial(self._deviations, comparison.deviations, at, there),
-                            comparison.force_error(*forces) if self._path.load.gives_displacement else 0.0,
-                            there.seconds,
+                            partial(self._deviations, comparison.deviations, at, there, longer),
+                            error if self._path.load.gives_displacement else 0.0,
+                            there.seconds + (0.0 if longer is at else longer.seconds),
                         )
                 except ComputationError:
                     continue  # its path ends before this load, or memory does not suffice
             return Comparison()
 
-    def _deviations(self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached) -> np.ndarray:
-        """Deviations of the elements, with that of time steps added to the remainder."""
+    @cached_property
+    def _longer(self) -> TimedPath:
+        """The path in steps of twice the length under friction, whose error is proportional to it; else this path."""
+        return TimedPath(self._path, self._material, 2) if rubs(self._path.load) else self
+
+    def _deviations(
+        self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached
+    ) -> np.ndarray:
+        """Deviations of the elements, with those of time steps and of steps under friction added to the remainder."""
         found = deviations(at.displacement, there.displacement)
-        found[1] += at.deviation
+        found[1] += (at.deviation + at.displacement - longer.displacement) / ERROR_SHARE
         return found
 
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
@@ -306,7 +320,7 @@ class TimedPath:
 
     def _name(self, rows: tuple[Row, ...]) -> str:
         path = self._path
-        numerics = [path.judged, RESIDUAL_TOLERANCE, TIME_TOLERANCE, available_solvers()[0]]
+        numerics = [path.judged, RESIDUAL_TOLERANCE, TIME_TOLERANCE, available_solvers()[0], self._coarsening]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import (
     Indenter,
@@ -23,7 +24,8 @@ from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
-from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
@@ -207,6 +209,27 @@ def test_friction_holds_until_it_slips_and_remembers_the_way(fresh):
     fresh()
     again, _ = dragged(*POSES[:2])
     np.testing.assert_array_equal(again[1].displacement, states[1].displacement)
+
+
+def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
+    class SameMesh:
+        def error(self, displacement, other):
+            return NO_ERROR
+
+        def force_error(self, force, other):
+            return 0.0
+
+        def deviations(self, displacement, other):
+            return np.zeros((2, *displacement.shape))
+
+    monkeypatch.setattr(PadPath, "comparisons", lambda path: iter([(path, SameMesh())]))
+    down, aside = np.array([0, 0, -0.5]), np.array([0.2, 0, -0.5])
+    (_, state), (_, force) = dragged(down, aside)
+    shares = np.arange(1, 6)[:, None] / 5
+    (*_, fine), (*_, expected) = dragged(*(shares * down), *(down + shares * (aside - down)))
+    assert np.linalg.norm(force - expected) / 1.5 < state.force_error < 2e-3 * np.linalg.norm(force)
+    missed, stated = fine.displacement - state.displacement, ERROR_SHARE * state.deviations[1]
+    assert np.abs(missed).max() / 1.5 < np.abs(stated).max() < 0.01 * np.abs(state.displacement).max()
 
 
 def test_friction_on_a_symmetric_part_is_that_on_the_whole():
