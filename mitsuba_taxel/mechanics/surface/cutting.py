@@ -60,11 +60,10 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
     """The subdivided surface of a mesh, fine in ``cells`` (None for all); see :func:`tessellate`."""
     in_cell = in_cells(mesh, cells)
     segments = _segments(mesh, in_cell, subdivision)
-    kinds, kind_of = np.unique(np.column_stack([in_cell, segments]), axis=0, return_inverse=True)
+    kinds, kind_of = np.unique(segments, axis=0, return_inverse=True)
     patterns = []
-    for kind, (finely, *edges) in enumerate(kinds.tolist()):
-        even = len(set(edges)) == 1
-        cut = _grid(edges[0]) if even else _snapped(edges) if finely else _fan(edges)
+    for kind, edges in enumerate(kinds.tolist()):
+        cut = _grid(edges[0]) if len(set(edges)) == 1 else _snapped(edges)
         patterns.append((np.flatnonzero(kind_of == kind), cut))
 
     keys, weights, slopes, face, corners, faces, count = [], [], [], [], [], [], 0
@@ -142,21 +141,6 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
     pattern = number.ravel()[pattern]
     kept = (pattern != np.roll(pattern, 1, axis=1)).all(axis=1)
     return points, pattern[kept]
-
-
-def _fan(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates and triangles of a fan around the centre, with given segments on each edge."""
-    corners = np.eye(3)
-    rim = np.array(
-        [
-            corners[k] + step / count * (corners[(k + 1) % 3] - corners[k])
-            for k, count in enumerate(segments)
-            for step in range(count)
-        ]
-    )
-    around = np.arange(len(rim))
-    pattern = np.stack([around, np.roll(around, -1), np.full(len(rim), len(rim))], axis=1)
-    return np.concatenate([rim, np.full((1, 3), 1 / 3)]), pattern
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -80,8 +80,8 @@ def tessellate(
 
     The longest edge of a face of ``cells`` (numbers; None for all) is divided into ``subdivision`` segments, other
     edges into segments that are no longer. Other faces are divided into 4 triangles, as required by their mid-edge
-    nodes, or into a fan where they touch a cell, so that the surface is closed. A ``finish`` is applied to the faces of
-    the undeformed cells, subdivided as finely as it needs, and moves with the deformation: see :class:`Relief`. For a
+    nodes, or more where they touch a cell, so that the surface is closed. A ``finish`` is applied to the faces of the
+    undeformed cells, subdivided as finely as it needs, and moves with the deformation: see :class:`Relief`. For a
     ``pad`` with round walls, the undeformed surface is that of these walls rather than of their elements.
 
     Raises

@@ -21,8 +21,11 @@ from mitsuba_taxel.geometry.triangles import closest_on_triangles, half_edges, n
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.regions import numbered
 
-TOLERANCE = 1e-6
-"""Largest distance of a surface's mirror image from it, relative to its diagonal: the error of single precision."""
+TOLERANCE = 5e-5
+"""Largest distance of a surface's mirror image from it, relative to its diagonal: that of chords of the curved walls
+that programs export, and a micrometre of a pad of 17 mm."""
+SEAM = 1e-3
+"""Share of a region's vertices whose images may lie just beside it: its border on a curved wall follows triangles."""
 ON_PLANE = 1e-5
 """Distance from a plane of symmetry, relative to the diagonal, below which a vertex is moved onto it."""
 PLANE = 0
@@ -51,17 +54,22 @@ def _keeps(mirror: Mirror, vertices: np.ndarray, triangles: np.ndarray, region: 
     moved = mirror.image(vertices)
     if np.abs(moved.min(axis=0) - low).max() > tolerance or np.abs(moved.max(axis=0) - high).max() > tolerance:
         return False
+    held = np.ones(len(vertices), dtype=bool)
+    held[triangles] = False
     for code in np.unique(region):
         own = triangles[region == code]
-        points, corners = moved[np.unique(own)], vertices[own]
+        number = np.unique(own)
+        points, corners = moved[number], vertices[own]
         try:
             point, triangle = near(points, corners, tolerance)
         except TooManyPairs:
             return False
         off = np.linalg.norm(closest_on_triangles(points[point], corners[triangle]) - points[point], axis=1)
-        if len(np.unique(point[off <= tolerance])) < len(points):
+        on = np.unique(point[off <= tolerance])
+        if len(on) < (1 - SEAM) * len(points):
             return False
-    return True
+        held[number[on]] = True
+    return bool(held.all())
 
 
 def planes_of(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.mechanics import NeoHookean, load_path, tessellate
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
@@ -42,6 +43,13 @@ def test_the_surface_is_closed_and_outward(pressed, subdivision):
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     assert area.min() > 1e-7
     assert enclosed(surface) > 0
+
+
+def test_the_bottom_beside_a_round_cell_does_not_fold():
+    """Thin elements along the rim, whose curved edge bulges into them."""
+    pad = Pad("spherical", rows=1, columns=2)
+    surface = tessellate(load_path(pad, NeoHookean(), [(0, 0, 0)], mesh_size=1.25)[0], 6, pad=pad)
+    assert area_normals(surface.vertices, surface.triangles[surface.region == REGIONS["bottom"]])[:, 2].max() < 0
 
 
 def test_its_volume_converges_to_that_of_the_deformed_elements(pressed):

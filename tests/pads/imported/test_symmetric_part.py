@@ -9,7 +9,7 @@ import pytest
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.geometry.polygons import NotSimple, triangulated
-from mitsuba_taxel.geometry.triangles import half_edges, volume
+from mitsuba_taxel.geometry.triangles import half_edges, subdivided, volume
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import PadFile, Rule
 from mitsuba_taxel.pads.imported.file_meshing import mesh_pad_file
@@ -57,6 +57,29 @@ def test_mirrors_are_found_and_the_part_between_them_is_closed(box, shape, mirro
     copies = {0: 1, 1: 2, 2: 4, 4: 8}[len(found)]
     assert copies * volume(points, part) == pytest.approx(volume(vertices, triangles), rel=1e-12)
     assert (origin < 0).any() == bool(mirrors)
+
+
+def test_a_surface_may_be_off_its_image_by_the_chords_of_its_curves(box):
+    shape = box()
+    for off, mirrors in ((2e-4, MIRRORS), (5e-4, (ACROSS_DIAGONAL,))):
+        vertices, triangles = surface(shape + off * (shape == 2))
+        assert set(mirrors_of(vertices, triangles, np.zeros(len(triangles)))) == set(mirrors)
+
+
+def test_a_few_vertices_may_have_images_beside_their_region(box):
+    """Seams on curved walls follow triangles, which are not symmetric."""
+    vertices, triangles = surface(box())
+    for _ in range(4):
+        edges, number = np.unique(np.sort(half_edges(triangles)[0], axis=1), axis=0, return_inverse=True)
+        middle = len(vertices) + number.reshape(-1, 3)
+        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+        triangles, _ = subdivided(vertices, triangles, middle)
+    height = vertices[triangles][:, :, 2].mean(axis=1)
+    above = np.argsort(height)[np.count_nonzero(height < 1.5) :]
+    for count, mirrors in ((1, MIRRORS), (40, ())):
+        region = np.where(height < 1.5, 1, 2)
+        region[above[:count]] = 1
+        assert mirrors_of(vertices, triangles, region) == mirrors
 
 
 def test_a_region_that_lies_on_one_side_breaks_the_symmetry(box):
