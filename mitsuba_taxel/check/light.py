@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mitsuba_taxel.backend.plugin_objects import make_plugin
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.kernels.emission import UniformPolarAngle
@@ -16,6 +16,8 @@ from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
+from mitsuba_taxel.sensing.probes import refuse_unreadable
+from mitsuba_taxel.sensing.scene import Scene
 
 _FROM_THE_LIGHT = ("ptracer",)
 """Mitsuba's integrators whose paths start at the light."""
@@ -37,17 +39,32 @@ def check_light(parts: Parts) -> Iterator[Finding]:
     yield from _tables(parts)
 
 
-def check_modelled(parts: Parts) -> Iterator[Finding]:
+def check_modelled(parts: Parts) -> list[Finding]:
     """What `measure` refuses in a scene whose parts were all made."""
     if not parts.sound:
-        return
-    integrators = [part for part in parts.roots if part.kind == "integrator"]
-    made = integrators[0].made if integrators else make_plugin("taxel_tracer")
+        return []
     try:
-        refuse_unmodelled(_Contents(parts), made)
+        refuse_unmodelled(_Contents(parts), _integrator_of(parts))
     except InputError as error:
         guilty = [part for part in parts.all if error.part is not None and part.made is error.part]
-        yield guilty[0].finding("error", str(error)) if guilty else Finding("error", str(error), parts.file, 0)
+        return [guilty[0].finding("error", str(error)) if guilty else Finding("error", str(error), parts.file, 0)]
+    return []
+
+
+def check_readable(parts: Parts, scene: Scene) -> list[Finding]:
+    """What `measure` refuses after a few rays, in a sound scene without a pad, which would have to be deformed."""
+    if not parts.sound or any(part.plugin == PAD for part in parts.shapes()):
+        return []
+    try:
+        refuse_unreadable(scene.load(), _integrator_of(parts))
+    except ComputationError as error:
+        return [Finding("error", str(error), parts.file, 0)]
+    return []
+
+
+def _integrator_of(parts: Parts) -> Any:
+    integrators = [part for part in parts.roots if part.kind == "integrator"]
+    return integrators[0].made if integrators else make_plugin("taxel_tracer")
 
 
 @dataclass

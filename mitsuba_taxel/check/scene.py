@@ -12,7 +12,7 @@ from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.check.document import Element, Unreadable, read_document
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
-from mitsuba_taxel.check.light import check_light, check_modelled
+from mitsuba_taxel.check.light import check_light, check_modelled, check_readable
 from mitsuba_taxel.check.parameters import check_names, defaults_given_twice, used_names
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
@@ -22,9 +22,10 @@ from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
 
 @in_turn
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
-    """Check a scene without tracing light or deforming pads.
+    """Check a scene without deforming pads.
 
-    A pad is meshed only if it has a finish or is a STEP file.
+    A pad is meshed only if it has a finish or is a STEP file. Light is traced in scenes without a pad alone, by a few
+    rays: whether it ends, and whether `taxel_path` finds it.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
             for check in (check_units, check_geometry, check_light):
                 findings += check(parts)
             if not any(finding.severity == "error" for finding in findings):
-                findings += check_modelled(parts)
+                findings += check_modelled(parts) or check_readable(parts, scene)
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 

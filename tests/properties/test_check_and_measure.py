@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 import trimesh
 from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree, few
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitsuba_taxel import InputError, Scene, check_scene, measure
+from mitsuba_taxel import ComputationError, InputError, Scene, check_scene, measure
 from mitsuba_taxel.sensing.scene import shipped_scenes
 
 STOCK = PLATE.replace('"taxel_tracer"', '"path"')
@@ -16,13 +18,15 @@ OPEN = PLATE.split("<integrator")[0] + PLATE.split("</integrator>")[1]
 BACKWARDS = OPEN.replace("<shape", '<integrator type="taxel_path"/> <shape', 1)
 SMALL_PAD = PAD.replace('"wall"> <string name="scattering" value="mirror"/>', '"wall">')
 
+FOUND_BY_RAYS = "hardly a path|not absorbed anywhere"
+
 
 def assert_agreement(file, apart) -> None:
     outcome = apart.measure(file)
     if outcome is not None:
         kind, message = outcome
         assert kind in ("InputError", "ComputationError") and message and "\n" not in message, outcome
-    refused = outcome is not None and outcome[0] == "InputError"
+    refused = outcome is not None and (outcome[0] == "InputError" or re.search(FOUND_BY_RAYS, outcome[1]) is not None)
     try:
         errors = [finding for finding in check_scene(file) if finding.severity == "error"]
     except InputError as error:
@@ -115,6 +119,27 @@ def test_a_round_mirror_of_few_triangles(llvm_mono, tmp_path):
     with pytest.raises(InputError, match="subdivision = 2 is not allowed") as caught:
         measure(Scene.from_file(scene), points=4)
     assert [str(caught.value)] == [found.message for found in check_scene(scene) if found.severity == "error"]
+
+
+CAVITY = """<scene version="3.9.0"> <integrator type="taxel_tracer"/>
+<shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/>
+  <bsdf type="region"> <bsdf name="body" type="wall"/> <bsdf name="led" type="wall"/>
+    <bsdf name="phototransistor" type="wall"/> </bsdf> </shape>
+<shape type="cube"> <transform name="to_world"> <scale value="2"/> <translate z="1"/> </transform>
+  <bsdf type="wall"/> </shape> </scene>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [(BACKWARDS.replace('value="0.7"', 'value="0.02"'), "hardly a path"), (CAVITY, "not absorbed anywhere")],
+    ids=["narrow gap", "cavity"],
+)
+def test_what_a_few_rays_find(llvm_mono, tmp_path, text, message):
+    file = tmp_path / "scene.xml"
+    file.write_text(text)
+    with pytest.raises(ComputationError, match=message) as caught:
+        measure(Scene.from_file(file), points=4)
+    assert [str(caught.value)] == [found.message for found in check_scene(file) if found.severity == "error"]
 
 
 def test_a_value_that_puts_a_part_nowhere_is_named(llvm_mono, tmp_path):

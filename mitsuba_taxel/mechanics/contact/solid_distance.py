@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from scipy import ndimage
 
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.triangles import area_normals, closest_on_triangles, unit
@@ -95,6 +94,8 @@ class SolidDistance:
 
     @cached_property
     def _coefficients(self) -> np.ndarray:
+        from scipy import ndimage  # here, as only bodies from files need it
+
         axes = [self._first[k] + self.spacing * np.arange(self._counts[k]) for k in range(3)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         size, inside = self._of_places(nodes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment, Node
@@ -34,6 +33,8 @@ def depth_under(pad: LoadedPad, segment: LoadSegment, force: float) -> float:
 
     Contact forces grow with the depth to a power of about 1.5, so that their power of 2/3 is nearly linear.
     """
+    from scipy.optimize import brentq  # here, as only indenters need it
+
     after = next(k for k, node in enumerate(segment.nodes) if force_at(pad, segment, node) >= force)
 
     def off(s: float) -> float:
