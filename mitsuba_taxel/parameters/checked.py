@@ -6,6 +6,8 @@ import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import Field, fields
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
@@ -52,8 +54,13 @@ class Checked:
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
     """The parameters of a dataclass, by field."""
+    return _stated_in(cls)
+
+
+@cache
+def _stated_in(cls: Any) -> Mapping[str, Parameter]:
     stated = {field.name: field.metadata.get("parameter") for field in fields(cls)}
-    return {name: named(parameter, name) for name, parameter in stated.items() if parameter is not None}
+    return MappingProxyType({name: named(one, name) for name, one in stated.items() if one is not None})
 
 
 def check(part: Any) -> None:

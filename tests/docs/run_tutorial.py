@@ -29,7 +29,7 @@ STEP = re.compile(
     r"|^<!-- makes: (?P<files>[^>]*) -->$",
     re.MULTILINE | re.DOTALL,
 )
-PLAIN = re.compile(r"(taxel [^|&;<>$`\\*?~#()]*\n)+")
+PLAIN = re.compile(r'(taxel ([^|&;<>$`\\*?~#()"]|"[^"$`\\]*")*\n)+')
 """Commands of `taxel` that need no shell."""
 
 

@@ -66,7 +66,7 @@ class Batch:
     circuit : Circuit or None
         Read-out circuit whose voltages are reported with the powers.
     bare : bool
-        Whether to compute readings only, without meshes and errors of mechanics and geometry.
+        Whether to compute readings only, without meshes, slopes, and errors of mechanics and geometry.
     meshes : str
         Which meshes are stored: one of :data:`KEPT_MESHES`.
     """

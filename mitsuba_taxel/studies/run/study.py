@@ -177,7 +177,7 @@ def run_batch(
     origin = provenance(batch)
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress))
-    from mitsuba_taxel.studies.store.tables import check_parquet, draw_results, write_results
+    from mitsuba_taxel.studies.store.tables import check_parquet, draw_results, write_readings, write_summary
 
     if parquet:
         check_parquet()
@@ -186,8 +186,9 @@ def run_batch(
         if retry_failed:
             store.forget_failures()
         study = _dataset(batch, origin, _compute(batch, pool, store, progress))
-        write_results(study, folder, parquet)
+        write_readings(study, folder, parquet)
         if not batch.bare:
+            write_summary(study, folder)
             draw_results(study, folder)
     return study
 

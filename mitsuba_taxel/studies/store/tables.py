@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import pandas
 
 
-def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
-    """Write ``readings.nc``, ``readings.csv`` and, if a force is varied, ``summary.csv``.
+def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
+    """Write ``readings.nc`` and ``readings.csv``.
 
     With ``parquet``, the readings are also written as ``readings.parquet``, with their errors and units as in the CSV.
     """
@@ -33,6 +33,10 @@ def write_results(study: xr.Dataset, folder: Path, parquet: bool = False) -> Non
     if parquet:
         with replacing(folder / "readings.parquet") as file:
             table.to_parquet(file, engine="pyarrow", index=False)
+
+
+def write_summary(study: xr.Dataset, folder: Path) -> None:
+    """Write ``summary.csv`` if a force is varied."""
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
