@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,10 +47,7 @@ def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.nda
     """Readings (32 x RUNS,) of one scene; ``number`` selects its random numbers."""
     ready = prepare(Scene(scene, {**defines, "integrator": "analog_tracer"}))
     seeds = range(number * RUNS, (number + 1) * RUNS)
-    readings = [measure(ready, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds]
-    del ready
-    gc.collect()  # plugins of a scene that is still alive are added to the kernels of the next one
-    return np.concatenate(readings)
+    return np.concatenate([measure(ready, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds])
 
 
 class Emulated(NamedTuple):

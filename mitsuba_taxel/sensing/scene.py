@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base import stages
@@ -22,6 +24,9 @@ END_OF_PATH = "the load path ends at"
 """Phrase in the error for a pad that cannot bear its load."""
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""
+
+_EMITTERS: WeakSet[Any] = WeakSet()
+"""Emitters of the scenes that have been loaded and not been freed."""
 
 NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
 
@@ -103,16 +108,17 @@ class Scene(Displayed):
 
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
+            _free_unused_scenes()
             try:
                 state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
                 live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
-                failure = _one_line(error, self)
-                if END_OF_PATH in str(failure):
+                if END_OF_PATH in str(error):
                     self._refuse_contact(config)
-                raise failure from error
+                raise _one_line(error, self) from error
+            _EMITTERS.update(emitter for emitter in live.emitters() if hasattr(emitter, "__weakref__"))
             refuse_contact(live)
             return live
 
@@ -333,6 +339,15 @@ def parser_config(variant: str) -> Any:
     config.merge_meshes = False  # merged meshes lose their names
     config.merge_equivalent = False  # merged emitters cannot be attached to two shapes
     return config
+
+
+def _free_unused_scenes() -> None:
+    """Free scenes that only cycles refer to, as from the traceback of an error.
+
+    Kernels contain the plugins of all scenes that are alive: with those of an unused one, they are compiled again.
+    """
+    if _EMITTERS:
+        gc.collect()
 
 
 def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationError:

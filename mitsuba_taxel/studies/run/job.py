@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import tempfile
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -108,38 +105,12 @@ class Failure:
 def run(job: Job) -> Result | Failure:
     """Read the scene of a job. Exceptions are returned as failures, so that other jobs continue; interrupts are
     raised."""
-    with _scenes_ended():
-        try:
-            return _read(job)
-        except Exception as error:
-            if comes_from_interrupt(error):
-                raise KeyboardInterrupt from error
-            return failure_of(error)
-
-
-_LOCK = threading.Lock()
-_at_work = 0  # jobs in this process: a worker of a cluster may have several threads
-
-
-@contextmanager
-def _scenes_ended() -> Iterator[None]:
-    """Free all scenes created within: their plugins would be compiled into the kernels of the next one.
-
-    Garbage collection visits all objects; excluding those that existed before makes it about ten times as fast.
-    """
-    global _at_work
-    with _LOCK:
-        if not _at_work:
-            gc.freeze()
-        _at_work += 1
     try:
-        yield
-    finally:
-        gc.collect()
-        with _LOCK:
-            _at_work -= 1
-            if not _at_work:
-                gc.unfreeze()
+        return _read(job)
+    except Exception as error:
+        if comes_from_interrupt(error):
+            raise KeyboardInterrupt from error
+        return failure_of(error)
 
 
 def failure_of(error: BaseException) -> Failure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import time
 from collections.abc import Iterator, Mapping
@@ -42,7 +41,6 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
             pilot.read(values)
         except (InputError, ComputationError) as error:
             failed.append(type(error)(f"{describe(values)}: {error}"))
-        gc.collect()
     if not pilot.points:
         raise failed[0]
     return Settings(min(max(pilot.points), pilot.affordable_points()), pilot.mesh_size)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 
 import numpy as np
@@ -42,8 +41,6 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
             mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
         except (InputError, ComputationError) as error:
             raise type(error)(f"{describe(values)}: {error}") from error
-        finally:
-            gc.collect()
     return mesh_size
 
 
