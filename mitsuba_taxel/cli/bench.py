@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from .bench_peers import peers
-from .options import debug_option, defines_option, folder_option
+from .options import debug_option, defines_option, folder_option, markdown_option
 
 
 @click.group(short_help="Benchmarks: extreme cases, stated and true errors, error against time.")
@@ -22,7 +22,7 @@ command.add_command(peers)
 @command.command("stability", short_help="Pads, loads and readings at the extremes.")
 @click.option("--only", metavar="PATTERN", help="Only rows whose name contains this; * and ? are wildcards.")
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows, all digits.")
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def stability_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Load pads and read sensors in extreme cases, and report the outcome of each.
@@ -60,7 +60,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     metavar="FILE",
     help="Also write the rows with all digits; rows already in the file are not measured again.",
 )
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Compare the stated errors of readings by the finite elements with the true ones.
@@ -83,7 +83,7 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
 
 
 @command.command("domes", short_help="Domed cells against spheres and fine meshes.")
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def domes_command(markdown: Path | None) -> None:
     """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
@@ -105,7 +105,7 @@ def domes_command(markdown: Path | None) -> None:
 
 
 @command.command("slopes", short_help="Derivatives of readings against those on fine meshes.")
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def slopes_command(markdown: Path | None) -> None:
     """Compare derivatives with respect to force, material and dimensions on default and fine meshes, for all cell
@@ -130,7 +130,7 @@ def slopes_command(markdown: Path | None) -> None:
 
 @command.command("nominal", short_help="The paper's study of four shapes: errors and seconds.")
 @click.option("--only", metavar="PATTERN", help="Part of the names of the shapes wanted; * and ? for anything.")
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
     """Read four shapes under normal and tangential force to 0.5 % with slopes to 2 %, from nothing."""
@@ -206,7 +206,7 @@ def speed_command(target_error: float) -> None:
 
 @command.command("omitted-work", short_help="Savings by omitted work.")
 @click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Which scenes; all by default.")
-@click.option("--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table.")
+@markdown_option
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
     """Read shipped scenes as they are, and with unneeded work added."""

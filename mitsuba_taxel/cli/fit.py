@@ -6,22 +6,11 @@ from pathlib import Path
 
 import click
 
-from .options import (
-    debug_option,
-    folder_option,
-    json_option,
-    scheduler_option,
-    workers_option,
-)
+from .options import on_a_study_file
 
 
 @click.command(short_help="Unknowns of a scene from measured readings.")
-@click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
-@folder_option
-@workers_option
-@scheduler_option
-@json_option
-@debug_option
+@on_a_study_file
 def command(source: Path, folder: Path, workers: int | None, scheduler: str | None, as_json: bool) -> None:
     """Estimate the unknowns in the table [fit] of STUDY.toml, by weighted least squares.
 

@@ -8,24 +8,12 @@ from pathlib import Path
 
 import click
 
-from .options import (
-    debug_option,
-    folder_option,
-    json_option,
-    retry_option,
-    scheduler_option,
-    workers_option,
-)
+from .options import on_a_study_file, retry_option
 
 
 @click.command(short_help="The best design of a scene within bounds and constraints.")
-@click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
-@folder_option
-@workers_option
-@scheduler_option
 @retry_option
-@json_option
-@debug_option
+@on_a_study_file
 def command(
     source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
 ) -> None:

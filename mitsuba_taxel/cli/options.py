@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -131,3 +132,14 @@ folder_option = click.option(
     metavar="DIR",
     help="Folder for the results.",
 )
+markdown_option = click.option(
+    "--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table."
+)
+
+
+def on_a_study_file(command: Callable) -> Callable:
+    """Add what the commands that read tables of a study file have in common."""
+    source = click.argument("source", metavar="STUDY.toml", type=click.Path(path_type=Path))
+    for add in (debug_option, json_option, scheduler_option, workers_option, folder_option, source):
+        command = add(command)
+    return command
