@@ -76,4 +76,4 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
         with replacing(folder() / f"{name}.npz") as file:
             file.write_bytes(archive.pack(arrays))
     except (OSError, WriteError) as error:
-        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=2)
+        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)  # once, whoever stores

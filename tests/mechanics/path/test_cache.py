@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import warnings
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -104,6 +105,16 @@ def test_a_folder_that_cannot_be_written_does_not_stop_the_run(first, monkeypatc
     with pytest.warns(UserWarning, match="cannot be written"):
         second = displacement()
     np.testing.assert_array_equal(first, second)
+
+
+def test_it_is_said_once_wherever_it_is_found(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "file" / "cache"))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("default")
+        cache.store("here", {})
+        cache.store("there", {})
+    assert len(said) == 1
 
 
 def test_no_temporary_files_are_left(fresh):
