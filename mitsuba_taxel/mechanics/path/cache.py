@@ -76,4 +76,5 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
         with replacing(folder() / f"{name}.npz") as file:
             file.write_bytes(archive.pack(arrays))
     except (OSError, WriteError) as error:
-        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)  # once, whoever stores
+        # Here, and not where it is called, so that it is said once.
+        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)
