@@ -295,8 +295,9 @@ class TimedPath:
                             error if self._path.load.gives_displacement else 0.0,
                             there.seconds + (0.0 if longer is at else longer.seconds),
                         )
-                except ComputationError:
-                    continue  # its path ends before this load, or memory does not suffice
+                except ComputationError:  # its path ends before this load, or memory does not suffice
+                    if second.mesh_size < self._path.mesh_size:
+                        break
             return Comparison()
 
     @cached_property

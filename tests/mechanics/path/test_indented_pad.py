@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,
@@ -230,6 +230,22 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
     assert np.linalg.norm(force - expected) / 1.5 < state.force_error < 2e-3 * np.linalg.norm(force)
     missed, stated = fine.displacement - state.displacement, ERROR_SHARE * state.deviations[1]
     assert np.abs(missed).max() / 1.5 < np.abs(stated).max() < 0.01 * np.abs(state.displacement).max()
+
+
+def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):
+    class Ends:
+        def __init__(self, mesh_size):
+            self.mesh_size, self.asked = mesh_size, False
+
+        def _as_on(self, *state):
+            self.asked = True
+            raise ComputationError("the load path ends")
+
+    others = [Ends(2 * SIZE), Ends(0.7 * SIZE), Ends(0.5 * SIZE)]
+    monkeypatch.setattr(PadPath, "comparisons", lambda path: iter([(other, None) for other in others]))
+    (state,) = pressed((0, 0, -0.2))
+    assert state.error is None and state.deviations is None
+    assert [other.asked for other in others] == [True, True, False]
 
 
 def test_friction_on_a_symmetric_part_is_that_on_the_whole():
