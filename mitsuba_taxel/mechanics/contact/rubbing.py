@@ -7,7 +7,7 @@ import numpy as np
 EASES = (1.0, 10.0, 0.1)
 """Weights of slip relative to traction in the test for sliding, relative to the slip by all tractions."""
 MOST_ITERATIONS = 30
-SETTLED = 1e-12
+SETTLED = 1e-9
 """Tolerance of the last change of tractions, relative to the largest pressure."""
 
 

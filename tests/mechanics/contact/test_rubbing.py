@@ -36,3 +36,13 @@ def test_places_that_give_way_the_wrong_way_alone_hold_together():
     matrix[0, 1] = matrix[1, 0] = 1.0
     found = tractions(matrix, np.array([-1.0, -1.0, 0.1, 5.0, 0.0, 0.0]), 0.3, np.zeros(6))
     np.testing.assert_allclose(found, np.array([1, 1, -0.09, -0.3, 0, 0]) / 0.9, atol=1e-9)
+
+
+def test_rounding_in_flexible_contact_does_not_keep_it_from_settling():
+    """As below a ball on small elements, where the matrix has a condition number of a million."""
+    places, none = np.linspace(0, 1, 60), np.zeros((60, 60))
+    green = np.exp(-(((places[:, None] - places) / 0.2) ** 2))
+    matrix = np.block([[green, none, none], [none, green, none], [none, none, green]]) + 1e-4 * np.eye(180)
+    expected = np.concatenate([1 + places, 0.1 * np.sin(9 * places), 0 * places])
+    found = tractions(matrix, -matrix @ expected, 0.3, np.zeros(180))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
