@@ -21,12 +21,14 @@ WALLS: dict[str, dict[str, Any]] = {
     "mirror": {"scattering": "mirror"},
     "rough mirror": {"scattering": "rough_mirror", "rms_slope": 2.0},
 }
-LOAD, FINE = -2.0, 0.25
-"""Force on one cell in N; mesh size in mm of the truth of loaded domes."""
+CASES = ((1, 0.0), (3, 0.0), (1, -1.0), (1, -2.0), (3, -2.0))
+"""Cells along a side of the pad, and force on each cell in N."""
+FINE = {1: 0.25, 3: 0.35}
+"""Mesh size in mm of the truth of loaded domes, by cells along a side."""
 POINTS, RAYS = 1 << 13, 1 << 19
 """Points per replicate, of all taxels together; and of each of the 16 runs of rays on a sphere."""
 
-HEADINGS = ("cell", "roof", "cells", "load [N]", "truth [W/W]", "deviation", "its noise", "stated for the shape")
+HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "its noise", "stated for the shape")
 
 _PAGE = """\
 # Domes
@@ -36,7 +38,7 @@ Written by `{command}`; do not edit by hand.
 Readings of domed cells at the default settings, compared with independent references. Unloaded domes are spheres: the
 reference is a quadrature for diffuse walls, and ray tracing on the exact sphere for mirrors; neither uses elements,
 triangles or a renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of
-{fine:g} mm, a fifth of the default.
+{fine[1]:g} mm (1 x 1 cells) or {fine[3]:g} mm (3 x 3) instead of the default 1.25 mm.
 
 {table}
 
@@ -74,15 +76,16 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
     for cell in DOMES:
         for name, wall in WALLS.items():
             sphere = None
-            for cells, load in ((1, 0.0), (3, 0.0), (1, LOAD)):
+            for cells, load in CASES:
                 if starting:
-                    starting(f"{cell}, {name}, {cells} x {cells}, {load:g} N")
+                    starting(f"{cell}, {name}, {cells} x {cells}, {load:g} N per cell")
                 sphere = sphere or _on_sphere(cell, name)
-                yield _row(cell, name, cells, load, sphere if not load else _on_small_elements(cell, wall))
+                truth = _on_small_elements(cell, wall, cells, load) if load else sphere
+                yield _row(cell, name, cells, load, truth)
 
 
 def _row(cell: str, name: str, cells: int, load: float, truth: tuple[float, float]) -> DomeRow:
-    scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load])
+    scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load * cells**2])
     readings = measure(scene, points=POINTS // cells**2, seed=1)
     power, error = _mean(readings)
     value, uncertain = truth
@@ -99,9 +102,9 @@ def _on_sphere(cell: str, name: str) -> tuple[float, float]:
     return DOMES[cell].diffuse_power(wall["scattering"], 24), 0.0
 
 
-def _on_small_elements(cell: str, wall: dict[str, Any]) -> tuple[float, float]:
-    scene = dome_scene(cell, wall, force=[0, 0, LOAD], mesh_size=FINE)
-    return _mean(measure(scene, points=POINTS, seed=2, mechanics_error=False))
+def _on_small_elements(cell: str, wall: dict[str, Any], cells: int, load: float) -> tuple[float, float]:
+    scene = dome_scene(cell, wall, cells, force=[0, 0, load * cells**2], mesh_size=FINE[cells])
+    return _mean(measure(scene, points=POINTS // cells**2, seed=2, mechanics_error=False))
 
 
 def _mean(readings: Readings) -> tuple[float, float]:
