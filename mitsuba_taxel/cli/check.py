@@ -20,7 +20,7 @@ from .options import debug_option, defines_option, json_option
 @debug_option
 @click.pass_context
 def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
-    """List what is wrong or odd in SCENE, line by line; nothing is traced, and no pad is deformed.
+    """List what is wrong or odd in SCENE, line by line; no pad is deformed.
 
     The exit code is 2 if there are errors, and 0 if there are only warnings and notes.
 
