@@ -25,9 +25,21 @@ CASES = ((1, 0.0), (3, 0.0), (1, -1.0), (1, -2.0), (3, -2.0))
 """Cells along a side of the pad, and force on each cell in N."""
 FINE = {1: 0.25, 3: 0.35}
 """Mesh size in mm of the truth of loaded domes, by cells along a side."""
+PADS: tuple[tuple[float, dict[str, float]], ...] = (
+    (-1.0, {}),
+    (-2.0, {}),
+    (-2.0, {"cell_size": 3.2, "pitch": 4.3, "height": 5.2, "wall": 0.9}),
+    (-1.0, {"wall": 0.7, "height": 4.2}),
+    (-2.5, {"cell_size": 2.2, "wall": 1.2}),
+    (-1.2, {"youngs_modulus": 2.0}),
+)
+"""Pads of one hemispheric mirror: force in N, and what differs from the default, in mm and MPa."""
+SMALLER, SMALLEST = 0.4, 0.27
+"""Mesh sizes in mm of these pads, beside the default, and of their truth."""
 POINTS, RAYS = 1 << 13, 1 << 19
 """Points per replicate, of all taxels together; and of each of the 16 runs of rays on a sphere."""
 
+PAD_HEADINGS = ("pad", "load [N]", "truth [W/W]", "deviation", "its noise", "stated", f"deviation, {SMALLER:g} mm")
 HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "its noise", "stated for the shape")
 
 _PAGE = """\
@@ -45,6 +57,11 @@ triangles or a renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are
 - **deviation**: of the mean of all taxels from the truth, relative; **its noise**: one standard error, of both.
 - **stated for the shape**: relative error stated for the geometry and, under load, the mechanics.
 - rough mirror: root-mean-square slope of 2 degrees.
+
+## Mirrors of other pads
+One hemispheric cell on elements of the default size, and of {smaller:g} mm, compared with elements of {smallest:g} mm.
+
+{pads}
 """
 
 
@@ -62,12 +79,25 @@ class DomeRow:
     stated: float
 
 
-def dome_scene(cell: str, wall: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
+@dataclass(frozen=True)
+class PadRow:
+    """One row of the mirrors of other pads; all but `pad`, `load` and `truth` are relative."""
+
+    pad: str
+    load: float
+    truth: float
+    off: float
+    noise: float
+    stated: float
+    off_smaller: float
+
+
+def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
     """Domes over LEDs without a hole, of which only the roof does not absorb."""
-    roof = {"type": "region", "roof": {"type": "wall", **wall}}
+    walls = {"type": "region", "roof": {"type": "wall", **roof}}
     reflector = {"type": "photo_reflector", "rows": cells, "columns": cells, "spacing": SPACING}
     reflector |= {"led": {"type": "annular_led", "hole": 0.0}, "detector": {"type": "phototransistor"}}
-    pad = {"type": "deformable_pad", "cell": cell, "rows": cells, "columns": cells, "walls": roof, **pad}
+    pad = {"type": "deformable_pad", "cell": cell, "rows": cells, "columns": cells, "walls": walls, **pad}
     return Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, "pad": pad, "packages": reflector})
 
 
@@ -84,14 +114,40 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
                 yield _row(cell, name, cells, load, truth)
 
 
+def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[PadRow]:
+    """Rows of the mirrors of other pads as they are measured; ``starting`` is called with the name of each."""
+    for load, changed in PADS:
+        pad = ", ".join(f"{name} = {value:g}" for name, value in changed.items()) or "default"
+        if starting:
+            starting(f"hemispheric, mirror, {pad}, {load:g} N")
+        about: dict[str, Any] = {"force": [0, 0, load], **changed}
+        default = measure(dome_scene("hemispheric", WALLS["mirror"], **about), points=POINTS, seed=1)
+        smaller, truth = (
+            measure(
+                dome_scene("hemispheric", WALLS["mirror"], mesh_size=size, **about),
+                points=POINTS,
+                seed=2,
+                mechanics_error=False,
+            )
+            for size in (SMALLER, SMALLEST)
+        )
+        (power, error), (value, uncertain) = _mean(default), _mean(truth)
+        noise, stated = math.hypot(error, uncertain) / value, stated_for_shape(default)
+        yield PadRow(pad, load, value, power / value - 1, noise, stated, _mean(smaller)[0] / value - 1)
+
+
+def stated_for_shape(readings: Readings) -> float:
+    """Relative error that readings state for geometry and mechanics."""
+    return math.hypot(readings.error_budget["geometry"], readings.error_budget["mechanics"])
+
+
 def _row(cell: str, name: str, cells: int, load: float, truth: tuple[float, float]) -> DomeRow:
     scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load * cells**2])
     readings = measure(scene, points=POINTS // cells**2, seed=1)
     power, error = _mean(readings)
     value, uncertain = truth
-    budget = readings.error_budget
-    stated = math.hypot(budget["geometry"], budget["mechanics"])
-    return DomeRow(cell, name, cells, load, value, power / value - 1, math.hypot(error, uncertain) / value, stated)
+    noise = math.hypot(error, uncertain) / value
+    return DomeRow(cell, name, cells, load, value, power / value - 1, noise, stated_for_shape(readings))
 
 
 def _on_sphere(cell: str, name: str) -> tuple[float, float]:
@@ -119,9 +175,17 @@ def dome_cells(row: DomeRow) -> list[str]:
     return [row.cell, row.wall, f"{row.cells} x {row.cells}", f"{row.load:g}", f"{row.truth:.6g}", off, noise, stated]
 
 
-def write_page(rows: Sequence[DomeRow], file: Path, command: str) -> None:
+def pad_cells(row: PadRow) -> list[str]:
+    """The row as text, below `PAD_HEADINGS`."""
+    relative = f"{row.off:+.2%}", f"{row.noise:.2%}", f"{row.stated:.2%}", f"{row.off_smaller:+.2%}"
+    return [row.pad, f"{row.load:g}", f"{row.truth:.6g}", *relative]
+
+
+def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, command: str) -> None:
     """Write the rows as a page with an explanation of its columns."""
     table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
-    text = _PAGE.format(command=command, fine=FINE, table=table)
+    others = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])
+    sizes = {"fine": FINE, "smaller": SMALLER, "smallest": SMALLEST}
+    text = _PAGE.format(command=command, table=table, pads=others, **sizes)
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -87,21 +87,33 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
 @debug_option
 def domes_command(markdown: Path | None) -> None:
     """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
-    from mitsuba_taxel.bench.domes import HEADINGS, dome_cells, domes, write_page
+    from mitsuba_taxel.bench import domes
     from mitsuba_taxel.studies.plan.files import check_new_file
 
     from .tables import print_text_table
 
     if markdown:
         check_new_file(markdown, ".md")
-    rows = []
+    rows: list[domes.DomeRow] = []
+    pads: list[domes.PadRow] = []
+
+    def keep() -> None:
+        if markdown:
+            domes.write_page(rows, pads, markdown, f"taxel bench domes --markdown {markdown}")
+
+    def say(name: str) -> None:
+        click.echo(name, err=True)
+
     try:
-        for row in domes(lambda name: click.echo(name, err=True)):
+        for row in domes.domes(say):
             rows.append(row)
-            if markdown:
-                write_page(rows, markdown, f"taxel bench domes --markdown {markdown}")
+            keep()
+        for pad in domes.mirrors_of_pads(say):
+            pads.append(pad)
+            keep()
     finally:
-        print_text_table(HEADINGS, map(dome_cells, rows))
+        print_text_table(domes.HEADINGS, map(domes.dome_cells, rows))
+        print_text_table(domes.PAD_HEADINGS, map(domes.pad_cells, pads))
 
 
 @command.command("slopes", short_help="Derivatives of readings against those on fine meshes.")
