@@ -10,7 +10,8 @@ import numpy as np
 from mitsuba_taxel.geometry.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.triangles import area_normals, closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.geometry.triangles import closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.snapping import Patches
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, MIN_THICKNESS, REGIONS, TYPICAL_CELL, TYPICAL_THICKNESS
@@ -20,8 +21,6 @@ GRADING = 0.4
 """Growth of the element size per length, away from singular edges."""
 MOST_POINTS = 1000
 """Most points of a cell at which the thickness of the silicone is measured."""
-FLAT_ANGLE = 1.0
-"""Degrees between neighbouring triangles below which they belong to one plane."""
 
 
 def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray, cell: np.ndarray) -> float:
@@ -119,27 +118,9 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
     flat = np.isinf(radius)
     size[in_cell & flat] = mesh_size / FACE_REFINEMENT["parallelepiped"]
     size[in_cell & ~flat] = mesh_size / FACE_REFINEMENT["cylindrical"]
-    safety = np.where(region[first] == REGIONS["roof"], CURVATURE_SAFETY, 1.0)
-    return np.minimum(size, radius / safety)
-
-
-def radii(patches: Patches) -> np.ndarray:
-    """(P,) a low quantile of the radius of curvature on each patch, in mm; infinite for planes."""
-    edges, pairs = neighbours(patches.triangles)
-    inside = patches.patch[pairs[:, 0]] == patches.patch[pairs[:, 1]]
-    edges, pairs = edges[inside], pairs[inside]
-    cosine = np.einsum("ij,ij->i", patches.normals[pairs[:, 0]], patches.normals[pairs[:, 1]])
-    angle = np.arccos(np.clip(cosine, -1, 1))
-    area = np.linalg.norm(area_normals(patches.vertices, patches.triangles), axis=1)
-    length = np.linalg.norm(patches.vertices[edges[:, 0]] - patches.vertices[edges[:, 1]], axis=1)
-    height = area[pairs].sum(axis=1) / length  # mean of the two triangles' heights above the edge
-    radius = np.full(patches.count, np.inf)
-    bent = angle > math.radians(FLAT_ANGLE)
-    number = patches.patch[pairs[:, 0]]
-    for patch in np.unique(number[bent]):
-        own = bent & (number == patch)
-        radius[patch] = np.percentile(height[own] / angle[own], 10)
-    return radius
+    # A dome that goes over into its wall would be distorted along its rim.
+    dome = (region[first] == REGIONS["roof"]) & np.isin(patches.sheet[first], patches.sheets_with_borders)
+    return np.minimum(size, radius / np.where(dome, CURVATURE_SAFETY, 1.0))
 
 
 def _along(ends: np.ndarray, spacing: float) -> np.ndarray:

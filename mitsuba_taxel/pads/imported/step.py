@@ -13,8 +13,9 @@ from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.second_order import positive, second_order
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.imported.curvature import radii
 from mitsuba_taxel.pads.imported.isolated_process import run_isolated
-from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes, radii
+from mitsuba_taxel.pads.imported.local_sizes import SingularEdges, patch_sizes
 from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
 from mitsuba_taxel.pads.imported.round_faces import on_round_faces
 from mitsuba_taxel.pads.imported.rules import Rule
