@@ -127,15 +127,15 @@ class Scene(Displayed):
         import mitsuba as mi
 
         from mitsuba_taxel.sensing.clearance import refuse_contact
+        from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
         state = self.parsed(config)
         mi.parser.transform_all(config, state)
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
-        values = {pad.id(): _take_load(pad) for pad in pads}
+        values = [_take_load(pad) for pad in pads]
         at_rest = mi.parser.instantiate(config, state)
-        for shape in at_rest.shapes():
-            if shape.id() in values:
-                shape.value = values[shape.id()]
+        for pad, value in zip(deformed_pads(at_rest), values, strict=True):  # in the order of the scene
+            pad.value = value
         refuse_contact(at_rest)
 
     @in_turn

@@ -6,8 +6,9 @@ import gc
 import weakref
 
 import pytest
+from one_cell import one_cell
 
-from mitsuba_taxel import InputError, Scene
+from mitsuba_taxel import ComputationError, InputError, Scene
 
 
 @pytest.fixture
@@ -40,3 +41,12 @@ def test_a_scene_without_cycles_needs_no_collection(monkeypatch):
     with pytest.raises(InputError):
         Scene.from_file("pad.xml", spacing=30).load()
     Scene.from_file("plate.xml").load()
+
+
+def test_a_path_that_ends_beside_mitsubas_own_shapes_is_told(llvm_mono, tmp_path):
+    """The search for a package that was touched asks the pad alone, also where no shape has a name."""
+    file = tmp_path / "scene.xml"
+    board = '<shape type="rectangle"> <transform name="to_world"> <translate z="-1"/> </transform> </shape> </scene>'
+    file.write_text(one_cell(fz=-200).replace("</scene>", board))
+    with pytest.raises(ComputationError, match="cannot be loaded further .* ends at force"):
+        Scene(file).load()
