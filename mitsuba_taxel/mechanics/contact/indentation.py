@@ -86,6 +86,10 @@ class Indentation:
     ----------
     node : (m,) ndarray
         Node of each pressure.
+    places : (m, 3) ndarray
+        Its undeformed position in mm.
+    numbers : (B, 6) ndarray
+        Numbers of the pressures at the nodes of each face.
     outside : (m,) ndarray
         1 for a pressure on the outside, 0 on the top.
     area : (m,) ndarray
@@ -101,7 +105,8 @@ class Indentation:
         self._highest = int(mesh.points[:, 2].argmax())
         keys = mesh.face_region[touched][:, None] * len(mesh.points) + self.faces
         keys, numbers = np.unique(keys, return_inverse=True)
-        self.node, self._numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
+        self.node, self.numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
+        self.places = mesh.points[self.node]
         self.outside = (keys // len(mesh.points) == REGIONS["outer"]).astype(int)
         self._areas = _WEIGHTS * np.linalg.norm(np.cross(*(s @ mesh.points[self.faces] for s in _SLOPES)), axis=2)
         self._weights = self._areas[:, :, None] * _HATS
@@ -114,7 +119,7 @@ class Indentation:
         """(m, N) mm², weights of nodal values in integrals with the linear function of a pressure."""
         shares = np.einsum("bqh,qa->bha", self._weights, _VALUES)
         columns = np.broadcast_to(self.faces[:, None, :], shares.shape)
-        rows = np.broadcast_to(self._numbers[:, :, None], shares.shape)
+        rows = np.broadcast_to(self.numbers[:, :, None], shares.shape)
         shape = len(self.node), len(self._mesh.points)
         return sparse.coo_array((shares.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
 
@@ -132,7 +137,7 @@ class Indentation:
 
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
         """(m,) sums of values (B, 6) of faces at their nodes."""
-        return np.bincount(self._numbers.ravel(), of_faces.ravel(), len(self.node))
+        return np.bincount(self.numbers.ravel(), of_faces.ravel(), len(self.node))
 
     def pressing(
         self,
@@ -153,7 +158,7 @@ class Indentation:
         lift = np.einsum("bqh,bqi->bhi", self._weights, normal)
         slopes = np.einsum("bqh,bqi,qa->bhai", self._weights, normal, _VALUES, optimize=True)
         columns = np.broadcast_to(3 * self.faces[:, None, :, None] + np.arange(3), slopes.shape)
-        rows = np.broadcast_to(self._numbers[:, :, None, None], slopes.shape)
+        rows = np.broadcast_to(self.numbers[:, :, None, None], slopes.shape)
         shape = len(self.node), 3 * len(self._mesh.points)
         rate = sparse.coo_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsr()
         lift = np.stack([self._over_nodes(lift[:, :, axis]) for axis in range(3)], axis=1)
@@ -194,7 +199,7 @@ class Indentation:
     def stiffness(self, here: Pressing) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (n, 6) of the faces in contact, and their stiffness (n, 18, 18) at constant pressures, whose directions
         follow the indenter's normals."""
-        pressed = (here.pressure[self._numbers] > 0).any(axis=1)
+        pressed = (here.pressure[self.numbers] > 0).any(axis=1)
         turning = self._turning(here)[pressed]
         matrices = np.einsum("bqij,qa,qc->baicj", -turning, _VALUES, _VALUES, optimize=True)
         return self.faces[pressed], matrices.reshape(-1, 18, 18)
@@ -202,5 +207,5 @@ class Indentation:
     def _turning(self, here: Pressing) -> np.ndarray:
         """(B, q, 3, 3) N/mm, derivative of the force at each point by its position, due to the rotation of the
         normal."""
-        force = np.einsum("bqh,bh->bq", self._weights, here.pressure[self._numbers])
+        force = np.einsum("bqh,bh->bq", self._weights, here.pressure[self.numbers])
         return force[:, :, None, None] * here.at.curvature.reshape(*force.shape, 3, 3)

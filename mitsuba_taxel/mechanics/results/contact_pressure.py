@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
+from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.path.state import State
 
@@ -12,12 +13,13 @@ from mitsuba_taxel.mechanics.path.state import State
 def contact_pressure(state: State) -> np.ndarray:
     """(N,) MPa by which an indenter presses at each node of a deformed pad, 0 where none touches it.
 
-    It is linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
+    A smooth field with the integral of the pressures that hold the indenter, which scatter from node to node. It is
+    linear between the nodes of faces that are cut into four; where top and outside meet, it is the larger one.
     """
     found = np.zeros(len(state.mesh.points))
     if isinstance(state.load, IndenterDisplacement | IndenterForce):
         body, pressing = indentation_of(state)
-        np.maximum.at(found, body.node, pressing.pressure)
+        np.maximum.at(found, body.node, smooth_pressure(body, pressing.pressure))
     return found
 
 

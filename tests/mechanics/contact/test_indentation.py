@@ -16,6 +16,8 @@ from scipy.optimize import brentq
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, mirrored
 from mitsuba_taxel.geometry.refinement import refined
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
+from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
@@ -80,6 +82,28 @@ def test_a_ball_presses_as_hertz_says(half_space):
         assert np.sqrt(2.5 * squared) == pytest.approx(np.sqrt(RADIUS * depth), rel=1e-2)  # of a half-ellipsoid
         sunk = -block.pressing.gap / block.pad.model.indentation.area
         assert sunk.max() < 1e-3 * depth
+        assert_spread_as_a_half_ellipsoid(block, np.sqrt(RADIUS * depth))
+
+
+def assert_spread_as_a_half_ellipsoid(block, radius):
+    body, pressed = block.pad.model.indentation, block.pressing.pressure
+    pressure = smooth_pressure(body, pressed)
+    from_centre = np.linalg.norm(block.places[:, :2], axis=1) / radius
+    highest = 1.5 * block.force / (np.pi * radius**2)
+    off = pressure / highest - np.sqrt(np.maximum(1 - from_centre**2, 0))
+    within = from_centre < 0.85
+    assert np.abs(off[within]).max() < 0.06
+    assert np.sqrt(np.average(off[within] ** 2, weights=body.area[within])) < 0.02
+    assert pressure.max() == pytest.approx(highest, rel=0.02)
+    assert body.area @ pressure == pytest.approx(body.area @ pressed)
+    assert not pressure[pressed == 0].any()
+
+
+@pytest.mark.parametrize("few", [0, 1, 2, 3, 8, 1000])
+def test_even_pressures_stay_even(block, few):
+    body = Indentation(block((1.0, 1.0, 1.0), (2, 2, 2), distortion=0.2), Indenter("plane"), 1.0)
+    even = np.where(np.arange(len(body.area)) < few, 2.0, 0.0)
+    np.testing.assert_allclose(smooth_pressure(body, even), even, atol=1e-9)
 
 
 def test_a_punch_presses_as_its_closed_form_says(half_space):
