@@ -20,12 +20,15 @@ class Finding:
         What is wrong, and what to do.
     file, line : str and int
         Its place; line 0 is the scene as a whole.
+    stopped : bool
+        Whether it is a computation that stops, such as that of a load which the pad cannot bear.
     """
 
     severity: str
     message: str
     file: str
     line: int
+    stopped: bool = False
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file

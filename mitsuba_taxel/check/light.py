@@ -16,7 +16,7 @@ from mitsuba_taxel.kernels.regions import BODY_REGIONS
 from mitsuba_taxel.kernels.walls import is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
-from mitsuba_taxel.sensing.probes import refuse_unreadable
+from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
 
 _FROM_THE_LIGHT = ("ptracer",)
@@ -51,14 +51,12 @@ def check_modelled(parts: Parts) -> list[Finding]:
     return []
 
 
-def check_readable(parts: Parts, scene: Scene) -> list[Finding]:
-    """What `measure` refuses after a few rays, in a sound scene without a pad, which would have to be deformed."""
-    if not parts.sound or any(part.plugin == PAD for part in parts.shapes()):
-        return []
+def check_prepared(scene: Scene, file: str) -> list[Finding]:
+    """What `measure` refuses of a sound scene when pads are deformed, and after a few rays."""
     try:
-        refuse_unreadable(scene.load(), _integrator_of(parts))
-    except ComputationError as error:
-        return [Finding("error", str(error), parts.file, 0)]
+        prepare(scene)
+    except (InputError, ComputationError) as error:
+        return [Finding("error", str(error), file, 0, stopped=isinstance(error, ComputationError))]
     return []
 
 

@@ -9,10 +9,11 @@ from typing import Any
 import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant, in_turn
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import Element, Unreadable, read_document
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
-from mitsuba_taxel.check.light import check_light, check_modelled, check_readable
+from mitsuba_taxel.check.light import check_light, check_modelled, check_prepared
 from mitsuba_taxel.check.parameters import check_names, defaults_given_twice, used_names
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
@@ -22,10 +23,10 @@ from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
 
 @in_turn
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
-    """Check a scene without deforming pads.
+    """Check a scene, up to what `measure` traces.
 
-    A pad is meshed only if it has a finish or is a STEP file. Light is traced in scenes without a pad alone, by a few
-    rays: whether it ends, and whether `taxel_path` finds it.
+    A scene without errors so far is prepared as `measure` does: pads are deformed, which is then kept on disk, and a
+    few rays tell whether light ends, and whether `taxel_path` finds it.
 
     Parameters
     ----------
@@ -44,6 +45,8 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
         if there is no such file, or a parameter is not one of the scene's.
     """
     path = find_scene(source)
+    if path.suffix == ".toml":
+        raise InputError(f"{path.name} is a study: a scene is needed; `taxel sweep` checks a study as it starts.")
     try:
         root = read_document(path)
     except Unreadable as error:
@@ -62,7 +65,9 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
             for check in (check_units, check_geometry, check_light):
                 findings += check(parts)
             if not any(finding.severity == "error" for finding in findings):
-                findings += check_modelled(parts) or check_readable(parts, scene)
+                findings += check_modelled(parts)
+            sound = parts.sound and not any(finding.severity == "error" for finding in findings)
+            findings += check_prepared(scene, path.name) if sound else []
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 

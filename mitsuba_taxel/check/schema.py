@@ -8,12 +8,13 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from mitsuba_taxel.backend import plugin_kind
-from mitsuba_taxel.base.atomic import WriteError, replacing
+from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import ELEMENTS, KINDS
 from mitsuba_taxel.parameters import Choice, Parameter
 from mitsuba_taxel.specification import specification_of
 from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
+from mitsuba_taxel.studies.plan.files import check_new_file
 
 _NUMBER = r"[+\-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+\-]?[0-9]+)?"
 _PATTERNS = {
@@ -65,15 +66,13 @@ def schema() -> str:
 
 
 def write_schema(file: str | Path) -> None:
-    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` for other names."""
+    """Write the schema to a file whose name ends in ``.rng``; raises `InputError` for others and missing folders."""
     file = Path(file)
     if file.suffix != ".rng":
         raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")
-    try:
-        with replacing(file) as temporary:
-            temporary.write_text(schema(), encoding="utf-8")
-    except WriteError as error:
-        raise InputError(str(error)) from error
+    check_new_file(file, ".rng")
+    with replacing(file) as temporary:
+        temporary.write_text(schema(), encoding="utf-8")
 
 
 def _define(grammar: Element, name: str) -> Element:

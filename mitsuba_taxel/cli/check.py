@@ -1,4 +1,4 @@
-"""`taxel check`: problems of a scene, without rendering it."""
+"""`taxel check`: problems of a scene, before light is traced."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ from .options import debug_option, defines_option, json_option
 @debug_option
 @click.pass_context
 def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
-    """List what is wrong or odd in SCENE, line by line; no pad is deformed.
+    """List what is wrong or odd in SCENE, line by line.
 
-    The exit code is 2 if there are errors, and 0 if there are only warnings and notes.
+    Pads of a scene without errors are deformed, and their solutions kept for `taxel render`, which then refuses
+    nothing. The exit code is that of `taxel render`: 2 for errors of the scene, 1 where a computation stops, as under a
+    load that a pad cannot bear, and 0 if there are only warnings and notes.
 
     Editors with RELAX NG support complete and validate a scene with this first line, and the schema beside it:
 
@@ -40,7 +42,10 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
         from mitsuba_taxel.check import check_scene
         from mitsuba_taxel.check.finding import SEVERITIES
 
-        findings = check_scene(scene, **defines)
+        from .tables import progress_bar
+
+        with progress_bar("pads"):
+            findings = check_scene(scene, **defines)
         if as_json:
             import json
             from dataclasses import asdict
@@ -51,4 +56,4 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
                 click.echo(finding)
             counts = Counter(finding.severity for finding in findings)
             click.echo(", ".join(f"{severity}s: {counts[severity]}" for severity in SEVERITIES))
-        ctx.exit(2 if any(finding.severity == "error" for finding in findings) else 0)
+        ctx.exit(max((1 if f.stopped else 2 for f in findings if f.severity == "error"), default=0))

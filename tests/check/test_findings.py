@@ -76,6 +76,12 @@ PACKAGE = """<shape type="photo_reflector"> <transform name="to_world"> <transla
 DOWN = '<rotate x="1" angle="180"/> <scale value="0.2"/>'
 
 
+@pytest.fixture(autouse=True)
+def static(monkeypatch):
+    """What is found without deforming pads: the rest is in tests/properties/test_check_and_measure.py."""
+    monkeypatch.setattr("mitsuba_taxel.check.scene.check_prepared", lambda scene, file: [])
+
+
 def change(text: str, place: tuple[str, str], content: str) -> str:
     assert place[0] in text
     return text.replace(place[0], place[1].format(content), 1)

@@ -41,13 +41,25 @@ def test_an_error_is_exit_code_2(taxel):
     )  # fmt: skip
 
 
+def test_a_computation_that_stops_is_exit_code_1(taxel, tmp_path):
+    """In the words of `taxel render`."""
+    text = SCENE.replace("spacin", "spacing").replace('"power" value="0"', '"power" value="1"')
+    soft = """<shape type="deformable_pad"> <integer name="rows" value="1"/> <integer name="columns" value="1"/>
+        <float name="mesh_size" value="2.5"/> <vector name="force" value="0, 0, -99"/> </shape>"""
+    (tmp_path / "scene.xml").write_text(text.replace("</scene>", f"{soft}</scene>"))
+    checked, rendered = taxel("check", "scene.xml"), taxel("render", "scene.xml", "--points", "4")
+    assert checked.returncode == rendered.returncode == 1
+    message = rendered.stderr.strip().removeprefix("taxel: ")
+    assert "the load path ends" in message and f"scene.xml: error: {message}\n" in checked.stdout
+
+
 def test_for_machines_and_warnings_alone(taxel, tmp_path):
     (tmp_path / "scene.xml").write_text(SCENE.replace("spacin", "spacing"))
     done = taxel("check", "scene.xml", "--json")
     findings = json.loads(done.stdout)["findings"]
     assert done.returncode == 0
     assert ["warning", "scene.xml", 4] in [[f["severity"], f["file"], f["line"]] for f in findings]
-    assert {key for finding in findings for key in finding} == {"severity", "message", "file", "line"}
+    assert {key for finding in findings for key in finding} == {"severity", "message", "file", "line", "stopped"}
 
 
 def test_the_schema_is_written(taxel, tmp_path):
@@ -62,10 +74,12 @@ def test_the_schema_is_written(taxel, tmp_path):
         ((), "SCENE"),
         (("nowhere.xml",), "nowhere.xml"),
         (("pad.xml", "-D", "fzz=1"), "fzz"),
+        (("study.toml",), "a study: a scene is needed"),
         (("--schema", "taxel.xsd"), ".rng"),
     ],
 )
-def test_a_request_that_cannot_be_met(taxel, words, culprit):
+def test_a_request_that_cannot_be_met(taxel, tmp_path, words, culprit):
+    (tmp_path / "study.toml").touch()
     done = taxel("check", *words)
     (line,) = done.stderr.splitlines()
     assert (done.returncode, done.stdout) == (2, "") and line.startswith("taxel: ") and culprit in line
