@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -67,12 +67,14 @@ class CoverageCase:
         change = here.replicates - truth
         true, noise = change.mean(axis=0), change.std(axis=0, ddof=1) / math.sqrt(len(change))
         stated, power = here.mechanics_error, here.power
+        assert here.deviation is not None
         within = np.abs(true) <= 2 * np.hypot(stated, noise)
         return CoverageRow(
             self.name,
             "; ".join(here.notes) if np.isnan(stated).any() else "",
             elements=len(mesh.tets),
             true=float(np.max(np.abs(true) / power)),
+            corrected=float(np.max(np.abs(true - ERROR_SHARE * here.deviation) / power)),
             stated=float(np.max(stated / power)),
             noise=float(np.max(noise / power)),
             extrapolated=float(np.max(extrapolated / power)),

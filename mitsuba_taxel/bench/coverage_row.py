@@ -20,6 +20,8 @@ class CoverageRow:
         Of the pad.
     true : float
         Relative error of the reading of the worst taxel due to the finite elements.
+    corrected : float
+        True error after the estimated error, with its sign, is subtracted from the readings.
     stated : float
         Relative error stated for them.
     noise : float
@@ -38,6 +40,7 @@ class CoverageRow:
     remark: str = ""
     elements: float = math.nan
     true: float = math.nan
+    corrected: float = math.nan
     stated: float = math.nan
     noise: float = math.nan
     extrapolated: float = math.nan
@@ -55,6 +58,7 @@ HEADINGS = {
     "case": "setting",
     "elements": "elements",
     "true": "true",
+    "corrected": "corrected",
     "stated": "stated",
     "ratio": "true / stated",
     "noise": "noise",
@@ -67,6 +71,7 @@ HEADINGS = {
 _FORMS = {
     "elements": ".0f",
     "true": ".3%",
+    "corrected": ".3%",
     "stated": ".3%",
     "ratio": ".2f",
     "noise": ".3%",
