@@ -149,8 +149,9 @@ def _meshed(path: Path, survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: 
     sizes = patch_sizes(survey.patches, survey.patch_region, mesh_size) / refinement
     face_size = np.full(len(survey.region), np.inf)
     np.minimum.at(face_size, survey.face, sizes[survey.patches.patch])
-    curved = radii(survey.patches) / sizes
-    safety = float(np.clip(curved[np.isfinite(curved)].max(initial=1.0), 1.0, CURVATURE_SAFETY * refinement))
+    # One for all faces: those that are more curved have their own sizes.
+    curved = float((radii(survey.patches) / sizes).min())
+    safety = min(max(curved, 1.0), CURVATURE_SAFETY * refinement)
     raw = run_isolated(
         "mesh_step",
         {

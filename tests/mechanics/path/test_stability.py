@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_SECOND_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
-from mitsuba_taxel.mechanics import NeoHookean, PlateForce, Pressure, SpreadForce, load_path
+from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, PlateForce, Pressure, SpreadForce, load_path
 from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
 
@@ -112,3 +113,21 @@ def test_a_stable_pad_needs_two_small_matrices(fresh, monkeypatch):
     own = sizes[0]
     others = [size for size in sizes if size != own]
     assert len(others) == 2 and max(others) < 1.1 * own
+
+
+def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
+    """So it does not do to test the last of a path."""
+    pad, load = Pad(rows=1, columns=1, wall=0.05), PlateDisplacement()
+    path = pad_path(pad, LAW, load, 2.0, judged=False)
+    value = np.array((0.0, 0.0, -0.17))
+    path.state(value)
+    ((segment, _),) = path._segments_to(value)
+    part = path._pad_for(segment.origin, segment.direction)
+
+    def surplus(node):
+        state, value = part.split(node.unknowns), segment.value(node.s)
+        entries = part.model.evaluate(*part.part.restrict(*state), value).entries
+        return part._stability.surplus(entries, *state, value)
+
+    middle = next(node for node in segment.nodes if node.s > 0.11)
+    assert surplus(middle) == 1 and surplus(segment.nodes[-1]) == 0
