@@ -44,11 +44,12 @@ def optics_command(
 
 
 @peers.command("mechanics", short_help="Errors, times and memory of the pad's mechanics.")
-@click.argument("tables", nargs=-1, type=click.Choice(["solve", "paths", "cells"]))
+@click.argument("tables", nargs=-1, type=click.Choice(["solve", "paths", "cells", "parts"]))
 @csv_option
 @debug_option
 def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
-    """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths) and larger pads (cells)."""
+    """Compare the mechanics with CalculiX (solve), time the paper's load paths (paths), larger pads (cells), and what
+    takes the time (parts)."""
     from mitsuba_taxel.bench.peers.mechanics import TABLES
 
     for name in tables or TABLES:
