@@ -20,6 +20,7 @@ KINDS = (
 ELEMENTS = {
     "float": ("float", "integer"),
     "int": ("integer",),
+    "boolean": ("boolean",),
     "string": ("string",),
     "vector": ("vector", "point"),
     "transform": ("transform",),

@@ -11,7 +11,7 @@ from mitsuba_taxel.backend import plugin_kind
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import ELEMENTS, KINDS
-from mitsuba_taxel.parameters import Choice, Parameter
+from mitsuba_taxel.parameters import Choice, Parameter, Switch
 from mitsuba_taxel.specification import specification_of
 from mitsuba_taxel.specification.plugin_pages import plain, plugin_names, plugin_page
 from mitsuba_taxel.studies.plan.files import check_new_file
@@ -189,7 +189,7 @@ def _parameter(parent: Element, parameter: Parameter) -> None:
             _components(element)
             continue
         value = SubElement(element, "attribute", name="value")
-        if isinstance(parameter, Choice):
+        if isinstance(parameter, Choice | Switch):
             choice = _choice(value, ("reference",))
             for word in parameter.allowed:
                 SubElement(choice, "value", type="string").text = word

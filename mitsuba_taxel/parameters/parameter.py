@@ -193,6 +193,26 @@ class Whole(Parameter):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Switch(Parameter):
+    """True or false."""
+
+    type: ClassVar[str] = "boolean"
+    allowed: ClassVar[tuple[str, str]] = ("true", "false")
+
+    def checked(self, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise _refused(self, value)
+        return value
+
+    def words(self, value: Any) -> str:
+        return str(value).lower()
+
+    @property
+    def needed(self) -> str:
+        return "true or false is needed"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Text(Parameter):
     """Any text, described by ``what``."""
 
@@ -341,6 +361,11 @@ def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
 def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
     """A field for a whole number; see `Whole` and `Parameter`."""
     return stated(Whole(default=default, minimum=minimum, maximum=maximum, doc=doc, **conditions))
+
+
+def switch(default: bool, doc: str, **conditions: Any) -> Any:
+    """A field for true or false; see `Parameter`."""
+    return stated(Switch(default=default, doc=doc, **conditions))
 
 
 def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:

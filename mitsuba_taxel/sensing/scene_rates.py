@@ -212,6 +212,8 @@ def _pad(state: Any) -> DeformablePad:
         raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")
     if pad.friction:
         raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
+    if pad.self_contact:
+        raise InputError("derivatives are not available: the pad touches itself (self_contact); vary steps instead.")
     return pad
 
 

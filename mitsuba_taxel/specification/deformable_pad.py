@@ -34,6 +34,7 @@ from mitsuba_taxel.parameters import (
     number,
     parameters_of,
     stated,
+    switch,
     taken,
     text,
     transform,
@@ -187,6 +188,12 @@ class DeformablePad(Specification):
     indenter_x: float | None = number(0.0, "mm", "Position of the indenter's tip along x.", when=_INDENTER)
     indenter_y: float | None = number(0.0, "mm", "Position of the indenter's tip along y.", when=_INDENTER)
     friction: float | None = taken(Indenter, "friction", when=_INDENTER)
+    self_contact: bool | None = switch(
+        False,
+        "Whether the load goes on where the pad touches itself or the board, which contact without friction then keeps "
+        "apart; otherwise it ends there. Needs the package ipctk.",
+        when=("load", *(word for word in LOADS if word not in _INDENTER)),
+    )
 
     mesh_size: float | None = number(
         None,
@@ -277,11 +284,11 @@ class DeformablePad(Specification):
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
         """The load and its value; ``find`` gives the path of a file that is named."""
-        kind = LOADS[self.load]
-        load: Load = (
-            self._patch() if kind is PatchForce else kind() if self.indenter is None else kind(self._own_indenter(find))
-        )
-        return load, self.load_value
+        kind, load_value = LOADS[self.load], self.load_value
+        if self.indenter is not None:
+            return kind(self._own_indenter(find)), load_value
+        about = {"self_contact": bool(self.self_contact)}
+        return (self._patch(about) if kind is PatchForce else kind(**about)), load_value
 
     @property
     def load_value(self) -> tuple[float, ...]:
@@ -307,10 +314,10 @@ class DeformablePad(Specification):
             time = (times[-1] if times else 0.0) + float(np.linalg.norm(way)) / self.rate
         return [*times, time], [*values, value]
 
-    def _patch(self) -> PatchForce:
+    def _patch(self, about: dict[str, bool]) -> PatchForce:
         centre: Any = (self.patch_x, self.patch_y)
         size: Any = (self.patch_width, self.patch_depth)
-        return PatchForce(centre, size)
+        return PatchForce(centre, size, **about)
 
     def _own_indenter(self, find: Any) -> Indenter:
         at: Any = (self.indenter_x, self.indenter_y)
@@ -356,6 +363,8 @@ class DeformablePad(Specification):
         if len(value) != load.components:
             raise InputError(f"force = {tuple(value)} is not allowed: {load.components} numbers are needed for {load}.")
         given: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **rest}
+        if load.goes_on:
+            given["self_contact"] = True
         if isinstance(load, PatchForce):
             (x, y), (width, depth) = load.centre, load.size
             given.update(patch_x=x, patch_y=y, patch_width=width, patch_depth=depth)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene
 from mitsuba_taxel.backend import plugin_files, plugin_kind
-from mitsuba_taxel.parameters import REQUIRED, Choice, Nested, Number, Vector, Whole, parameters_of
+from mitsuba_taxel.parameters import REQUIRED, Choice, Nested, Number, Switch, Vector, Whole, parameters_of
 from mitsuba_taxel.sensing.scene import parser_config
 from mitsuba_taxel.specification import specification_of
 
@@ -20,6 +20,8 @@ def values(parameter):
     if isinstance(parameter, Choice):
         # What is read from files is told by other tests.
         some = st.sampled_from([word for word in parameter.allowed if word != "tabulated"])
+    elif isinstance(parameter, Switch):
+        some = st.booleans()
     elif isinstance(parameter, Whole):
         some = st.integers(parameter.minimum, min(parameter.maximum, 9))
     elif isinstance(parameter, Number):

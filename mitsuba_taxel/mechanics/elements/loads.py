@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -35,10 +35,35 @@ class _Loading:
         """Whether displacements are prescribed, and forces follow."""
         return self.unit == "mm"
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether a path goes on where the pad touches itself or the board."""
+        return False
+
 
 @dataclass(frozen=True)
-class SpreadForce(_Loading):
-    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load)."""
+class _OwnLoading(_Loading):
+    """A load without a body, under which a path may go on where the pad touches itself or the board."""
+
+    self_contact: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        require("self_contact", self.self_contact, bool, "True or False")
+
+    @property
+    def goes_on(self) -> bool:
+        return self.self_contact
+
+
+@dataclass(frozen=True)
+class SpreadForce(_OwnLoading):
+    """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load).
+
+    Parameters
+    ----------
+    self_contact : bool
+        Whether paths go on where the pad touches itself or the board, kept apart by contact without friction.
+    """
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
         """(N,) loaded area in mm² of each node.
@@ -51,7 +76,7 @@ class SpreadForce(_Loading):
 
 
 @dataclass(frozen=True)
-class PatchForce(_Loading):
+class PatchForce(_OwnLoading):
     """A total force, spread evenly over a rectangle of the undeformed top; a dead load.
 
     Parameters
@@ -60,12 +85,15 @@ class PatchForce(_Loading):
         (x, y) in mm.
     size : tuple[float, float]
         Of the rectangle along x and y, in mm; parts outside the top carry no force.
+    self_contact : bool
+        As of a `SpreadForce`; so it is for plates and pressures.
     """
 
     centre: tuple[float, float]
     size: tuple[float, float]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, allowed in (("centre", "two finite numbers are"), ("size", "two finite lengths above 0 mm are")):
             value = getattr(self, name)
             try:
@@ -90,14 +118,14 @@ class PatchForce(_Loading):
 
 
 @dataclass(frozen=True)
-class PlateForce(_Loading):
+class PlateForce(_OwnLoading):
     """A force on a rigid plate bonded to the top, which moves but does not rotate, like the flange of a robot."""
 
     bonded_plate: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class PlateDisplacement(_Loading):
+class PlateDisplacement(_OwnLoading):
     """A displacement of a rigid plate bonded to the top, which does not rotate."""
 
     quantity: ClassVar[str] = "displacement"
@@ -106,7 +134,7 @@ class PlateDisplacement(_Loading):
 
 
 @dataclass(frozen=True)
-class Pressure(_Loading):
+class Pressure(_OwnLoading):
     """A hydrostatic pressure on top and outside, normal to the deformed surface. The cells are vented."""
 
     quantity: ClassVar[str] = "pressure"

@@ -94,11 +94,11 @@ class SymmetricPart:
     def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacement and pressure of the whole, from those of a symmetric state of the part."""
         corners = self._whole_corners
-        place, sign = self._components
+        place, sign = self.components
         return sign * displacement.ravel()[place], pressure[self.source[:corners]]
 
     @cached_property
-    def _components(self) -> tuple[np.ndarray, np.ndarray]:
+    def components(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) component of a displacement of the part for each of the whole, and its sign: mirrors permute them."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 

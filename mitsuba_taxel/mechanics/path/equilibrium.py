@@ -135,6 +135,10 @@ class LoadedPad:
         """Unknowns of a state of the whole pad that has the symmetry of the load."""
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """As much of the way from the unknowns of a known state to a guess as a solve may start from."""
+        return guess
+
     def solve(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """The equilibrium that Newton's method finds from the unknowns ``start``, if stable.
 

@@ -74,7 +74,8 @@ def load_path(
         touches obstacles, or times are missing, not needed, negative or decreasing.
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
-        or an obstacle; or if memory does not suffice.
+        or an obstacle; or if memory does not suffice. With ``self_contact`` of the load, it goes on where it touches
+        itself or the board.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")

@@ -174,7 +174,7 @@ class LoadSegment:
         last = self.nodes[-1]
         if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
             return hermite(self.nodes[-2], last, s)
-        return last.unknowns + (s - last.s) * last.tangent
+        return pad.towards(last.unknowns, last.unknowns + (s - last.s) * last.tangent)
 
     def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
         began = time.perf_counter()
@@ -247,7 +247,9 @@ class LoadSegment:
         after = self._first_from(s)
         if self.nodes[after].s == s:
             return self.nodes[after]
-        return self._node(pad, pad.solve_linearised, s, hermite(*self._interval_to(after), s))[0]
+        start, end = self._interval_to(after)
+        guess = pad.towards(start.unknowns, hermite(start, end, s))
+        return self._node(pad, pad.solve_linearised, s, guess)[0]
 
     def rate(self, s: float) -> np.ndarray:
         """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""

@@ -13,6 +13,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 
 
 @lru_cache(maxsize=4)
@@ -24,5 +25,6 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
 @lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
 def loaded_pad(mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...]) -> LoadedPad:
     """The part of a pad between mirrors."""
-    kind = IndentedPad if isinstance(load, IndenterDisplacement) else LoadedPad
+    indented = IndentedPad if isinstance(load, IndenterDisplacement) else LoadedPad
+    kind = SelfTouchingPad if load.goes_on else indented
     return kind(mesh, material, load, mirrors, mirror_images(mesh, load))

@@ -179,8 +179,7 @@ class PadPath:
             segment, s = self._segments_to(value)[-1]
             direction = segment.direction
             pad = self._pad_for(segment.origin, direction)
-            indented = isinstance(self.load, IndenterDisplacement)
-            rate = self._solved(segment, s, pad).tangent if indented else segment.rate(s)
+            rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
@@ -223,7 +222,7 @@ class PadPath:
                     _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
                 )
             at = segment.at(s)
-            if isinstance(self.load, IndenterDisplacement):
+            if pad.solves_between:
                 try:
                     node = self._solved(segment, s, pad)
                 except Rejected as rejection:
@@ -237,7 +236,7 @@ class PadPath:
         return *found, replace(at, seconds=seconds)
 
     def _solved(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The state in balance at a distance ``s`` that a segment reaches: where a body touches, cubics are far off."""
+        """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
         asked = self._asked.setdefault(segment, {})
         if s not in asked:
             name = cache.key("state", self._segment_name(segment), s)
@@ -420,7 +419,9 @@ def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors:
         value, place = mirror.image(value), mirror.image(place)
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-    return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}."
+    may_go_on = reason in ("touches itself", "touches the board") and hasattr(load, "self_contact") and not load.goes_on
+    further = " With self_contact = true it goes on." if may_go_on else ""
+    return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
 
 
 def _name_of(part: object) -> str:

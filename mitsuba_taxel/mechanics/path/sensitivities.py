@@ -81,6 +81,8 @@ def linearise(state: State) -> LinearisedState:
         raise InputError("derivatives of a viscoelastic silicone are not available: leave prony out, or vary steps.")
     if rubs(state.load):
         raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
+    if state.load.goes_on:
+        raise InputError("derivatives with self_contact are not available: leave it out, or vary steps.")
     with _told(state.load, state.value):
         pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
         blocks = _blocks(pad)

@@ -1,7 +1,7 @@
 """Balance of the board's reaction and the applied load: a check of a state that is independent of the solver.
 
 Internal forces of the elements are assembled without constraints. In equilibrium they equal those of the load at the
-nodes of its surface, those of the board at the nodes glued to it, and zero elsewhere.
+nodes of its surface, those of the board at the nodes glued to it, those of contact, and zero elsewhere.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.contact.barrier import Barrier
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -82,15 +83,20 @@ def reactions(state: State) -> Reactions:
     internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress)
     applied = _applied_forces(state, places, internal)
     bottom = nodes_of(mesh, "bottom")
-    board = (internal - applied)[bottom]
+    board = np.zeros_like(places)
+    board[bottom] = (internal - applied)[bottom]
+    if state.load.goes_on:
+        own, touched = Barrier(mesh, state.material.youngs_modulus).forces(state.displacement)
+        board[bottom] -= own[bottom] + touched[bottom]
+        board += touched
     return Reactions(
         board.sum(axis=0),
-        np.cross(places[bottom], board).sum(axis=0),
+        np.cross(places, board).sum(axis=0),
         applied.sum(axis=0),
         np.cross(places, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),
         state.force_error,
-        float(np.linalg.norm(board, axis=1).sum()) if state.memory else 0.0,
+        float(np.linalg.norm(board[bottom], axis=1).sum()) if state.memory else 0.0,
     )
 
 

@@ -1,0 +1,140 @@
+"""Forces that keep the walls of a pad apart, and off the board, from a barrier potential.
+
+Faces are cut into four flat triangles, between whose points, edges and triangles the potential of incremental potential
+contact acts, from a small distance on (M. Li et al., ACM Trans. Graph. 39, 2020), computed by `ipctk`; from points of
+the faces to the board, the same function acts. It grows beyond all bounds as a distance goes to zero.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import RIM
+from mitsuba_taxel.pads.pad import REGIONS
+
+REACH = 4e-3
+"""Distance from which on walls repel each other, relative to the pad's height."""
+REACH_AT_REST = 0.5
+"""The same, at most, relative to the smallest distance of triangles of the undeformed pad that share no corner."""
+APPROACH = 0.9
+"""Share of a distance to a collision that a step may go."""
+
+_QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+_FOURTHS = np.array([[4 - i - j, i, j] for i in range(5) for j in range(5 - i)]) / 4
+_POINTS = shape_functions(_FOURTHS)
+"""(15, 6) at the points of a face that stay above the board."""
+
+
+class Barrier:
+    """The repulsion between the surfaces of a pad in space, except its glued bottom, and from the board.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the whole undeformed pad, which stands on the board.
+    modulus : float
+        MPa, pressure of the repulsion for its size: that at a third of the reach is about twice it.
+
+    Attributes
+    ----------
+    reach : float
+        In mm.
+
+    Raises
+    ------
+    InputError
+        without `ipctk`.
+    """
+
+    def __init__(self, mesh: VolumeMesh, modulus: float) -> None:
+        self._ipc = ipc = _ipctk()
+        faces = mesh.faces[mesh.face_region != REGIONS["bottom"]]
+        self._nodes, number = np.unique(faces, return_inverse=True)
+        triangles = number.reshape(-1, 6)[:, _QUARTERS].reshape(-1, 3)
+        sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        self._points = mesh.points
+        self._mesh = ipc.CollisionMesh(
+            *(np.asfortranarray(part) for part in (mesh.points[self._nodes], np.unique(sides, axis=0), triangles))
+        )
+        height = float(np.ptp(mesh.points[:, 2]))
+        self.reach = REACH * height
+        self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
+        self._potential = ipc.BarrierPotential(self.reach, modulus, True)
+
+        self._board = float(mesh.points[:, 2].min())
+        face, point = np.nonzero(mesh.points[faces, 2] @ _POINTS.T >= self._board + RIM * height)
+        entries = _POINTS[point].ravel(), (np.arange(len(face)).repeat(6), faces[face].ravel())
+        self._over = sparse.csr_array(entries, shape=(len(face), len(mesh.points)))
+        first, second, third = np.moveaxis(mesh.points[faces[:, :3]], 1, 0)
+        area = np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2
+        self._weight = modulus * area[face] / len(_POINTS)
+
+    def gap(self, displacement: np.ndarray) -> float:
+        """Smallest distance in mm of triangles without a common corner, if below the reach, which else it is."""
+        places = self._places(displacement)
+        near = self._near(places)
+        return float(np.sqrt(near.compute_minimum_distance(self._mesh, places))) if len(near) else self.reach
+
+    def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) nodal forces in N of the pad on itself, and of the board on what does not stand on it."""
+        places, own, board = self._places(displacement), np.zeros_like(displacement), np.zeros_like(displacement)
+        own[self._nodes] = -self._potential.gradient(self._near(places), self._mesh, places).reshape(-1, 3)
+        board[:, 2] = self._over.T @ (-self._weight * self._repulsion(displacement)[0])
+        return own, board
+
+    def stiffness(self, displacement: np.ndarray) -> sparse.csr_array:
+        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign."""
+        places = self._places(displacement)
+        of_nodes = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places))
+        degrees = (3 * self._nodes[:, None] + np.arange(3)).ravel()
+        at_points = sparse.diags_array(self._weight * self._repulsion(displacement)[1])
+        board = sparse.coo_array(self._over.T @ at_points @ self._over)
+        rows = np.concatenate([degrees[of_nodes.row], 3 * board.row + 2])
+        columns = np.concatenate([degrees[of_nodes.col], 3 * board.col + 2])
+        values = np.concatenate([of_nodes.data, board.data])
+        return sparse.csr_array((values, (rows, columns)), shape=(displacement.size, displacement.size))
+
+    def free_share(self, before: np.ndarray, after: np.ndarray) -> float:
+        """Share, at most 1, of the way from one displacement (N, 3) to another that meets nothing, with a margin."""
+        start, end = self._places(before), self._places(after)
+        share = float(self._ipc.compute_collision_free_stepsize(self._mesh, start, end))
+        high, low = self._height(before), self._height(after)
+        down = low <= (1 - APPROACH) * high
+        above_board = float((APPROACH * high[down] / (high - low)[down]).min(initial=1.0))
+        return min(share if share >= 1 else APPROACH * share, above_board)
+
+    def _repulsion(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First and second derivative of -(z / r - 1)^2 r log(z / r) by the height z of points below the reach r."""
+        z = np.minimum(self._height(displacement) / self.reach, 1.0)
+        first = 2 * (1 - z) * np.log(z) - (1 - z) ** 2 / z
+        second = -2 * np.log(z) + 4 * (1 - z) / z + (1 - z) ** 2 / z**2
+        return first, second / self.reach
+
+    def _height(self, displacement: np.ndarray) -> np.ndarray:
+        """(p,) mm above the board of points of the faces."""
+        return self._over @ (self._points + displacement)[:, 2] - self._board
+
+    def _places(self, displacement: np.ndarray) -> np.ndarray:
+        return np.asfortranarray((self._points + displacement)[self._nodes])
+
+    def _near(self, places: np.ndarray) -> Any:
+        """The pairs of points, edges and triangles within the reach."""
+        pairs = self._ipc.NormalCollisions()
+        pairs.use_area_weighting = True
+        pairs.build(self._mesh, places, self.reach)
+        return pairs
+
+
+def _ipctk() -> Any:
+    try:
+        import ipctk
+    except ImportError as missing:
+        raise InputError("self_contact needs the package ipctk: pip install ipctk.") from missing
+    ipctk.set_num_threads(1)  # sums of several threads are not bitwise the same
+    return ipctk
