@@ -86,7 +86,7 @@ def chain_curves(
             found, spent = _timed(scene, target, seconds)
             if near is not None and slope is not None:
                 start = now()
-                other = measure(near.scene.with_mesh_size(found.mesh_size), points=found.points)
+                other = measure(near.scene.with_mesh_size(found.mesh_size), points=found.points or None)
                 slopes.append(_slope_point(found, other, near.step, spent + now() - start, target, slope))
             on_this_mesh = scene.with_mesh_size(found.mesh_size)
             long = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power

@@ -40,6 +40,8 @@ def speed(target_error: float) -> Iterator[str]:
     for cell in CELL_SHAPES:
         points, error, seconds = nine_taxels(cell, target_error)
         yield f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}"
+        error, seconds = without_random_numbers(cell)
+        yield f"{cell}: nine taxels without random numbers, to {error:.3%} in {seconds:.2f} s"
     yield f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s"
     yield f"a reading of nine taxels from an exported model of two forces, one core: {1e6 * exported_model():.1f} us"
     for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
@@ -57,6 +59,12 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
     while (error := measure(scene, points=points).relative_error) > target_error and points < MOST_POINTS:
         points *= 2
     return points, error, _seconds(lambda: measure(scene, points=points))
+
+
+def without_random_numbers(cell: str) -> tuple[float, float]:
+    """Relative error of the light, and seconds, on the same pad."""
+    scene = Scene.from_file("pad.xml", cell=cell).load()
+    return measure(scene).error_budget["geometry"], _seconds(lambda: measure(scene))
 
 
 def first_answer() -> float:

@@ -167,7 +167,7 @@ def _show(name: str, study) -> None:
     from mitsuba_taxel.characterise import slope_summary, volts_table
     from mitsuba_taxel.characterise.wording import figure_rows, remarks_explained, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
-    from mitsuba_taxel.sensing.wording import budget_line
+    from mitsuba_taxel.sensing.wording import budget_line, light_of_study
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
     from .tables import print_figures, stage_line
@@ -180,9 +180,7 @@ def _show(name: str, study) -> None:
         print(line)
     if len(slopes) and (circuit := circuit_of_study(study)):
         print_figures("As the circuit shows it", *figure_rows(volts_table(study, circuit)))
-    points, replicates = study.attrs["points"], study.sizes["replicate"]
-    count = int(study.power.notnull().sum())
-    print(f"{count} readings, each from {replicates} randomisations of {points} points.")
+    print(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
         print(note)
     print(budget_line(study_error_budget(study)))

@@ -63,7 +63,7 @@ def along_diagonal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
     """The points and the mesh size of a study, for another one."""
     mesh_size = study.attrs.get("mesh_size")
-    return {"points": int(study.attrs["points"]), "mesh_size": None if mesh_size is None else float(mesh_size)}
+    return {"points": int(study.attrs["points"]) or None, "mesh_size": None if mesh_size is None else float(mesh_size)}
 
 
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:

@@ -22,6 +22,7 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, reading_error
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.scene_rates import Rates
@@ -31,10 +32,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import LinearisedState
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
-FINE, COARSE = 2, 1
-"""Degrees of the solutions on a patch, the coarser one for the error of the finer one."""
-LIGHT_SHARE, READING_SHARE = 0.25, 0.1
-"""Standard deviation of the finer solution, relative to the difference of the two: of derivatives, of readings."""
+LIGHT_SHARE = 0.25
+"""Standard deviation of the derivatives of the finer solution, relative to their difference from the coarser one's."""
 HORIZON_SHARE = 1.3
 """Standard deviation of a derivative, relative to its change with a horizon of twice the width: compared with
 differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
@@ -43,8 +42,6 @@ SMALL = 1e-4
 TINY = np.finfo(float).tiny
 PARALLEL = 1e-8
 """One minus the cosine up to which two changes of a load count as parallel."""
-MOST_HIDDEN = 3e-3
-"""Largest share of a reading on occluded paths, which derivatives ignore."""
 
 
 def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, degree: int = FINE) -> Derivatives:
@@ -221,8 +218,8 @@ class _OfCell:
         fine = self._solved(self._whole.degree, self._at)
         values = self._derivatives(fine, fine.gradient())
         unknown = np.full_like(values, np.nan), np.nan
-        errors, reading_error = self._errors(values, fine.reading) if self._whole.with_errors else unknown
-        return _Found(fine.reading, reading_error, values, errors, fine.flows())
+        errors, of_reading = self._errors(values, fine.reading) if self._whole.with_errors else unknown
+        return _Found(fine.reading, of_reading, values, errors, fine.flows())
 
     def _errors(self, values: np.ndarray, reading: float) -> tuple[np.ndarray, float]:
         """Errors of derivatives, and of the reading."""
@@ -232,8 +229,8 @@ class _OfCell:
         spread = self._derivatives(cell, cell.gradient(wider=2)) - coarse
         light = np.hypot(LIGHT_SHARE * (values - coarse), HORIZON_SHARE * spread)
         mechanics, of_reading = self._mechanics(gradient, coarse, cell.reading)
-        reading_error = float(np.hypot(READING_SHARE * (reading - cell.reading), ERROR_SHARE * of_reading))
-        return np.hypot(light, ERROR_SHARE * mechanics), reading_error
+        of_light = reading_error(reading, cell.reading)
+        return np.hypot(light, ERROR_SHARE * mechanics), math.hypot(of_light, ERROR_SHARE * of_reading)
 
     def _solved(self, degree: int, places: np.ndarray) -> Cell:
         return self._whole.cells.solved(self._number, self._meshes[degree], places)

@@ -3,6 +3,7 @@ numbers."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -34,8 +35,8 @@ MOST_FACES = 400
 """Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
 PROBES, LEAKS = 4096, 4
 """Rays from each LED to test whether it lights only its own cell, and how many of them may leak between triangles."""
-
-
+SINGLE = 1e-7
+"""Relative rounding error of single precision."""
 CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
 
@@ -195,15 +196,6 @@ class DiffuseCells:
         each = [np.unique(rows, axis=0, return_counts=True) for rows in shares]
         return all(np.array_equal(*pair) for pair in zip(*each, strict=True))
 
-    def readings(self) -> np.ndarray:
-        """(T,) W, readings in the present state of the pad."""
-        readings = []
-        for number, taxel in enumerate(self.taxels):
-            patches = self.patches(number)
-            places = patches.rest + patches.carried(self.pad.state.displacement)
-            readings.append(taxel.power * self.solved(number, Mesh(patches.rest), places).reading)
-        return np.array(readings)
-
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
         """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
@@ -265,12 +257,14 @@ def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
     width, depth = (float(side) for side in np.array(pair.sensor.faces.size, dtype=float).ravel())
     sensitive = rectangle_rule(width, depth, PHOTOTRANSISTOR_POINTS, PHOTOTRANSISTOR_POINTS)
     bodies = _bodies(pair, into_pad, scale)
+    live = float(pair.led.power[0])  # in single precision, and perhaps changed in the loaded scene
+    power = stated.power if math.isclose(live, stated.power, rel_tol=SINGLE) else live
     laws = _law_of_led(stated), _law_of_phototransistor(pair.sensor.specification)
     leds = _ends(pair.led.faces, emitting, laws[0], into_pad)
     sensors = _ends(pair.sensor.faces, sensitive, laws[1], into_pad)
     return [
         Taxel(
-            stated.power,
+            power,
             replace(led, weights=led.weights / led.weights.sum()),
             replace(sensor, weights=sensor.weights / scale**2),
             body,

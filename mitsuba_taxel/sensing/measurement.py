@@ -18,7 +18,17 @@ from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.readings import Crosstalk, Readings
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, REPLICATES, Clock, Prepared, Run, described, prepare
+from mitsuba_taxel.sensing.runs import (
+    CHOSEN_INTEGRATOR,
+    FIRST_POINTS,
+    MOST_POINTS,
+    REPLICATES,
+    Clock,
+    Prepared,
+    Run,
+    described,
+    prepare,
+)
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.targets import (
     FLAT,
@@ -33,6 +43,7 @@ from mitsuba_taxel.sensing.targets import (
     mechanics_of,
     points_for,
     prepare_for,
+    without_random_numbers,
 )
 from mitsuba_taxel.sensing.taxels import taxels_of
 
@@ -58,6 +69,9 @@ def measure(
 ) -> Readings:
     """Readings of all taxels of a scene; concurrent calls from several threads are serialised.
 
+    Where all walls of the cells are diffuse, light is computed without random numbers, unless points, an irradiance map
+    or a time budget without a target ask for paths, or the scene's integrator is not a `taxel_tracer` of all paths.
+
     Parameters
     ----------
     scene : Scene or str or Path or Any
@@ -65,7 +79,7 @@ def measure(
     target_error : float, optional
         Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
         not fix get one that is fine enough. The number of points is chosen by pilot runs with other random numbers,
-        which do not enter the result. Without target, points and budget, the light alone is traced to 0.005.
+        which do not enter the result. Without target, points and budget, the light alone is computed to 0.005.
     points : int, optional
         Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
     time_budget : float, optional
@@ -119,14 +133,17 @@ def measured(
     clock = Clock(time_budget)
     changes = _changes(scene, derivatives)
     with stages.record() as seconds, stages.stage("optics"):
-        prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued)
+        random = points is not None or irradiance or (time_budget is not None and target_error is None)
+        prepared = _prepared(scene, target_error, points, seed, clock, mechanics_error, continued, random)
         run = Run(prepared.ready, seed, irradiance, continued)
-        run.extend_to(prepared.settings.points, clock)
-    if not np.all(np.isfinite(run.powers)):
+        if prepared.power is None:
+            run.extend_to(prepared.settings.points, clock)
+    powers = run.powers if prepared.power is None else np.tile(prepared.power, (REPLICATES, 1))
+    if not np.all(np.isfinite(powers)):
         raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
     live = prepared.ready.scene
     result = Readings(
-        run.powers,
+        powers,
         run.points,
         seed,
         seconds,
@@ -134,18 +151,21 @@ def measured(
         irradiance=run.image,
         responsivity=_responsivity(live),
         deviation=prepared.mechanics.deviation,
-        facets=_facets(prepared.geometry, run.powers.shape[1]) if mechanics_error else None,
+        facets=_facets(prepared.geometry, powers.shape[1]) if mechanics_error or prepared.power is not None else None,
         mesh_size=prepared.settings.mesh_size,
         derivatives=_derivatives(changes, live, seconds) if changes else None,
         roof_errors=roof_errors(live) if mechanics_error else [],
     )
     bare = target_error is None and points is None and time_budget is None
-    result.remarks.extend(
-        [*prepared.ready.notes, *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)]
-    )
+    result.remarks.extend([*_notes(prepared), *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
         result.remarks.append(f"time budget used up after {result.points} points")
     return result, prepared.ready
+
+
+def _notes(prepared: PreparedFor) -> list[str]:
+    """Notes on the scene, and on the integrator if it was chosen and is used."""
+    return [note for note in prepared.ready.notes if prepared.power is None or note != CHOSEN_INTEGRATOR]
 
 
 def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
@@ -178,15 +198,19 @@ def _prepared(
     clock: Clock,
     mechanics_error: bool,
     continued: Readings | None,
+    random: bool,
 ) -> PreparedFor:
-    """The prepared scene, with the mesh and the number of points needed."""
+    """The prepared scene, with the mesh and the number of points needed, or its readings without ``random`` paths."""
     scene = described(scene)
     if continued is not None and isinstance(scene, Scene):
         scene = scene.with_mesh_size(continued.mesh_size)
     elif target_error is not None:
-        return prepare_for(scene, target_error, seed, clock)
+        return prepare_for(scene, target_error, seed, clock, random)
     mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     ready = prepare(scene)
+    found = None if random or continued else without_random_numbers(ready, LIGHT_ERROR, mechanics_error)
+    if found is not None:
+        return PreparedFor(ready, found.mechanics, found.geometry, Settings(0, mesh_size), found.power)
     geometry = FLAT
     if mechanics_error:
         wanted = 0.0 if points else target_error or LIGHT_ERROR
@@ -248,7 +272,7 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
             f"target error {light_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
         )
     if target_error is not None and not result.relative_total_error <= target_error:
-        parts = f"light {result.relative_error:.2g} with {result.points} points"
+        parts = f"light {result.relative_error:.2g} with {result.points} points" if result.points else "light 0"
         if result.deviation is not None:
             share = result.error_budget["mechanics"]
             parts += f", mechanics {'unknown' if math.isnan(share) else f'{share:.2g}'}"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def standard_error(replicates: np.ndarray) -> np.ndarray:
     """One standard deviation of the mean over the first axis of ``replicates`` (R, ...), from their scatter."""
-    return replicates.std(axis=0, ddof=1) / math.sqrt(len(replicates))
+    return (replicates - replicates[0]).std(axis=0, ddof=1) / math.sqrt(len(replicates))  # exactly 0 if all are equal
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
@@ -62,7 +62,7 @@ class Readings(Displayed):
     replicates : (R, T) ndarray
         Power in W for each independent randomisation and taxel.
     points : int
-        Light paths for each taxel and replicate.
+        Light paths for each taxel and replicate; 0 without random numbers, where all replicates are equal.
     seed : int
         Seed of the random numbers.
     seconds : dict[str, float]
@@ -77,8 +77,8 @@ class Readings(Displayed):
         Change of the power, in W, with the shape that coarser finite elements give to loaded pads; NaN if unknown; None
         if no pad is loaded or it was not requested: errors are then those of the light alone.
     facets : (T,) ndarray or None
-        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; None if not
-        requested.
+        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; without
+        random numbers, what states the error of the light by the same share; None if not requested.
     mesh_size : float or None
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None

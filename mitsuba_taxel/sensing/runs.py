@@ -27,6 +27,7 @@ REPLICATES = 32
 """Independent randomisations of each reading; the standard error comes from their scatter."""
 MOST_POINTS = 1 << 20
 FIRST_POINTS = 256
+CHOSEN_INTEGRATOR = "integrator taxel_tracer: it joins paths from both ends, and is right for every wall"
 
 
 class Prepared(NamedTuple):
@@ -49,7 +50,7 @@ def prepare(scene: Any) -> Prepared:
     integrator, notes = live.integrator(), []
     if integrator is None:
         integrator = make_plugin("taxel_tracer")
-        notes.append("integrator taxel_tracer: it joins paths from both ends, and is right for every wall")
+        notes.append(CHOSEN_INTEGRATOR)
     refuse_unmodelled(live, integrator)
     refuse_unreadable(live, integrator)
     if any(not pad.state.displacement.any() for pad in loaded_pads(live)):

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.convergence import ORDER
+from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
+from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 MECHANICS_SHARE = 0.85
 """Share of the shape in a target error. More points cost little: the error of a scrambled net falls nearly as
@@ -53,7 +54,8 @@ scenes."""
 
 
 class Settings(NamedTuple):
-    """Settings of a reading: points per taxel and replicate; mesh size of pads in mm, None for the scene's own."""
+    """Settings of a reading: points per taxel and replicate, 0 if it needs no random numbers; mesh size of pads in mm,
+    None for the scene's own."""
 
     points: int
     mesh_size: float | None
@@ -96,12 +98,21 @@ FLAT = Geometry(None, 0.0, None)
 
 
 class PreparedFor(NamedTuple):
-    """A scene prepared for a target error, the error of its shape, and the points to trace."""
+    """A scene prepared for a target error, the error of its shape, and the points to trace or the power in W."""
 
     ready: Prepared
     mechanics: Mechanics
     geometry: Geometry
     settings: Settings
+    power: np.ndarray | None = None
+
+
+class Judged(NamedTuple):
+    """The errors of a scene's shape, and the power of each taxel in W where it is known without random numbers."""
+
+    mechanics: Mechanics
+    geometry: Geometry
+    power: np.ndarray | None = None
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> Geometry:
@@ -121,6 +132,26 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
         if more == 1 or points >= most:
             return Geometry(facets, share, pilot)
         points = min(points * more, most)
+
+
+def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: bool = True) -> Judged | None:
+    """Readings of diffuse cells and their errors; None if the scene needs random paths for this relative error.
+
+    What discretises the light is part of the geometry.
+    """
+    stated = getattr(ready.integrator, "specification", None)
+    followed = isinstance(stated, TaxelTracer) and stated.max_depth < 0 and stated.strategy == "all"
+    if not followed or len(deformed_pads(ready.scene)) != 1:
+        return None
+    from mitsuba_taxel.sensing.deterministic_light import deterministic_light  # imports the solvers
+
+    found = deterministic_light(ready.scene, mechanics_error)
+    if found is None or not np.all(found.error <= most_error * found.power):
+        return None
+    mechanics, facets = Mechanics(None, 0.0), found.error / FACETS_SHARE
+    if found.deviation is not None:
+        mechanics = Mechanics(found.deviation, mechanics_share(found.deviation, found.power))
+    return Judged(mechanics, Geometry(facets, geometry_share(facets, found.power), None), found.power)
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
@@ -171,7 +202,9 @@ def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
     return run.powers
 
 
-def prepare_for(scene: Any, target_error: float, seed: int, clock: Clock | None = None) -> PreparedFor:
+def prepare_for(
+    scene: Any, target_error: float, seed: int, clock: Clock | None = None, random: bool = False
+) -> PreparedFor:
     """Prepare a scene such that the total error of its worst taxel reaches a target.
 
     Parameters
@@ -182,11 +215,21 @@ def prepare_for(scene: Any, target_error: float, seed: int, clock: Clock | None 
         Relative; if the mechanics cannot reach it, the light still gets a share of it.
     clock : Clock, optional
         Steps that would not end in time are not started.
+    random : bool
+        Whether light needs random paths, as for a map, even where readings do not.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
-    traced = deviation_points(clock), NEGLIGIBLE * target_error
-    mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed, tolerance=traced[1])
+
+    def judged() -> Judged:
+        found = None if random else without_random_numbers(ready, LIGHT_SHARE * target_error)
+        if found is not None:
+            return found
+        tolerance = NEGLIGIBLE * target_error
+        mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
+        return Judged(mechanics, geometry_of(ready, seed, tolerance=tolerance))
+
+    mechanics, geometry, power = judged()
     tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
         tried.append((smallest_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
@@ -199,12 +242,14 @@ def prepare_for(scene: Any, target_error: float, seed: int, clock: Clock | None 
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        mechanics, geometry = mechanics_of(ready, seed, *traced), geometry_of(ready, seed, tolerance=traced[1])
+        mechanics, geometry, power = judged()
+    mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
+    if power is not None:
+        return PreparedFor(ready, mechanics, geometry, Settings(0, mesh_size), power)
     known = math.hypot(0.0 if math.isnan(mechanics.share) else mechanics.share, geometry.share)
     left = math.sqrt(max(target_error**2 - known**2, (LIGHT_SHARE * target_error) ** 2))
     points = points_for(ready, left, seed, clock, geometry.pilot)
-    settings = Settings(points, scene.mesh_size if isinstance(scene, Scene) else None)
-    return PreparedFor(ready, mechanics, geometry, settings)
+    return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
 
 
 def _timed(scene: Any) -> tuple[Prepared, float]:

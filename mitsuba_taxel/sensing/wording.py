@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from mitsuba_taxel.sensing import Readings
     from mitsuba_taxel.sensing.derivative_values import Derivatives
 
@@ -16,8 +18,9 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     columns = {
         "taxel": [str(taxel) for taxel in readings.taxel],
         "power [W]": [f"{power:.6e}" for power in readings.power],
-        "light error [W]": [f"{error:.1e}" for error in readings.standard_error],
     }
+    if readings.points:
+        columns["light error [W]"] = [f"{error:.1e}" for error in readings.standard_error]
     if readings.deviation is not None:
         columns["mechanics error [W]"] = [f"{error:.1e}" for error in readings.mechanics_error]
     if readings.geometry_error.any():
@@ -46,8 +49,16 @@ def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
 
 def light_error_line(readings: Readings) -> str:
     """The meaning and origin of the light error."""
+    if not readings.points:
+        return "Light: without random numbers, as all walls are diffuse; its error is part of the geometry's."
     runs = f"{len(readings.replicates)} randomisations of {readings.points} points per taxel"
     return f"Light error: 1 sigma, from {runs}, seed {readings.seed}."
+
+
+def light_of_study(study: xr.Dataset) -> str:
+    """How the light of the readings of a study was computed."""
+    points, replicates = study.attrs["points"], study.sizes["replicate"]
+    return f"from {replicates} randomisations of {points} points" if points else "without random numbers"
 
 
 def budget_line(budget: Mapping[str, float]) -> str:

@@ -14,6 +14,7 @@ from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivatives import derivatives_by
+from mitsuba_taxel.sensing.deterministic_light import deterministic_light
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.transport import exchange
@@ -50,7 +51,7 @@ def test_readings_without_random_numbers_are_those_of_random_paths(cell, scatter
     scene = pad_scene({"scattering": scattering}, cell=cell)
     live = scene.load()
     readings = measure(live, points=1024, mechanics_error=False)
-    (found,) = DiffuseCells(live).readings()
+    (found,) = deterministic_light(live, False).power
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
 
 
@@ -61,14 +62,14 @@ LOW = {"cell_height": 1.5, "cell_size": 2.5}
 def test_readings_past_a_package_are_those_of_random_paths():
     live = pad_scene(**LOW).load()
     readings = measure(live, points=4096, mechanics_error=False)
-    (found,) = DiffuseCells(live).readings()
+    (found,) = deterministic_light(live, False).power
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
 
 
 @pytest.mark.parametrize("name", ["fx", "spacing"])
 def test_derivatives_past_a_package_are_differences_of_the_whole_chain(name):
     scene, step = pad_scene(**LOW), STEPS[name]
-    ahead, behind = (DiffuseCells(at(name, sign * step, **LOW).load()).readings()[0] for sign in (1, -1))
+    ahead, behind = (deterministic_light(at(name, sign * step, **LOW).load(), False).power[0] for sign in (1, -1))
     found = derivatives(scene, name)
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
 
@@ -100,7 +101,7 @@ def test_readings_under_other_laws_of_the_ends():
     )
     live = pad_scene(mixed, lobe, narrow, cell="spherical").load()
     readings = measure(live, points=1024, mechanics_error=False)
-    (found,) = DiffuseCells(live).readings()
+    (found,) = deterministic_light(live, False).power
     assert abs(found - readings.power[0]) < 4 * readings.standard_error[0] + 1e-4 * found
 
 
@@ -137,7 +138,7 @@ def by(derivatives, name):
 @pytest.mark.parametrize("name", STEPS)
 def test_derivatives_are_differences_of_the_whole_chain(name, found):
     step = STEPS[name]
-    ahead, behind = (DiffuseCells(at(name, sign * step).load()).readings()[0] for sign in (1, -1))
+    ahead, behind = (deterministic_light(at(name, sign * step).load(), False).power[0] for sign in (1, -1))
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
 
 

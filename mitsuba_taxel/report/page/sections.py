@@ -23,7 +23,7 @@ from mitsuba_taxel.plots.characteristics import (
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.maps import plane_of, plot_map
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
-from mitsuba_taxel.sensing.wording import budget_rows
+from mitsuba_taxel.sensing.wording import budget_rows, light_of_study
 from mitsuba_taxel.studies import stage_totals, study_error_budget
 
 MOST_ROWS = 2000
@@ -38,11 +38,10 @@ def about(study: xr.Dataset, title: str, key: str) -> str:
         for name in study.coords
         if study[name].dims and study[name].dims[0] not in ("taxel", "stage", "replicate") and name != "step"
     ]
-    points, replicates = study.attrs["points"], study.sizes["replicate"]
     lines = [
         f"Scene {study.attrs['scene']}; {_count(study.sizes['taxel'], 'taxel')}; {_count(readings, 'reading')}.",
         f"Varied: {'; '.join(varied)}.",
-        f"Each reading: {replicates} randomisations of {points} points, seed {study.attrs['seed']}.",
+        f"Each reading: {light_of_study(study)}, seed {study.attrs['seed']}.",
         *study.attrs["notes"].splitlines(),
     ]
     failures = study.attrs["failures"].splitlines()

@@ -138,7 +138,7 @@ def _notes(results: Mapping[Place, Kept]) -> list[str]:
     remarks = [remark for result in results.values() for remark in result.readings.remarks]
     errors = [error for result in results.values() for error in result.readings.roof_errors]
     most = max(result.readings.points for result in results.values())
-    few = [result for result in results.values() if result.readings.points < most]
+    few = [result for result in results.values() if 0 < result.readings.points < most]
     if few:
         remarks.append(f"{len(few)} of {len(results)} scenes have fewer points: the same command computes the rest")
     return [*dict.fromkeys(remarks), *describe_mechanics(errors)]

@@ -39,7 +39,7 @@ class Job:
     varied : dict[str, str]
         Those of them that the batch varies.
     points, seed : int
-        As for ``measure``.
+        As for ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
         As for ``Scene``.
     mechanics_error : bool
@@ -133,7 +133,7 @@ def _read(job: Job) -> Result:
         ready = prepare(scene)
         readings = measure(
             ready,
-            points=job.points,
+            points=job.points or None,
             seed=job.seed,
             irradiance=job.maps,
             mechanics_error=job.mechanics_error,

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.measurement import LIGHT_ERROR
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Run, prepare
-from mitsuba_taxel.sensing.targets import Settings, points_for, prepare_for
+from mitsuba_taxel.sensing.targets import Settings, points_for, prepare_for, without_random_numbers
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
@@ -23,18 +23,19 @@ MOST_PILOT_CURVES = 8
 
 
 @in_turn
-def piloted_settings(batch: Batch, machines: int) -> Settings:
+def piloted_settings(batch: Batch, machines: int, random: bool = False) -> Settings:
     """Points and mesh size with which the first, middle and last scene of some of the curves reach the target.
 
-    The default target is 0.005 for the light alone, on the scene's own mesh. A time budget limits the points to those
-    that ``machines`` can trace in the remaining time.
+    There are no points if none of them needs random paths, unless ``random`` asks for them. The default target is 0.005
+    for the light alone, on the scene's own mesh. A time budget limits the points to those that ``machines`` can trace
+    in the remaining time.
 
     Raises
     ------
     InputError, ComputationError
         of the first scene, if none can be read.
     """
-    pilot = _Pilot(batch, machines)
+    pilot = _Pilot(batch, machines, random)
     failed = []
     for values in _pilot_scenes(batch):
         try:
@@ -49,8 +50,9 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
 class _Pilot:
     """Requirements and costs of the pilot scenes of a batch."""
 
-    def __init__(self, batch: Batch, machines: int) -> None:
+    def __init__(self, batch: Batch, machines: int, random: bool) -> None:
         self.batch, self.machines = batch, machines
+        self.random = random or batch.maps or (batch.time_budget is not None and batch.target_error is None)
         self.clock = Clock(batch.time_budget)
         self.points: list[int] = []
         self.mesh_size = batch.mesh_size
@@ -59,12 +61,15 @@ class _Pilot:
     def read(self, values: Mapping[str, str]) -> None:
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
         if self.batch.target_error is None:
-            points = points_for(prepare(scene), LIGHT_ERROR, self.batch.seed)
+            ready = prepare(scene)
+            found = None if self.random else without_random_numbers(ready, LIGHT_ERROR, mechanics_error=False)
+            points = 0 if found else points_for(ready, LIGHT_ERROR, self.batch.seed)
         else:
             curves = math.prod(axis.size for axis in self.batch.axes) / self._curve_size
             allowed = None if self.batch.time_budget is None else Clock(self.clock.left / curves)
-            points, self.mesh_size = prepare_for(scene, self.batch.target_error, self.batch.seed, allowed).settings
-        if self.batch.time_budget is not None:
+            target, seed = self.batch.target_error, self.batch.seed
+            points, self.mesh_size = prepare_for(scene, target, seed, allowed, self.random).settings
+        if self.batch.time_budget is not None and points:
             self._seconds.append(self._costs(scene.with_mesh_size(self.mesh_size)))
         self.points.append(points)
 
@@ -78,7 +83,7 @@ class _Pilot:
 
     def affordable_points(self) -> int:
         """Points for each taxel and replicate that the remaining time budget allows."""
-        if self.batch.time_budget is None:
+        if not self._seconds:
             return MOST_POINTS
         jobs = math.prod(axis.size for axis in self.batch.axes)
         apart, tracing = np.mean(self._seconds, axis=0)

@@ -72,9 +72,10 @@ def sweep(
 ) -> xr.Dataset:
     """Read a scene at all combinations of the varied parameters.
 
-    All readings use the same seed and number of points: they share their random numbers, which keeps noise out of the
-    slopes between neighbours. With ``output``, each reading is stored as soon as it is computed, and the same call
-    resumes an interrupted one.
+    Readings need no random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``). Else all use
+    the same seed and number of points: they share their random numbers, which keeps noise out of the slopes between
+    neighbours. With ``output``, each reading is stored as soon as it is computed, and the same call resumes an
+    interrupted one.
 
     Parameters
     ----------
@@ -293,7 +294,9 @@ def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Setting
     if store and choice is not None and not store.aims_higher:
         return choice
     with stages.record() as seconds, stages.stage("optics"):
-        settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
+        settings = Settings(batch.points or 0, batch.mesh_size)
+        if not batch.points:
+            settings = piloted_settings(batch, machines, random=choice is not None and choice[0].points > 0)
         if batch.target_slope is not None:
             settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
     if choice is not None and choice[0].mesh_size == settings.mesh_size:

@@ -62,7 +62,8 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
         about = study.attrs
         fixed = ", ".join(f"{word} = {value}" for word, value in json.loads(about["parameters"]).items())
         lines.append(f"- {f'{name}: ' if name else ''}scene {about['scene']} with {fixed or 'no fixed parameters'}; ")
-        lines[-1] += f"seed {about['seed']}, {about['points']} points for each taxel and randomisation"
+        paths = f"{about['points']} points for each taxel and randomisation"
+        lines[-1] += f"seed {about['seed']}, {paths if about['points'] else 'light without random numbers'}"
     versions = _distinct(
         ", ".join(f"{package} {version}" for package, version in json.loads(study.attrs["versions"]).items())
         for study in studies.values()

@@ -164,7 +164,7 @@ class Store:
         try:
             chosen = json.loads(file.read_text(encoding="utf-8"))
             settings, seconds = Settings(chosen["points"], chosen["mesh_size"]), chosen["pilot_seconds"]
-            _require(isinstance(settings.points, int) and 1 <= settings.points <= MOST_POINTS)
+            _require(isinstance(settings.points, int) and 0 <= settings.points <= MOST_POINTS)
             _require(settings.mesh_size is None or 0 < settings.mesh_size < math.inf)
             _require(_is_seconds(seconds))
         except OSError:

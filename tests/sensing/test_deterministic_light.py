@@ -1,0 +1,118 @@
+"""Readings of diffuse cells without random numbers: right within what they state, and taken where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from one_cell import one_cell
+
+from mitsuba_taxel import Scene, measure, sweep
+from mitsuba_taxel.bench.domes import dome_scene
+from mitsuba_taxel.bench.sphere_light import DOMES
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.sensing import diffuse_cells
+from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.targets import CLEAR
+from mitsuba_taxel.sensing.wording import light_error_line
+
+CELLS = ["hemispheric", "spherical", "cylindrical", "parallelepiped"]
+
+
+@pytest.mark.parametrize("law", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("cell", ["hemispheric", "spherical"])
+def test_domes_read_as_the_sphere_within_the_stated_error(llvm_mono, cell, law):
+    readings = measure(dome_scene(cell, {"scattering": law}, 1))
+    truth = DOMES[cell].diffuse_power(law, 18)
+    assert readings.points == 0 and not readings.standard_error.any()
+    assert abs(readings.power[0] - truth) < min(2 * readings.total_error[0], 1e-4 * truth)
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("cell", CELLS)
+def test_smaller_patches_of_a_pressed_cell_read_the_same_within_the_stated_error(
+    llvm_mono, monkeypatch, tmp_path, cell, scattering
+):
+    """Patches of 0.6 of the size, on the same finite elements."""
+    file = tmp_path / "cell.xml"
+    file.write_text(one_cell(cell=cell, mesh_size=1.25, scattering=scattering, fx=0.1, fz=-1))
+    live = Scene(file).load()
+    found = deterministic_light(live, False)
+    pad = live.shapes()[0].pad
+    smaller = pad_mesh(pad, 0.6 * pad.default_mesh_size)
+    monkeypatch.setattr(diffuse_cells, "_mesh_of", lambda pad: smaller)
+    monkeypatch.setattr(diffuse_cells, "MOST_FACES", 1000)
+    assert abs(deterministic_light(live, False).power - found.power) < 2 * found.error
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """A function that gives the name of a scene of one cell."""
+
+    def write(**words):
+        file = tmp_path / "cell.xml"
+        file.write_text(one_cell(**words))
+        return file
+
+    return write
+
+
+def test_random_paths_where_they_are_asked_for(llvm_mono, cell):
+    file = cell(fz=-1)
+    quiet = measure(file, seed=1)
+    assert quiet.points == 0 and "without random numbers" in light_error_line(quiet)
+    assert measure(file, points=64).points == 64
+    assert measure(file, irradiance=True).points > 0
+    assert measure(file, time_budget=0.1).points > 0
+    assert measure(file, target_error=0.05, irradiance=True).points > 0
+    assert np.array_equal(measure(file, target_error=0.05).power, quiet.power)
+
+
+@pytest.mark.parametrize(
+    "integrator",
+    [
+        '<integrator type="taxel_path"/>',
+        '<integrator type="taxel_tracer"> <integer name="max_depth" value="3"/> </integrator>',
+        '<integrator type="taxel_tracer"> <string name="strategy" value="connections"/> </integrator>',
+    ],
+)
+def test_random_paths_where_the_integrator_says_so(llvm_mono, cell, integrator):
+    file = cell()
+    file.write_text(file.read_text().replace("<shape", integrator + "<shape", 1))
+    assert measure(file, mechanics_error=False).points > 0
+
+
+def test_random_paths_where_a_wall_is_a_mirror(llvm_mono, cell):
+    readings = measure(cell(scattering="mirror"), mechanics_error=False)
+    assert readings.points > 0 and readings.standard_error.any()
+
+
+def test_the_change_with_coarser_elements_is_that_of_random_paths(llvm_mono, cell):
+    """To what random paths resolve of it."""
+    scene = cell(mesh_size=1.5, fz=-1)
+    quiet, random = measure(scene), measure(scene, points=1024)
+    assert quiet.mechanics_error[0] == pytest.approx(random.mechanics_error[0], rel=CLEAR)
+    assert abs(quiet.power[0] - random.power[0]) < 4 * random.standard_error[0] + 2 * np.hypot(
+        quiet.geometry_error[0], random.geometry_error[0]
+    )
+
+
+def test_changed_power_and_reflectance_of_a_loaded_scene_are_seen(llvm_mono, cell):
+    live = Scene(cell()).load()
+    before = measure(live).power
+    parameters = llvm_mono.traverse(live)
+    (name,) = (key for key in parameters.keys() if key.endswith("power"))
+    parameters[name] = 2 * parameters[name]
+    parameters.update()
+    assert measure(live).power == pytest.approx(2 * before, rel=1e-12)
+
+
+def test_a_study_is_read_and_resumed_without_random_numbers(llvm_mono, cell, tmp_path):
+    file, folder = cell(fz=0), tmp_path / "study"
+    study = sweep(file, {"fz": "0:-1:-1"}, output=folder)
+    assert study.attrs["points"] == 0 and not study.standard_error.values.any()
+    expected = [measure(file.parent / file.name, mechanics_error=False).power[0]]
+    assert study.power.sel(fz=0).values == pytest.approx(expected, rel=1e-12)
+    longer = sweep(file, {"fz": "0:-2:-1"}, output=folder)
+    assert longer.attrs["points"] == 0 and longer.power.sel(fz=-1).equals(study.power.sel(fz=-1))
+    traced = sweep(file, {"fz": "0:-2:-1"}, output=folder, points=64)
+    assert traced.attrs["points"] == 64 and traced.standard_error.values.all()
