@@ -57,8 +57,10 @@ def light_error_line(readings: Readings) -> str:
 
 def light_of_study(study: xr.Dataset) -> str:
     """How the light of the readings of a study was computed."""
-    points, replicates = study.attrs["points"], study.sizes["replicate"]
-    return f"from {replicates} randomisations of {points} points" if points else "without random numbers"
+    if points := study.attrs["points"]:
+        return f"from {study.sizes['replicate']} randomisations of {points} points"
+    random = int((study.standard_error > 0).sum())
+    return f"without random numbers{f', but {random} that need random paths' if random else ''}"
 
 
 def budget_line(budget: Mapping[str, float]) -> str:

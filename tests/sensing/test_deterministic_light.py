@@ -116,3 +116,5 @@ def test_a_study_is_read_and_resumed_without_random_numbers(llvm_mono, cell, tmp
     assert longer.attrs["points"] == 0 and longer.power.sel(fz=-1).equals(study.power.sel(fz=-1))
     traced = sweep(file, {"fz": "0:-2:-1"}, output=folder, points=64)
     assert traced.attrs["points"] == 64 and traced.standard_error.values.all()
+    aimed = sweep(file, {"fz": "0:-2:-1"}, output=folder, target_error=0.1)
+    assert aimed.attrs["points"] == 0 and not aimed.standard_error.values.any() and aimed.power.equals(longer.power)

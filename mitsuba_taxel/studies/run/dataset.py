@@ -137,10 +137,10 @@ def _notes(results: Mapping[Place, Kept]) -> list[str]:
     """Distinct notes of all readings; of those on mechanics, the worst."""
     remarks = [remark for result in results.values() for remark in result.readings.remarks]
     errors = [error for result in results.values() for error in result.readings.roof_errors]
-    most = max(result.readings.points for result in results.values())
-    few = [result for result in results.values() if 0 < result.readings.points < most]
-    if few:
-        remarks.append(f"{len(few)} of {len(results)} scenes have fewer points: the same command computes the rest")
+    points = [result.readings.points for result in results.values()]
+    few = sum(each < max(points) for each in points)
+    if few and min(points):  # without random numbers, a scene that needs paths gets its own number
+        remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
     return [*dict.fromkeys(remarks), *describe_mechanics(errors)]
 
 

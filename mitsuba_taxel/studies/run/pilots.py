@@ -23,19 +23,19 @@ MOST_PILOT_CURVES = 8
 
 
 @in_turn
-def piloted_settings(batch: Batch, machines: int, random: bool = False) -> Settings:
+def piloted_settings(batch: Batch, machines: int) -> Settings:
     """Points and mesh size with which the first, middle and last scene of some of the curves reach the target.
 
-    There are no points if none of them needs random paths, unless ``random`` asks for them. The default target is 0.005
-    for the light alone, on the scene's own mesh. A time budget limits the points to those that ``machines`` can trace
-    in the remaining time.
+    There are no points if none of them needs random paths, as a map or a time budget without a target does. The default
+    target is 0.005 for the light alone, on the scene's own mesh. A time budget limits the points to those that
+    ``machines`` can trace in the remaining time.
 
     Raises
     ------
     InputError, ComputationError
         of the first scene, if none can be read.
     """
-    pilot = _Pilot(batch, machines, random)
+    pilot = _Pilot(batch, machines)
     failed = []
     for values in _pilot_scenes(batch):
         try:
@@ -50,9 +50,9 @@ def piloted_settings(batch: Batch, machines: int, random: bool = False) -> Setti
 class _Pilot:
     """Requirements and costs of the pilot scenes of a batch."""
 
-    def __init__(self, batch: Batch, machines: int, random: bool) -> None:
+    def __init__(self, batch: Batch, machines: int) -> None:
         self.batch, self.machines = batch, machines
-        self.random = random or batch.maps or (batch.time_budget is not None and batch.target_error is None)
+        self.random = batch.maps or (batch.time_budget is not None and batch.target_error is None)
         self.clock = Clock(batch.time_budget)
         self.points: list[int] = []
         self.mesh_size = batch.mesh_size

@@ -250,13 +250,14 @@ def _compute(batch: Batch, pool: Pool, store: Store | None, progress: Callable[[
 
 
 def _is_enough(readings: Readings, settings: Settings) -> bool:
-    """Whether readings of an earlier run meet the present settings."""
-    return readings.points >= settings.points and readings.mesh_size == settings.mesh_size
+    """Whether readings of an earlier run meet the present settings; without points, one by random paths does not."""
+    enough = readings.points >= settings.points if settings.points else not readings.points
+    return enough and readings.mesh_size == settings.mesh_size
 
 
 def _continued(job: Job, kept: Kept | None, settings: Settings) -> Job:
     """The job, extending earlier readings of fewer points if there are any."""
-    if kept is None or job.maps or kept.readings.mesh_size != settings.mesh_size:
+    if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
 
@@ -294,12 +295,10 @@ def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Setting
     if store and choice is not None and not store.aims_higher:
         return choice
     with stages.record() as seconds, stages.stage("optics"):
-        settings = Settings(batch.points or 0, batch.mesh_size)
-        if not batch.points:
-            settings = piloted_settings(batch, machines, random=choice is not None and choice[0].points > 0)
+        settings = Settings(batch.points, batch.mesh_size) if batch.points else piloted_settings(batch, machines)
         if batch.target_slope is not None:
             settings = settings._replace(mesh_size=mesh_size_for_slopes(batch, settings.mesh_size))
-    if choice is not None and choice[0].mesh_size == settings.mesh_size:
+    if choice is not None and settings.points and choice[0].mesh_size == settings.mesh_size:
         settings = settings._replace(points=max(settings.points, choice[0].points))
     if store:
         store.keep_choice(settings, seconds)
