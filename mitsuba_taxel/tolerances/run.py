@@ -113,10 +113,11 @@ def run_tolerance(
 
 
 def _like(mean: xr.Dataset, plan: Plan) -> Batch:
-    """The samples, read like the mean sensor: without random numbers if possible."""
-    smooth = "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
-    points = min(int(mean.attrs["points"]), FEW_POINTS) if smooth else int(mean.attrs["points"])
-    batch = plan.samples(points, mean.attrs.get("mesh_size"))
+    """The samples, read like the mean sensor: without random numbers if possible, by derivatives if readings have
+    them."""
+    points = int(mean.attrs["points"])
+    smooth = points > 0 and "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
+    batch = plan.samples(min(points, FEW_POINTS) if smooth else points, mean.attrs.get("mesh_size"))
     by = plan.force or str(mean.parameter.values[0]) if smooth else ""
     return replace(batch, derivatives=(by,)) if smooth else batch
 
@@ -145,7 +146,7 @@ def _analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str
     force = np.array([0.0]) if not plan.force else mean[plan.force].values
     name = "smooth_power" if "smooth_power" in samples else "replicate_power"
     nominal, exact = _readings(plan, mean, name)[0], _readings(plan, samples, name)
-    if name != "smooth_power":
+    if name != "smooth_power" and bool((samples.standard_error > 0).any()):
         notes = [*notes, NOISY]
     known = np.isfinite(exact).all(axis=(1, 2))
     lost = int((~known).sum())
