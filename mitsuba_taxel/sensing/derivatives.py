@@ -26,7 +26,7 @@ from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN,
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.scene_rates import Rates
-from mitsuba_taxel.transport.cell import Cell, Mesh
+from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import LinearisedState
@@ -209,7 +209,7 @@ class _OfCell:
         self._patches: WallPatches = whole.patches[number]
         self._rest = self._patches.rest
         self._at = self._rest + self._patches.carried(whole.state.displacement)
-        self._nodal, self._meshes = nodal, {degree: Mesh(self._rest, degree) for degree in (FINE, COARSE)}
+        self._nodal = nodal
         self._velocities = [self._velocity(each) for each in nodal]
         self._others = others
 
@@ -233,7 +233,8 @@ class _OfCell:
         return np.hypot(light, ERROR_SHARE * mechanics), math.hypot(of_light, ERROR_SHARE * of_reading)
 
     def _solved(self, degree: int, places: np.ndarray) -> Cell:
-        return self._whole.cells.solved(self._number, self._meshes[degree], places)
+        cells = self._whole.cells
+        return cells.solved(self._number, cells.light_mesh(self._number, degree), places)
 
     def _velocity(self, nodal: _Nodal) -> np.ndarray:
         """(F, 15, 3) velocity of the deformed walls."""

@@ -13,7 +13,6 @@ from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.mechanics_error import combined
-from mitsuba_taxel.transport.cell import Mesh
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -93,7 +92,7 @@ class _Found(NamedTuple):
 def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _Found:
     patches = cells.patches(number)
     at = patches.rest + patches.carried(cells.pad.state.displacement)
-    fine, mesh = cells.solved(number, Mesh(patches.rest, FINE), at), Mesh(patches.rest, COARSE)
+    fine, mesh = cells.solved(number, cells.light_mesh(number, FINE), at), cells.light_mesh(number, COARSE)
     before = cells.solved(number, mesh, at).reading
     changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
     return _Found(fine.reading, reading_error(fine.reading, before), changes, fine.flows())

@@ -33,6 +33,8 @@ LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
 MOST_FACES = 400
 """Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
+MOST_KEPT = 128
+"""Largest number of patches of a cell whose pairs of points, then up to 40 MB, are kept for its next state."""
 PROBES, LEAKS = 4096, 4
 """Rays from each LED to test whether it lights only its own cell, and how many of them may leak between triangles."""
 SINGLE = 1e-7
@@ -190,6 +192,11 @@ class DiffuseCells:
         """The undeformed walls of a cell, with their dependence on displacement."""
         return _patches(self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist()))
 
+    def light_mesh(self, number: int, degree: int) -> Mesh:
+        """The quadrature on the walls of a cell."""
+        patches = self.patches(number)
+        return _light_mesh(patches, degree) if len(patches.rest) <= MOST_KEPT else Mesh(patches.rest, degree)
+
     def walls_alike(self, one: int, other: int) -> bool:
         """Whether the walls of two cells scatter equally, judged by all of their properties."""
         shares = (np.column_stack([cell.isotropic, cell.lambertian]) for cell in (self.cells[one], self.cells[other]))
@@ -226,6 +233,12 @@ def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Any, faces: tuple[int
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
     return WallPatches(elements, walls, pad, np.array(faces), LATTICE)
+
+
+@lru_cache(maxsize=32)
+def _light_mesh(patches: WallPatches, degree: int) -> Mesh:
+    """Cached for the states of a path, as its pairs of points take half the time of a solution."""
+    return Mesh(patches.rest, degree)
 
 
 def _shares(wall: Any) -> tuple[float, float]:

@@ -32,10 +32,14 @@ def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Seque
             continue
         for number, taxel in enumerate(cells.taxels):
             for other in range(number):
-                there, same_walls = cells.taxels[other], cells.walls_alike(other, number)
+                there = cells.taxels[other]
                 ends = (taxel.led, there.led), (taxel.phototransistor, there.phototransistor)
-                alike = same_walls and taxel.power == there.power and _same_size(taxel.body, there.body)
-                if alike and all(_mirrored(mirror, *pair) for pair in ends):
+                if (
+                    all(_mirrored(mirror, *pair) for pair in ends)
+                    and taxel.power == there.power
+                    and _same_size(taxel.body, there.body)
+                    and cells.walls_alike(other, number)
+                ):
                     first[number] = min(first[number], first[other])
     return first
 
@@ -43,10 +47,12 @@ def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Seque
 def _mirrored(mirror: Mirror, end: End, other: End) -> bool:
     """Whether an end is the image of another, judged by mean and spread of its points."""
     image = mirror.image(other.points)
-    middles, normals = (end.points.mean(axis=0), image.mean(axis=0)), (end.normal, mirror.image(other.normal))
+    if not _close(end.points.mean(axis=0), image.mean(axis=0)):
+        return False
+    normals = end.normal, mirror.image(other.normal)
     spreads = (np.cov(points.T, aweights=each.weights) for points, each in ((end.points, end), (image, other)))
     sums = np.array([[end.weights.sum()], [other.weights.sum()]])
-    return end.law == other.law and all(_close(*pair) for pair in (middles, normals, spreads, sums))
+    return end.law == other.law and all(_close(*pair) for pair in (normals, spreads, sums))
 
 
 def _same_size(body: Box | None, other: Box | None) -> bool:
