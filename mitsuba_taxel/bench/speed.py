@@ -42,6 +42,8 @@ def speed(target_error: float) -> Iterator[str]:
         yield f"{cell}: nine taxels to {error:.3%} in {seconds:.2f} s, {points} points x {REPLICATES}"
         error, seconds = without_random_numbers(cell)
         yield f"{cell}: nine taxels without random numbers, to {error:.3%} in {seconds:.2f} s"
+        alone, together = with_slope(cell)
+        yield f"{cell}: a solved pad at -10 N loaded and read in {alone:.2f} s, with slopes by fz in {together:.2f} s"
     yield f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s"
     yield f"a reading of nine taxels from an exported model of two forces, one core: {1e6 * exported_model():.1f} us"
     for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
@@ -65,6 +67,13 @@ def without_random_numbers(cell: str) -> tuple[float, float]:
     """Relative error of the light, and seconds, on the same pad."""
     scene = Scene.from_file("pad.xml", cell=cell).load()
     return measure(scene).error_budget["geometry"], _seconds(lambda: measure(scene))
+
+
+def with_slope(cell: str) -> tuple[float, float]:
+    """Seconds of a reading at -10 N, from a solution on disk, without and with derivatives by the force."""
+    scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
+    measure(scene)  # solves
+    return _seconds(lambda: measure(scene)), _seconds(lambda: measure(scene, derivatives=["fz"]))
 
 
 def first_answer() -> float:

@@ -30,7 +30,7 @@ def study(source, vary, defines, **settings):
 def test_rows_and_page(monkeypatch, tmp_path):
     asked = []
     monkeypatch.setattr(studies, "sweep", lambda *scene, **targets: asked.append(targets) or study(*scene, **targets))
-    monkeypatch.setattr(nominal, "measure_isolated", lambda case, seconds: case.measured())
+    monkeypatch.setattr(nominal, "measure_isolated", lambda case, *limits: case.measured())
     rows = list(nominal.nominal("hemi*"))
     assert asked == [{"target_error": 0.005, "target_slope": 0.02}, {"points": 256, "mesh_size": 0.75}]
     (row,) = rows

@@ -114,7 +114,9 @@ def test_a_study_is_read_and_resumed_without_random_numbers(llvm_mono, cell, tmp
     assert study.power.sel(fz=0).values == pytest.approx(expected, rel=1e-12)
     longer = sweep(file, {"fz": "0:-2:-1"}, output=folder)
     assert longer.attrs["points"] == 0 and longer.power.sel(fz=-1).equals(study.power.sel(fz=-1))
+    assert longer.parameter.values.tolist() == ["fz"] and np.isfinite(longer.derivative_error).all()
+    np.testing.assert_allclose(longer.smooth_power, longer.power, rtol=1e-12)
     traced = sweep(file, {"fz": "0:-2:-1"}, output=folder, points=64)
-    assert traced.attrs["points"] == 64 and traced.standard_error.values.all()
+    assert traced.attrs["points"] == 64 and traced.standard_error.values.all() and "derivative" not in traced
     aimed = sweep(file, {"fz": "0:-2:-1"}, output=folder, target_error=0.1)
     assert aimed.attrs["points"] == 0 and not aimed.standard_error.values.any() and aimed.power.equals(longer.power)

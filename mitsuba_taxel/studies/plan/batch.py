@@ -91,6 +91,11 @@ class Batch:
         """The scene with these values of the varied parameters."""
         return Scene(self.file, {**self.defines, **values}, self.mesh_size)
 
+    @property
+    def varied_forces(self) -> tuple[str, ...]:
+        """Names of the forces with several values, alone or together with others."""
+        return _forces(self.axes)
+
     def as_toml(self) -> dict[str, Any]:
         """The batch as the content of a study file, with all values written out."""
         vary = {axis.dim: axis.values[axis.dim] for axis in self.axes if axis.dim != STEP}
@@ -173,11 +178,15 @@ def make_batch(
     return replace(batch, axes=tuple(filled))
 
 
-def _forces_for(target_slope: object, axes: Iterable[Axis]) -> list[str]:
+def _forces(axes: Iterable[Axis]) -> tuple[str, ...]:
+    return tuple(name for axis in axes if axis.size > 1 for name in axis.values if name in FORCES)
+
+
+def _forces_for(target_slope: object, axes: Iterable[Axis]) -> tuple[str, ...]:
     """The varied forces, to whose slopes the target applies."""
     if not (is_number(target_slope) and 0 < target_slope < 1):  # type: ignore[operator]
         raise InputError(f"target_slope = {target_slope!r} is not allowed: a number between 0 and 1 is needed.")
-    forces = [name for axis in axes if axis.size > 1 for name in axis.values if name in FORCES]
+    forces = _forces(axes)
     if not forces:
         raise InputError(f"target_slope = {target_slope!r} is not allowed: fx, fy or fz must be varied.")
     return forces

@@ -48,6 +48,8 @@ class Job:
         Whether to return the surfaces of its pads, and its irradiance map.
     derivatives : tuple[str, ...]
         As for ``measure``; their errors are computed together with that of the mechanics.
+    where_smooth : bool
+        Whether they are computed only where readings need no random numbers, and left out without a remark elsewhere.
     bare : bool
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
@@ -65,6 +67,7 @@ class Job:
     meshes: bool
     maps: bool
     derivatives: tuple[str, ...] = ()
+    where_smooth: bool = False
     bare: bool = False
     continued: Readings | None = None
 
@@ -152,7 +155,7 @@ def _read(job: Job) -> Result:
 
 def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
     """With the requested derivatives, or a remark why there are none."""
-    if not job.derivatives:
+    if not job.derivatives or (job.where_smooth and readings.points):
         return readings
     from mitsuba_taxel.sensing.derivatives import derivatives_by
     from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
@@ -161,7 +164,11 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
     try:
         changes = [rates(scene, name) for name in job.derivatives]
         return replace(readings, derivatives=derivatives_by(changes, live, job.mechanics_error))
-    except (NotDiffuse, ComputationError) as reason:
+    except (InputError, ComputationError) as reason:
+        if job.where_smooth:
+            return readings
+        if not isinstance(reason, (NotDiffuse, ComputationError)):
+            raise
         return replace(readings, remarks=[*readings.remarks, str(reason)])
 
 

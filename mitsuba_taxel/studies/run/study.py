@@ -112,8 +112,9 @@ def sweep(
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR.
     derivatives : Sequence[str]
-        Parameters with respect to which to differentiate the readings, as for :func:`measure`. Slopes by force are then
-        taken from the derivatives. Where light is not diffuse there are none, which a note states.
+        Parameters with respect to which to differentiate the readings, as for :func:`measure`; by default the varied
+        forces, where readings need no random numbers. Slopes by force are then taken from the derivatives. Where light
+        is not diffuse there are none, which a note states if they were requested.
     target_slope : float, optional
         Target for the error of the slopes by the varied forces, relative to that of the steepest taxel: pads whose mesh
         the scene leaves open get one that is fine enough at the end of some curves.
@@ -267,6 +268,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
     curve = [axis.dim for axis in batch.axes].index(curve_dimension(batch.axes))
     keeps = {"all": stored, "none": False}
     checked = checked_places(batch.axes[curve])
+    offered = not batch.derivatives and not settings.points and not batch.bare
     curves: dict[tuple[int, ...], list[Job]] = {}
     for number, (place, values) in enumerate(combinations(batch.axes)):
         job = Job(
@@ -278,7 +280,8 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             seed=batch.seed,
             mesh_size=settings.mesh_size,
             mechanics_error=place[curve] in checked and not batch.bare,
-            derivatives=batch.derivatives,
+            derivatives=batch.varied_forces if offered else batch.derivatives,
+            where_smooth=offered,
             bare=batch.bare,
             meshes=not batch.bare and keeps.get(batch.meshes, stored and place[curve] == batch.axes[curve].size - 1),
             maps=stored and batch.maps,
