@@ -10,6 +10,8 @@ from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, fa
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.pad import PROFILE
+from mitsuba_taxel.pads.profile import outline
 
 GAP = 1e-3
 """Negligible distance in mm between pad and board."""
@@ -169,6 +171,10 @@ def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
     if pad.cell == "parallelepiped":
         across = np.abs(points[..., :2]).max(axis=-1)
     roof = np.full(across.shape, pad.top_of_cell)
+    if pad.cell == PROFILE:  # seen from the middle, directions and distances of its wall are unique
+        r, z = outline(pad).T
+        wall = np.interp(np.arctan2(across, points[..., 2]), np.arctan2(r, z), np.hypot(r, z))
+        return np.all(np.hypot(across, points[..., 2]) < wall - slack, axis=1)
     if pad.dome_radius:
         roof += np.sqrt(np.maximum(pad.dome_radius**2 - across**2, 0)) - pad.dome_radius
     return np.all((across < radius) & (points[..., 2] < roof - slack), axis=1)

@@ -6,14 +6,21 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mitsuba_taxel.base.arguments import is_whole, refusal
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.parameters import Checked, choice, number, whole
+from mitsuba_taxel.pads import profile as profiles
+from mitsuba_taxel.parameters import REQUIRED, Checked, Points, choice, number, stated, whole
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
+"""The shapes of the paper."""
+PROFILE = "profile"
+"""Shape of a cell of revolution with any smooth roof."""
+LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height")
+"""Names of the dimensions of all pads."""
 
 REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
 """Codes of the regions of a pad's surface, as in the face attribute ``face_region`` of its meshes."""
@@ -33,7 +40,8 @@ class Pad(Checked, Displayed):
 
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
     from 1, row by row, beginning at (-x, +y). A spherical cell is a cylinder closed by the cap of a sphere of radius
-    `cell_size`, a hemispheric one a cylinder closed by half a sphere.
+    `cell_size`, a hemispheric one a cylinder closed by half a sphere. A cell with a profile is a solid of revolution,
+    of a straight side wall and any smooth roof.
 
     Raises
     ------
@@ -46,7 +54,7 @@ class Pad(Checked, Displayed):
     Optoelectronic-Based Tactile Sensor".
     """
 
-    cell: str = choice("parallelepiped", CELL_SHAPES, "Shape of the cells.")
+    cell: str = choice("parallelepiped", (*CELL_SHAPES, PROFILE), "Shape of the cells.")
     rows: int = whole(3, 1, 100, "Rows of cells, from +y to -y.")
     columns: int = whole(3, 1, 100, "Columns of cells, along +x.")
     pitch: float = number(3.55, "mm", "Distance between the centres of neighbouring cells.", above=0, common=(0.2, 200))
@@ -60,10 +68,19 @@ class Pad(Checked, Displayed):
     cell_height: float | None = number(
         None,
         "mm",
-        "From the board to the highest point of a cell.",
+        "From the board to the highest point of a cell, or to z = 1 of a profile.",
         above=0,
         common=(0.05, 100),
         default_words="1.55; spherical 1.6; hemispheric 0.5 + cell_size / 2",
+    )
+    profile: str | None = stated(
+        Points(
+            default=REQUIRED,
+            doc="Points 'r z', separated by ';', of the B-spline that the roof follows, from its rim to the crown on "
+            "the axis, where r = 0; r is relative to half of `cell_size`, z, from the board, to `cell_height`, such "
+            "as 1 0.28; 1 0.64; 0 1, a hemisphere. The whole roof must be seen from the middle of the cell's opening.",
+            when=("cell", PROFILE),
+        )
     )
 
     _height_follows: ClassVar[bool] = False
@@ -74,6 +91,8 @@ class Pad(Checked, Displayed):
             object.__setattr__(self, "_height_follows", True)
             default = {"spherical": 1.6, "hemispheric": 0.5 + 0.5 * self.cell_size}.get(self.cell, 1.55)
             object.__setattr__(self, "cell_height", default)
+        if self.profile is not None:
+            profiles.check_profile(self.profile)
         self._check_fit()
 
     def _check_fit(self) -> None:
@@ -93,6 +112,10 @@ class Pad(Checked, Displayed):
                 f"cell_height = {self.top_of_cell:g} is not allowed: at most {self.height - thinnest:g} mm is "
                 f"possible in a pad of height = {self.height:g}, or the cells break through the top."
             )
+        if self.profile is not None and self.cell_height is not None and self.side_height < thinnest:
+            raise profiles.refused(
+                self.profile, f"z of the first point must be at least {thinnest / self.cell_height:.3g}"
+            )
         if self.side_height < thinnest:
             raise InputError(
                 f"cell_height = {self.top_of_cell:g} is not allowed: at least "
@@ -101,15 +124,48 @@ class Pad(Checked, Displayed):
             )
 
     def changed(self, **dimensions: Any) -> Pad:
-        """The pad with other dimensions; an unset `cell_height` takes its new default."""
+        """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default."""
         follows: dict[str, Any] = {"cell_height": None} if self._height_follows else {}
+        own = self._profile_values | {name: dimensions.pop(name) for name in self._profile_values if name in dimensions}
+        if own:
+            *others, crown = own.values()
+            points = [*zip(others[::2], others[1::2], strict=True), (0.0, crown)]
+            dimensions = {"profile": points} | dimensions
         return replace(self, **follows | dimensions)
+
+    def as_profile(self, points: int = 4) -> Pad:
+        """The same pad with its round cells given by a profile of some points, from 3 on; raises `InputError` for
+        parallelepipeds."""
+        if self.cell == "parallelepiped":
+            raise InputError("cell = 'parallelepiped' is not allowed: it has no profile, as no solid of revolution.")
+        if not (is_whole(points) and 3 <= points <= profiles.MOST_POINTS):
+            raise refusal("points", points, f"a whole number from 3 to {profiles.MOST_POINTS} is needed")
+        if self.cell == PROFILE:
+            return self
+        cap = self.top_of_cell - self.side_height
+        slope = 2 * self.dome_radius * cap / (0.5 * self.cell_size) ** 2 if cap else 1.0
+        found = profiles.of_quadric(self.side_height / self.top_of_cell, slope, points)
+        return replace(self, cell=PROFILE, profile=profiles.as_text(found))
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Values that change continuously: lengths in mm, and r and z of each point of a profile, as ``profile_r1``."""
+        return {name: getattr(self, name) for name in LENGTHS} | self._profile_values
+
+    @property
+    def _profile_values(self) -> dict[str, float]:
+        points = [] if self.profile is None else profiles.control_points(self.profile).tolist()
+        values = {
+            f"profile_{of}{k}": value for k, row in enumerate(points, 1) for of, value in zip("rz", row, strict=True)
+        }
+        values.pop(f"profile_r{len(points)}", None)  # the crown is on the axis
+        return values
 
     @property
     def top_of_cell(self) -> float:
         """Height of the highest point of a cell above the bottom, mm."""
         assert self.cell_height is not None
-        return self.cell_height
+        return self.cell_height * (1.0 if self.profile is None else profiles.highest(self.profile))
 
     @property
     def dome_radius(self) -> float:
@@ -119,8 +175,18 @@ class Pad(Checked, Displayed):
     @property
     def side_height(self) -> float:
         """Height of the side wall of a cell, below its roof, mm."""
+        if self.profile is not None:
+            assert self.cell_height is not None
+            return self.cell_height * float(profiles.control_points(self.profile)[0, 1])
         sphere, radius = self.dome_radius, 0.5 * self.cell_size
         return self.top_of_cell - (sphere - math.sqrt(sphere**2 - radius**2) if sphere else 0.0)
+
+    @property
+    def has_sharp_rim(self) -> bool:
+        """Whether roof and side of a cell meet at an edge."""
+        if self.cell == PROFILE:
+            return profiles.rim_angle(self) > profiles.SMOOTH_RIM
+        return self.cell != "hemispheric"
 
     @property
     def default_mesh_size(self) -> float:

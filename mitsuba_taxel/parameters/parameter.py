@@ -231,6 +231,27 @@ class Text(Parameter):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Points(Text):
+    """Pairs of numbers as text, separated by ';', or as rows, which become such text."""
+
+    what: str = "pairs of finite numbers, separated by ';',"
+
+    def checked(self, value: Any) -> str:
+        rows = [row.split() for row in value.split(";")] if isinstance(value, str) else value
+        try:
+            pairs = [tuple(map(float, row)) for row in rows]
+        except (TypeError, ValueError, OverflowError):
+            pairs = [()]
+        if not pairs or not all(len(pair) == 2 and all(map(math.isfinite, pair)) for pair in pairs):
+            raise _refused(self, value)
+        return "; ".join(f"{one:.16g} {other:.16g}" for one, other in pairs)
+
+    @property
+    def needed(self) -> str:
+        return f"{self.what} are needed"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Choice(Parameter):
     """One of some words, each with its meaning, or nothing if that is obvious."""
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.arguments import is_number
+from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, parameters_of
@@ -70,8 +71,9 @@ def rates(scene: Scene, name: str) -> Rates:
     Parameters
     ----------
     name : str
-        A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz); or a parameter of one of its
-        plugins, preceded by the plugin and a dot if several have it.
+        A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz) or of a point of the profile
+        (profile_r1, profile_z1, ...); or a parameter of one of its plugins, preceded by the plugin and a dot if several
+        have it.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def rates(scene: Scene, name: str) -> Rates:
     step = STEP * (abs(parameter.value) or 1.0)
     refusals = []
     with scene.files_beside_it():
-        for stencil in _STENCILS:
+        for stencil in STENCILS:
             try:
                 return _differences(parameter, [(weight / step, offset * step) for weight, offset in stencil], config)
             except (InputError, RuntimeError) as error:  # Mitsuba turns exceptions of a plugin into RuntimeError
@@ -91,14 +93,6 @@ def rates(scene: Scene, name: str) -> Rates:
     if isinstance(refusals[-1], InputError):
         raise refusals[-1]
     raise InputError(f"{name} = {parameter.value:g} has no derivative: it cannot change a little.") from refusals[-1]
-
-
-_STENCILS = (
-    ((0.5, 1), (-0.5, -1)),
-    ((1.5, 0), (-2, -1), (0.5, -2)),
-    ((-1.5, 0), (2, 1), (-0.5, 2)),
-)
-"""Weights and steps of differences of second order: central, or one-sided if the other side is not allowed."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +116,8 @@ def _found(scene: Scene, name: str, config: Any) -> _Parameter:
         unit = units_of_parameters(scene.source).get(name, "1")
         return _Parameter(name, unit, value, lambda other: _parsed(scene, config, {name: repr(other)}))
     plugin, _, own = name.rpartition(".")
-    quantity, index = COMPONENTS.get(own, (own, None))
+    found: tuple[str, int | str | None] = COMPONENTS.get(own, (own, None))
+    quantity, index = ("profile", own) if own.startswith("profile_") else found
     nodes = []
     for number, node in enumerate(_parsed(scene, config, {}).nodes):
         stated = specifications().get(node.props.plugin_name())
@@ -130,7 +125,7 @@ def _found(scene: Scene, name: str, config: Any) -> _Parameter:
         if stated is None or not isinstance(parameter, Number if index is None else Parameter):
             continue
         present = _present(stated.read(node.props), quantity)
-        if present is not None:
+        if present is not None and not (isinstance(index, str) and index not in present):
             nodes.append((number, stated.plugin, parameter, present if index is None else present[index]))
     if not nodes:
         names = ", ".join(scene.parameters) or "none of its own"
@@ -145,12 +140,14 @@ def _found(scene: Scene, name: str, config: Any) -> _Parameter:
     def changed(other: float) -> Any:
         state = _parsed(scene, config, {})
         props = state.nodes[number].props
-        if index is None:
-            props[quantity] = other
-        else:
+        if isinstance(index, str):
+            props[quantity] = _undeformed(DeformablePad.read(props)).changed(**{index: other}).profile
+        elif isinstance(index, int):
             vector = list(_present(specifications()[props.plugin_name()].read(props), quantity))
             vector[index] = other
             props[quantity] = mi.ScalarVector3d(*vector)
+        else:
+            props[quantity] = other
         return state
 
     return _Parameter(name, parameter.unit or "1", float(value), changed)
@@ -160,11 +157,19 @@ def _present(part: Specification, name: str) -> Any:
     """Value of a parameter of a part, None if unset; including derived dimensions."""
     field = next(field for field, parameter in parameters_of(type(part)).items() if parameter.name == name)
     value = getattr(part, field)
-    if value is not None or not isinstance(part, DeformablePad):
+    if not isinstance(part, DeformablePad) or (value is not None and name != "profile"):
         return value
+    if name == "profile":
+        return None if value is None else _undeformed(part).dimensions
     if name in parameters_of(Pad):
         return None if part.filename else getattr(part.build_pad(), name)
     return _numbers(part.build_material()).get(name)
+
+
+def _undeformed(part: DeformablePad) -> Pad:
+    pad = part.build_pad()
+    assert isinstance(pad, Pad)
+    return pad
 
 
 def _parsed(scene: Scene, config: Any, changes: dict[str, str]) -> Any:
@@ -183,7 +188,7 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
         value = weight * np.array(other.load_value)
         load = load + value if len(load) else value
         _add(material, weight, _numbers(other.build_material()))
-        _add(dimensions, weight, {} if other.filename else _numbers(other.build_pad()))
+        _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
     scenes = []
     if any(_others(base) != _others(state) for _, state in states):
         for weight, state in states:
@@ -231,7 +236,7 @@ def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: 
 
 
 def _numbers(part: Any) -> dict[str, float]:
-    """The dimensions of a pad, or the constants of a material."""
+    """The constants of a material."""
     return {name: float(value) for name in parameters_of(type(part)) if is_number(value := getattr(part, name))}
 
 

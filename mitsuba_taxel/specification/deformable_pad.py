@@ -96,6 +96,7 @@ class DeformablePad(Specification):
     height: float | None = _of_pad("height")
     cell_size: float | None = _of_pad("cell_size")
     cell_height: float | None = _of_pad("cell_height")
+    profile: str | None = _of_pad("profile")
 
     material: str = choice(
         "neo_hookean",

@@ -38,6 +38,11 @@ class DeformablePad(mi.Mesh):
     face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A load
     beyond that at which the pad first touches itself, the board or a package, or becomes unstable, is refused.
 
+    The roof of a cell with a profile is the surface of revolution of a clamped B-spline with evenly spaced knots, of
+    degree 3, or one less than its points, in r^2 and z: so it is smooth on the axis, and flat, spherical and
+    hemispheric roofs are profiles exactly (:monosp:`Pad.as_profile` of Python gives their points). The side below it
+    is straight.
+
     A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at the multiples
     of the layer height along the print direction, from the centre of the pad's bottom, and risers midway between; walls
     along that direction are unchanged, and a flat roof across it moves to the nearest level, by up to half a layer.

@@ -102,11 +102,20 @@ def test_a_sound_scene_has_no_findings(tmp_path, text):
     assert check(tmp_path, text) == []
 
 
-@pytest.mark.parametrize("cell", ["parallelepiped", "spherical", "hemispheric"])
+@pytest.mark.parametrize("cell", ["parallelepiped", "spherical", "hemispheric", "profile"])
 def test_a_sensor_made_in_python_has_none(tmp_path, llvm_mono, cell):
-    sensor = PadSensor(pad=Pad(cell, rows=2, columns=1), force=(0.1, 0, -2))
+    pad = Pad("spherical", 2, 1).as_profile() if cell == "profile" else Pad(cell, rows=2, columns=1)
+    sensor = PadSensor(pad=pad, force=(0.1, 0, -2))
     write_xml(sensor.scene(), tmp_path / "scene.xml")
     assert check_scene(tmp_path / "scene.xml") == []
+
+
+@pytest.mark.parametrize(("rim", "count"), [(0.8, 0), (0.5, 1)])
+def test_a_package_may_stand_in_the_silicone_beside_a_tapered_side(tmp_path, llvm_mono, rim, count):
+    """Its corner is 0.9 mm off the axis, 0.5 mm high, where the side is 1.04 mm or 0.68 mm off."""
+    sensor = PadSensor(pad=Pad("profile", 1, 1, profile=f"{rim} 0.35; 0.3 1; 0 1"))
+    write_xml(sensor.scene(), tmp_path / "scene.xml")
+    assert len([one for one in check_scene(tmp_path / "scene.xml") if "stands in the silicone" in one.message]) == count
 
 
 @pytest.mark.parametrize("name", sorted(file.name for file in shipped_scenes().glob("*.xml")))

@@ -142,23 +142,41 @@ def test_derivatives_are_differences_of_the_whole_chain(name, found):
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
 
 
-@pytest.mark.parametrize("name", ["cell_size", "height", "wall", "cell_height"])
-def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found):
-    cells = DiffuseCells(pad_scene().load())
+def difference_on_morphed_meshes(scene, amounts, step=2e-3):
+    """Of the reading, along a change of dimensions by some amounts."""
+    cells = DiffuseCells(scene.load())
     state, pad = cells.pad.state, cells.pad.pad
-    walls, step, readings = cells.patches(0).walls, 2e-3, []
+    walls, readings = cells.patches(0).walls, []
     for sign in (1, -1):
         mesh, moved = (
-            replace(each, points=each.points + sign * step * mesh_velocity(pad, each, name))
+            replace(
+                each,
+                points=each.points + sign * step * sum(a * mesh_velocity(pad, each, n) for n, a in amounts.items()),
+            )
             for each in (state.mesh, walls)
         )
         loaded = LoadedPad(mesh, state.material, state.load)
         solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), state.value)
-        changed = pad.changed(**{name: getattr(pad, name) + sign * step})
+        changed = pad.changed(**{name: pad.dimensions[name] + sign * step * by for name, by in amounts.items()})
         patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, LATTICE)
         places = patches.rest + patches.carried(loaded.split(solution.unknowns)[0])
         readings.append(cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading)
-    assert by(found, name)[0] == pytest.approx((readings[0] - readings[1]) / (2 * step), rel=3e-3)
+    return (readings[0] - readings[1]) / (2 * step)
+
+
+@pytest.mark.parametrize("name", ["cell_size", "height", "wall", "cell_height"])
+def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found):
+    assert by(found, name)[0] == pytest.approx(difference_on_morphed_meshes(pad_scene(), {name: 1.0}), rel=3e-3)
+
+
+def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
+    """Of all of them at once, in different amounts."""
+    scene = pad_scene(cell="profile", profile="0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97", wall={"scattering": "lambertian"})
+    names = ["profile_r1", "profile_z1", "profile_r2", "profile_z2", "profile_r3", "profile_z3", "profile_z4"]
+    amounts = dict(zip(names, (0.5, -0.1, 0.6, 1.0, 1.1, -0.7, 0.9), strict=True))
+    found = derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors=False).values[0]
+    expected = difference_on_morphed_meshes(scene, amounts)
+    assert found @ [*amounts.values()] == pytest.approx(expected, rel=3e-3)
 
 
 def test_the_reading_is_proportional_to_the_power(found):

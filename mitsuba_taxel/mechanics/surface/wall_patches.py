@@ -13,10 +13,10 @@ from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
 from mitsuba_taxel.mechanics.surface.tessellation import placed
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+from mitsuba_taxel.pads.parametric.velocities import mesh_velocity, rate_by
 
 STEP = 1e-4
-"""Step of a dimension in mm, for central differences of positions on round walls."""
+"""Step of a dimension in mm, for differences of positions on round walls."""
 BESIDE = 0.1
 """Allowed distance of walls from the elements that approximate them, relative to the height of the pad."""
 _locator = lru_cache(maxsize=2)(PointLocator)
@@ -60,12 +60,10 @@ class WallPatches:
         fixed."""
         assert isinstance(self.pad, Pad)
         pad = replace(self.pad)  # with derived dimensions as if they were given
-        value, velocity = getattr(pad, parameter), mesh_velocity(pad, self.walls, parameter)
-        ahead, behind = (
-            self._placed(self.walls.points + step * velocity, replace(pad, **{parameter: value + step}))
-            for step in (STEP, -STEP)
+        velocity = mesh_velocity(pad, self.walls, parameter)
+        places = rate_by(
+            pad, parameter, STEP, lambda changed, step: self._placed(self.walls.points + step * velocity, changed)
         )
-        places = (ahead - behind) / (2 * STEP)
         past = places - self.carried(mesh_velocity(pad, self.elements, parameter))
         gradient = self._location.gradient(displacement).reshape(*places.shape, 3)
         return places + np.einsum("fkij,fkj->fki", gradient, past)

@@ -12,7 +12,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, mirrored
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
@@ -27,7 +27,7 @@ BULK_COARSENING = 1.25
 """Relative size of elements inside, where the strain is smooth: roofs are as accurate with fewer."""
 RIM_REFINEMENT = 2.0
 """Divisor of the size along the edges where the stress is singular."""
-FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25}
+FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25, PROFILE: 2.25}
 """Divisor of the size on roofs and side walls: on curved ones the error of shape matters as well."""
 CUT = 0.2
 """Relative distance from a singular edge at which elements there are cut."""
@@ -45,7 +45,7 @@ LEAST_QUALITY = 0.2
 UNITS_OF_HEIGHT = 4.0
 """Height of every pad during meshing: Netgen has absolute tolerances."""
 MOST_ELEMENTS = 1_000_000
-LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400}
+LEAST_ELEMENTS = {"parallelepiped": 150, "cylindrical": 400, "spherical": 400, "hemispheric": 400, PROFILE: 400}
 """Least number of elements of each cell."""
 
 _NETGEN_TET = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]
@@ -111,7 +111,7 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
         face_size, edge_size = (size / refinement for size in _local_sizes(pad, mesh_size))
         curvature_safety = CURVATURE_SAFETY * refinement
         slender = pad.side_height > SLENDER * pad.cell_size
-        if pad.cell != "hemispheric" or slender:
+        if pad.cell not in ("hemispheric", PROFILE) or slender:
             curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
         try:
             solid = symmetric_part(pad).Scale(Pnt(0, 0, 0), 1 / unit)

@@ -1,22 +1,23 @@
-"""Exact round walls of a pad's cells: spheres and cylinders, which elements only approximate by parabolas."""
+"""Exact round walls of a pad's cells: spheres, cylinders and profiles, which elements only approximate by parabolas."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mitsuba_taxel.geometry.radial import put_radially
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
+from mitsuba_taxel.pads.profile import onto_meridian, roof_of, side_of
 
 
 def is_round(pad: Pad, region: str) -> bool:
-    """Whether the ``roof`` or ``side`` of cells is a sphere or a cylinder."""
-    return pad.dome_radius > 0 if region == "roof" else pad.cell != "parallelepiped"
+    """Whether the ``roof`` or ``side`` of cells is a sphere, a cylinder or a surface of revolution."""
+    return (pad.dome_radius > 0 or pad.cell == PROFILE) if region == "roof" else pad.cell != "parallelepiped"
 
 
 def onto_round_walls(
     pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Project points of roofs and sides radially onto the sphere or cylinder that they belong to.
+    """Project points of roofs and sides onto the nearest point of the sphere, cylinder or profile that they belong to.
 
     Parameters
     ----------
@@ -35,6 +36,12 @@ def onto_round_walls(
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     centre = np.zeros_like(points)
     centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
+    if pad.cell == PROFILE:
+        for name, curve in (("roof", roof_of(pad)), ("side", side_of(pad))):
+            here = (region == REGIONS[name]) & (cell > 0)
+            found, gradient[here] = onto_meridian(curve, points[here] - centre[here])
+            places[here] = centre[here] + found
+        return places, gradient
     centre[:, 2] = pad.top_of_cell - pad.dome_radius
     walls = [("roof", pad.dome_radius, np.eye(3)), ("side", 0.5 * pad.cell_size, np.diag([1.0, 1.0, 0.0]))]
     for name, radius, across in walls:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
+from mitsuba_taxel.pads.profile import onto_meridian, roof_of, side_of
 
+SPLINE_POINTS = 49
+"""Points of the interpolated roof of a profile."""
+BELOW = 1.5
+"""How far the side of a profile goes on below the board, over its height."""
 SYMMETRY = "symmetry"
 """Name of the faces along which the part was cut from the pad."""
 
@@ -60,6 +66,8 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
     """One cell; it reaches below the board, so that cutting it leaves a clean rim."""
     from netgen.occ import Box, Cylinder, Pnt, Sphere, Z
 
+    if pad.cell == PROFILE:
+        return _revolved(pad, x, y)
     below, radius = -pad.cell_size, 0.5 * pad.cell_size
     if pad.cell == "parallelepiped":
         shaft = Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, pad.side_height))
@@ -76,10 +84,30 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
     return shaft + ball * above
 
 
+def _revolved(pad: Pad, x: float, y: float) -> Any:
+    """A cell with a profile; its roof is interpolated, to some 1e-7 of its size."""
+    from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
+
+    def at(r: float, z: float) -> Any:
+        return Pnt(x + r, y, z)
+
+    roof = roof_of(pad).at(np.linspace(0.0, 1.0, SPLINE_POINTS))[0]
+    roof[0, 0] = 0.0
+    crown, rim, below = (0.0, roof[0, 1]), roof[-1], side_of(pad).at(np.array([BELOW]))[0][0]
+    corners = [at(*rim), at(*below), at(0.0, below[1]), at(*crown)]
+    sides = [Segment(start, end) for start, end in pairwise(corners)]
+    solid = Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])).Revolve(
+        Axis(Pnt(x, y, 0), Z), 360
+    )
+    for face in solid.faces:
+        face.name = "roof" if face.bounding_box[0].z > 0 else "side"
+    return solid
+
+
 def singular_edges(solid: Any, pad: Pad) -> list[Any]:
     """The edges of the symmetric part, at any scale, where the stress is singular: glued to the board, or re-entrant.
 
-    Edges due to the cut along a plane of symmetry do not count, nor does the smooth one round a hemisphere.
+    Edges due to the cut along a plane of symmetry do not count, nor do smooth rims, as round a hemisphere.
     """
     cut, side, roof = (
         {edge for face in solid.faces if face.name == name for edge in face.edges}
@@ -87,7 +115,7 @@ def singular_edges(solid: Any, pad: Pad) -> list[Any]:
     )
     height = solid.bounding_box[1].z
     glued = {edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * height}
-    singular = glued | (side & roof if pad.cell != "hemispheric" else set())
+    singular = glued | (side & roof if pad.has_sharp_rim else set())
     if pad.cell == "parallelepiped":
         singular |= side
     return [edge for edge in solid.edges if edge in singular and edge not in cut]
@@ -97,7 +125,7 @@ def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
     """(N,) which nodes of the symmetric part's mesh lie on the edges of :func:`singular_edges`."""
     roof, side, bottom, outer = (_on_region(mesh, name) for name in ("roof", "side", "bottom", "outer"))
     singular = bottom & (side | outer)
-    if pad.cell != "hemispheric":
+    if pad.has_sharp_rim:
         singular |= roof & side
     if pad.cell == "parallelepiped":
         from_axis = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad))
@@ -106,8 +134,10 @@ def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
-    """(N, 3) the mesh's nodes, those on round walls and roofs moved exactly onto their cylinder or sphere."""
+    """(N, 3) the mesh's nodes, those on round walls and roofs moved exactly onto them."""
     points, axis = mesh.points.copy(), _nearest_axis(mesh.points, pad)
+    if pad.cell == PROFILE:
+        return _on_profile(mesh, pad, np.column_stack([axis, np.zeros(len(axis))]))
     if pad.dome_radius:
         roof = _on_region(mesh, "roof")
         centre = np.column_stack([axis, np.full(len(axis), pad.top_of_cell - pad.dome_radius)])
@@ -115,6 +145,17 @@ def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
     if pad.cell != "parallelepiped":
         side = _on_region(mesh, "side")
         points[side, :2] = _at_distance(points[side, :2], axis[side], 0.5 * pad.cell_size)
+    return points
+
+
+def _on_profile(mesh: VolumeMesh, pad: Pad, axis: np.ndarray) -> np.ndarray:
+    points, walls = mesh.points.copy(), [_on_region(mesh, name) for name in ("roof", "side")]
+    for curve, on in zip((roof_of(pad), side_of(pad)), walls, strict=True):
+        points[on] = axis[on] + onto_meridian(curve, points[on] - axis[on])[0]
+    rim, bottom = walls[0] & walls[1], walls[1] & _on_region(mesh, "bottom")
+    for on, place in ((rim, side_of(pad).at(np.zeros(1))[0][0]), (bottom, (0.5 * pad.cell_size, 0.0))):
+        points[on, :2] = _at_distance(points[on, :2], axis[on, :2], place[0])
+        points[on, 2] = place[1]
     return points
 
 

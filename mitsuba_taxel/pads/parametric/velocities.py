@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 
 import numpy as np
 
 from mitsuba_taxel.base.arguments import refusal, require
+from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
 from mitsuba_taxel.pads.parametric.round_walls import is_round
+from mitsuba_taxel.pads.profile import Meridian, roof_of, side_of
 
-DIMENSIONS = ("pitch", "wall", "height", "cell_size", "cell_height")
-"""Dimensions of a pad that have derivatives."""
 STEP = 1e-3
-"""Relative change of the difference quotient: all positions are linear in each dimension."""
+"""Relative change of the difference quotient: positions are linear in each length."""
+PROFILE_STEP = 1e-5
+"""Change of the difference quotient for points of a profile."""
 
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
@@ -32,7 +37,7 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     mesh : VolumeMesh
         Of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
-        One of pitch, wall, height, cell_size and cell_height.
+        One of pitch, wall, height, cell_size and cell_height, or of the points of a profile, ``profile_r1`` and so on.
 
     Raises
     ------
@@ -41,11 +46,11 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
-    if not (isinstance(parameter, str) and parameter in DIMENSIONS):
+    if not (isinstance(parameter, str) and parameter in pad.dimensions):
         whole = isinstance(parameter, str) and parameter in (field.name for field in fields(pad))
-        reason = "it does not change continuously" if whole else f"one of {', '.join(DIMENSIONS)} is needed"
+        reason = "it does not change continuously" if whole else f"one of {', '.join(pad.dimensions)} is needed"
         raise refusal("parameter", parameter, reason)
-    grid = _Grid(pad, *_changed(pad, parameter))
+    grid = _Grid(pad, *_changed(pad, parameter), parameter)
     velocity = grid.at(mesh.points)
     middles = velocity[mesh.corner_count :]
     straight = ~_on_round_walls(pad, mesh)[mesh.corner_count :]
@@ -55,11 +60,32 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
 
 def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
     """The pad with a slightly larger dimension, or a smaller one if that is not allowed, and the change."""
-    step = STEP * getattr(pad, parameter)
+    value = pad.dimensions[parameter]
+    step = STEP * value
     try:
-        return pad.changed(**{parameter: getattr(pad, parameter) + step}), step
+        return pad.changed(**{parameter: value + step}), step
     except InputError:
-        return pad.changed(**{parameter: getattr(pad, parameter) - step}), -step
+        return pad.changed(**{parameter: value - step}), -step
+
+
+def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np.ndarray]) -> np.ndarray:
+    """Derivative by a dimension of what a changed pad and the change give.
+
+    Raises
+    ------
+    InputError
+        if the dimension cannot be changed.
+    """
+    value = pad.dimensions[parameter]
+    for stencil in STENCILS:
+        try:
+            pads = [pad.changed(**{parameter: value + offset * step}) for _, offset in stencil]
+        except InputError as error:
+            refused = error
+        else:
+            values = (w * at(changed, offset * step) for (w, offset), changed in zip(stencil, pads, strict=True))
+            return sum(values, start=np.zeros(1)) / step
+    raise refused
 
 
 def _on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
@@ -70,10 +96,10 @@ def _on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
 
 
 class _Grid:
-    """Grid lines of a pad, and their velocities towards those of ``other``, which differs by ``step``."""
+    """Grid lines of a pad, and their velocities towards those of ``other``, whose ``parameter`` differs by ``step``."""
 
-    def __init__(self, pad: Pad, other: Pad, step: float) -> None:
-        self._pad = pad
+    def __init__(self, pad: Pad, other: Pad, step: float, parameter: str) -> None:
+        self._pad, self._parameter = pad, parameter
 
         def rate(here: np.ndarray, there: np.ndarray) -> np.ndarray:
             return (there - here) / step
@@ -100,9 +126,10 @@ class _Grid:
         place = [
             np.clip(np.searchsorted(self._lines[k], points[:, k]) - 1, 0, len(self._axes[k]) - 1) for k in range(2)
         ]
-        origin = np.stack([self._axes[k][place[k]] for k in range(2)] + [points[:, 2]], axis=1)
+        profiled = pad.cell == PROFILE
         above = (points[:, 2] > pad.side_height) & (pad.dome_radius > 0)
-        origin[above, 2] = pad.side_height
+        base = np.where(above, pad.side_height, 0.0 if profiled else points[:, 2])
+        origin = np.column_stack([*(self._axes[k][place[k]] for k in range(2)), base])
         ray = points - origin
         length = np.linalg.norm(ray, axis=1)
         ray /= np.maximum(length, np.finfo(float).tiny)[:, None]
@@ -114,15 +141,39 @@ class _Grid:
         border = np.minimum(np.where(ray != 0, reach, np.inf).min(axis=1), 10 * sum(pad.extent))
         drop = (pad.side_height - self._centre) * above * (pad.dome_radius > 0) * ray[:, 2]
         wall = np.sqrt(drop**2 + radius**2) - drop  # of the sphere through the circle of that radius about the origin
-
-        on_wall = origin + np.minimum(length, wall)[:, None] * ray
         outside = self._between_lines(origin + border[:, None] * ray)
-        inside = self._growth * (on_wall - origin)
+        if profiled:
+            wall, inside = self._on_profile(ray)
+        else:
+            on_wall = origin + np.minimum(length, wall)[:, None] * ray
+            inside = self._growth * (on_wall - origin)
         inside[:, 0] += self._axis_rates[0][place[0]]
         inside[:, 1] += self._axis_rates[1][place[1]]
-        inside[:, 2] = np.where(above, self._centre_rate + self._growth * (on_wall[:, 2] - self._centre), outside[:, 2])
+        if not profiled:
+            inside[:, 2] = np.where(
+                above, self._centre_rate + self._growth * (on_wall[:, 2] - self._centre), outside[:, 2]
+            )
         share = np.clip((length - wall) / (border - wall), 0.0, 1.0)[:, None]
         return (1 - share) * inside + share * outside
+
+    def _on_profile(self, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) distance of the wall along rays (N, 3) from the middle of a cell's opening, and its velocities there."""
+        across = np.linalg.norm(ray[:, :2], axis=1)
+        wall, velocity = np.empty(len(ray)), np.empty_like(ray)
+        rim = math.atan2(*roof_of(self._pad).at(np.ones(1))[0][0, ::-1])
+        up = np.arctan2(ray[:, 2], across)
+        for of, here in ((roof_of, up > rim), (side_of, up <= rim)):
+            u = of(self._pad).along(np.column_stack([across, ray[:, 2]])[here])
+            wall[here] = np.linalg.norm(of(self._pad).at(u)[0], axis=1)
+            meridians = partial(_meridian_at, of, u)
+            rate = rate_by(self._pad, self._parameter, PROFILE_STEP, meridians)
+            out = ray[here, :2] / np.maximum(across[here], np.finfo(float).tiny)[:, None]
+            velocity[here] = np.column_stack([rate[:, :1] * out, rate[:, 1]])
+        return wall, velocity
+
+
+def _meridian_at(of: Callable[[Pad], Meridian], u: np.ndarray, pad: Pad, _: float) -> np.ndarray:
+    return of(pad).at(u)[0]
 
 
 def _lines(pad: Pad) -> list[np.ndarray]:
@@ -132,7 +183,7 @@ def _lines(pad: Pad) -> list[np.ndarray]:
         walls = axes[:, None] + 0.5 * pad.cell_size * np.array([-1, 1])
         within = walls.ravel() if pad.cell == "parallelepiped" else 0.5 * (axes[1:] + axes[:-1])
         lines.append(np.array([-0.5 * width, *within, 0.5 * width]))
-    return [*lines, np.array([0.0, pad.side_height, pad.height])]
+    return [*lines, np.array([0.0, pad.height] if pad.cell == PROFILE else [0.0, pad.side_height, pad.height])]
 
 
 def _axes(pad: Pad) -> list[np.ndarray]:

@@ -1,0 +1,200 @@
+"""Cells of revolution whose roof is a spline.
+
+The roof's meridian (r, z) is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and
+planes, spheres, ellipsoids and paraboloids are splines exactly. It is clamped, of degree 3 (or less, with fewer
+points), with evenly spaced knots. The side is straight, from the board to the roof's rim.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.pads.pad import Pad
+
+MOST_POINTS = 20
+DEGREE = 3
+SAMPLES = 257
+"""Points of a meridian at which its shape is checked, and near which projections are searched."""
+TINY = 1e-9
+"""Distance from the axis, relative to the radius, that counts as none."""
+SMOOTH_RIM = 10.0
+"""Degrees between side and roof up to which their rim is not sharp."""
+
+
+@dataclass(frozen=True, eq=False)
+class Meridian:
+    """A curve (r, z) in mm over u from 0 to 1, and its continuation.
+
+    Attributes
+    ----------
+    square, height : PPoly
+        r^2 and z as piecewise polynomials of s.
+    power : int
+        s is u to the power of 2 from the axis, where r is then smooth in u, else of 1.
+    """
+
+    square: Any
+    height: Any
+    power: int
+
+    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(N, 2) places (r, z), first, and second derivatives by u."""
+        u = np.maximum(u, TINY) if self.power == 2 else u
+        s, by, again = (u**2, 2 * u, 2.0) if self.power == 2 else (u, np.ones_like(u), 0.0)
+        squares, heights = ([part(s, order) for order in range(3)] for part in (self.square, self.height))
+        (q, dq, ddq), (z, dz, ddz) = (
+            (value, rate * by, second * by**2 + rate * again) for value, rate, second in (squares, heights)
+        )
+        r = np.sqrt(q)
+        dr = dq / (2 * r)
+        return np.stack([r, z], 1), np.stack([dr, dz], 1), np.stack([(0.5 * ddq - dr**2) / r, ddz], 1)
+
+    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """u (N,) of the nearest point of the curve to points (N, 2), and its place's derivatives (N, 2, 2) by them."""
+        from scipy.spatial import cKDTree
+
+        samples = np.linspace(0, 1, SAMPLES)
+        u = samples[cKDTree(self.at(samples)[0]).query(points)[1]]
+        for _ in range(20):
+            step, _ = self._newton(u, points)
+            u = u - step
+            if self.power == 2:
+                u = np.maximum(u, 0.0)
+            if np.abs(step).max(initial=0.0) < 1e-14:
+                break
+        _, (along, curved) = self._newton(u, points)
+        return u, along[:, :, None] * along[:, None, :] / curved[:, None, None]
+
+    def along(self, rays: np.ndarray) -> np.ndarray:
+        """u (N,) at which the curve meets rays (N, 2) from the origin, around which it turns."""
+        samples = np.linspace(0, 1, SAMPLES)
+        angles = np.arctan2(*self.at(samples)[0].T)
+        u = np.interp(np.arctan2(*rays.T), angles, samples)
+        for _ in range(5):
+            place, rate, _ = self.at(u)
+            off, slope = (rays[:, 0] * each[:, 1] - rays[:, 1] * each[:, 0] for each in (place, rate))
+            u = u - off / slope
+        return np.clip(u, 0.0, 1.0)
+
+    def _newton(self, u: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        place, along, bend = self.at(u)
+        off = place - points
+        squared = (along**2).sum(axis=1)
+        curved = np.maximum(squared + (off * bend).sum(axis=1), 0.25 * squared)
+        return (off * along).sum(axis=1) / curved, (along, curved)
+
+
+def control_points(text: str) -> np.ndarray:
+    """(n, 2) r and z of the points of a profile, relative to the radius at the board and the height of the cell."""
+    return np.array([row.split() for row in text.split(";")], dtype=float)
+
+
+def as_text(points: np.ndarray) -> str:
+    """The reverse of :func:`control_points`."""
+    return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
+
+
+def roof_of(pad: Pad) -> Meridian:
+    """The meridian of the roof of a profile cell, in mm, from the crown to the rim."""
+    assert pad.profile is not None and pad.cell_height is not None
+    return _roof(pad.profile, 0.5 * pad.cell_size, pad.cell_height)
+
+
+def side_of(pad: Pad) -> Meridian:
+    """The meridian of its side, from the rim to the board."""
+    from scipy.interpolate import PPoly
+
+    r, z = roof_of(pad).at(np.ones(1))[0][0]
+    radius = 0.5 * pad.cell_size
+    wider = radius - r
+    return Meridian(PPoly([[wider**2], [2 * r * wider], [r**2]], [0, 1]), PPoly([[-z], [z]], [0, 1]), 1)
+
+
+def outline(pad: Pad) -> np.ndarray:
+    """(M, 2) places (r, z) in mm from the crown to the board."""
+    return np.concatenate([roof_of(pad).at(np.linspace(0, 1, SAMPLES))[0], [[0.5 * pad.cell_size, 0.0]]])
+
+
+@lru_cache(maxsize=64)
+def highest(text: str) -> float:
+    """The highest point of a profile, relative to the height of the cell."""
+    heights = _roof(text, 1.0, 1.0).height
+    turns = heights.derivative().roots(extrapolate=False)
+    return float(heights(np.array([0.0, 1.0, *turns[np.isfinite(turns)]])).max())
+
+
+def onto_meridian(curve: Meridian, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3), relative to an axis along z, put onto the surface of revolution at the nearest place, and the
+    derivatives (N, 3, 3) by them."""
+    distance = np.maximum(np.linalg.norm(points[:, :2], axis=1), TINY)
+    u, inside = curve.nearest(np.column_stack([distance, points[:, 2]]))
+    place, out = curve.at(u)[0], points[:, :2] / distance[:, None]
+    stretch = (place[:, 0] / distance)[:, None]
+    gradient = np.zeros((len(points), 3, 3))
+    radial = out[:, :, None] * out[:, None, :]
+    gradient[:, :2, :2] = inside[:, :1, :1] * radial + stretch[:, :, None] * (np.eye(2) - radial)
+    gradient[:, :2, 2], gradient[:, 2, :2] = inside[:, :1, 1] * out, inside[:, 1:, 0] * out
+    gradient[:, 2, 2] = inside[:, 1, 1]
+    return np.column_stack([stretch * points[:, :2], place[:, 1]]), gradient
+
+
+def rim_angle(pad: Pad) -> float:
+    """Degrees by which the meridian turns inwards from the side to the roof."""
+    (a, b), (c, d) = (-curve(pad).at(end)[1][0] for curve, end in ((side_of, np.zeros(1)), (roof_of, np.ones(1))))
+    return math.degrees(math.atan2(a * d - b * c, a * c + b * d))
+
+
+@lru_cache(maxsize=64)
+def _roof(text: str, radius: float, height: float) -> Meridian:
+    from scipy.interpolate import PPoly
+
+    r, z = control_points(text)[::-1].T
+    degree, knots = _knots(len(r))
+    square, heights = (PPoly.from_spline((knots, c, degree)) for c in ((radius * r) ** 2, height * z))
+    first = degree  # of the polynomials of `from_spline`, those before the first knot are empty
+    square, heights = (PPoly(part.c[:, first:-first], part.x[first:-first]) for part in (square, heights))
+    square.c[-1, 0] = 0.0
+    return Meridian(square, heights, 2)
+
+
+def _knots(count: int) -> tuple[int, np.ndarray]:
+    degree = min(DEGREE, count - 1)
+    return degree, np.concatenate([np.zeros(degree), np.linspace(0, 1, count - degree + 1), np.ones(degree)])
+
+
+def of_quadric(rim: float, slope: float, count: int) -> np.ndarray:
+    """(count, 2) points of the profile with r^2 = ``slope`` s + (1 - ``slope``) s^2 where z falls from 1 to ``rim`` as
+    s rises from 0 to 1: a plane, or a part of a sphere."""
+    from scipy.interpolate import BSpline
+
+    degree, knots = _knots(count)
+    greville = np.array([knots[k + 1 : k + 1 + degree].mean() for k in range(count)])
+    square = slope * greville + (1 - slope) * greville**2
+    control = np.linalg.solve(BSpline.design_matrix(greville, knots, degree).toarray(), square)
+    return np.stack([np.sqrt(np.clip(control, 0.0, 1.0)), 1 - (1 - rim) * greville], axis=1)[::-1]
+
+
+def check_profile(text: str) -> None:
+    """Refuse a profile that is out of range, or whose meridian turns back; raises `InputError`."""
+    points = control_points(text)
+    r, z = points.T
+    if not 2 <= len(points) <= MOST_POINTS:
+        raise refused(text, f"2 to {MOST_POINTS} points 'r z', separated by ';', are needed")
+    if not (r[-1] == 0 and np.all((r[:-1] > 0) & (r[:-1] <= 1)) and np.all((z > 0) & (z <= 1))):
+        raise refused(text, "r above 0 and up to 1, 0 for the last point alone, and z above 0 and up to 1 are needed")
+    place, along, _ = _roof(text, 1.0, 1.0).at(np.linspace(0, 1, SAMPLES)[1:])
+    if np.any(along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0] <= 0):
+        raise refused(text, "every point of the roof must be seen from the middle of the cell's opening")
+
+
+def refused(text: str, needed: str) -> InputError:
+    """The error for a profile."""
+    return InputError(f"profile = {text!r} is not allowed: {needed}.")

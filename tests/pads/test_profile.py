@@ -1,0 +1,107 @@
+"""Profiles: the shapes of revolution among the paper's are points of them, and what they cannot be is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.pad import CELL_SHAPES, REGIONS
+from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
+from mitsuba_taxel.pads.profile import outline, rim_angle, roof_of
+
+ROUND = CELL_SHAPES[1:]
+DIPPED = Pad("profile", 1, 1, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
+"""A drafted side, a smooth shoulder, and a roof that dips."""
+
+
+@pytest.mark.parametrize("points", [3, 4, 7])
+@pytest.mark.parametrize("cell", ROUND)
+def test_round_cells_have_a_profile_exactly(cell, points):
+    pad = Pad(cell)
+    same = pad.as_profile(points)
+    r, z = outline(same)[:-1].T
+    off = (
+        np.hypot(r, z - pad.top_of_cell + pad.dome_radius) - pad.dome_radius if pad.dome_radius else z - pad.height + 3
+    )
+    np.testing.assert_allclose(off, 0.0, atol=1e-14)
+    np.testing.assert_allclose((same.top_of_cell, same.side_height), (pad.top_of_cell, pad.side_height), rtol=1e-15)
+    assert rim_angle(same) == pytest.approx(
+        {"cylindrical": 90.0, "spherical": 60.0, "hemispheric": 0.0}[cell], abs=1e-6
+    )
+    assert (same.has_sharp_rim, same.default_mesh_size) == (pad.has_sharp_rim, pad.default_mesh_size)
+    assert len(same.profile.split(";")) == points
+
+
+@pytest.mark.parametrize("cell", ["spherical", "hemispheric"])
+def test_points_go_to_the_same_places_on_its_walls(cell):
+    pad, rng = Pad(cell, 1, 1), np.random.default_rng(0)
+    places = outline(pad.as_profile())[:-1]
+    turn = rng.uniform(0, 2 * np.pi, len(places))
+    points = np.column_stack([places[:, :1] * np.column_stack([np.cos(turn), np.sin(turn)]), places[:, 1]])
+    points += rng.normal(0, 1e-2, points.shape)
+    region, number = np.full(len(points), REGIONS["roof"]), np.ones(len(points), dtype=int)
+    expected, found = (onto_round_walls(each, points, region, number) for each in (pad, pad.as_profile()))
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-13)
+
+
+def test_a_profile_is_that_of_its_spline():
+    """Its ends are its first and last points, and its tangents there those of the control polygon in (r^2, z)."""
+    roof = roof_of(DIPPED)
+    (crown, rim), (_, along), _ = roof.at(np.array([0.0, 1.0]))
+    np.testing.assert_allclose(crown, (0.0, 0.8 * 1.55), atol=1e-8)
+    np.testing.assert_allclose(rim, (0.95 * 1.275, 0.4 * 1.55), rtol=1e-12)
+    expected = np.array([1.275**2 * (0.9**2 - 0.95**2) / (2 * rim[0]), 0.3 * 1.55])
+    assert along[0] / along[1] == pytest.approx(expected[0] / expected[1], rel=1e-12)
+    assert DIPPED.top_of_cell == pytest.approx(outline(DIPPED)[:, 1].max(), rel=1e-4)
+    assert DIPPED.top_of_cell < DIPPED.cell_height
+    assert DIPPED.side_height == pytest.approx(0.4 * 1.55)
+
+
+def test_points_of_a_profile_are_dimensions():
+    assert [*DIPPED.dimensions][5:] == [f"profile_{of}{k}" for k in range(1, 6) for of in "rz"][:-2] + ["profile_z5"]
+    other = DIPPED.changed(profile_z5=0.9, profile_r2=0.85, cell_size=2.5)
+    assert other.profile == "0.95 0.4; 0.85 0.7; 0.7 1; 0.3 1; 0 0.9"
+    assert other == Pad(
+        "profile", 1, 1, cell_size=2.5, profile=[(0.95, 0.4), (0.85, 0.7), (0.7, 1), (0.3, 1), (0, 0.9)]
+    )
+    assert DIPPED.as_profile() is DIPPED
+
+
+@pytest.mark.parametrize(
+    ("profile", "message"),
+    [
+        ("1 2 3", "pairs of finite numbers"),
+        ("1 nan; 0 1", "pairs of finite numbers"),
+        (3, "pairs of finite numbers"),
+        ([[1, "a"]], "pairs of finite numbers"),
+        ("0 1", "2 to 20 points"),
+        ("1 .5; 1.1 .6; 0 1", "r above 0 and up to 1"),
+        ("1 .5; .5 .6; .1 1", "0 for the last point alone"),
+        ("1 .5; .5 1.1; 0 1", "z above 0 and up to 1"),
+        ("1 .5; .5 .6; 0 0", "z above 0 and up to 1"),
+        ("1 .5; 1 .5; 0 1", "seen from the middle"),
+        ("1 1; .5 .1; 0 .1", "seen from the middle"),
+        ("1 .001; 0 1", "z of the first point must be at least 0.0165"),
+    ],
+)
+def test_what_cannot_be_made_is_refused_in_one_line(profile, message):
+    with pytest.raises(InputError, match=rf"^profile = .* is not allowed: .*{message}") as caught:
+        Pad("profile", profile=profile)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Pad("profile"), "profile is missing: pairs of numbers"),
+        (lambda: Pad("cylindrical", profile="1 1; 0 1"), "profile is not allowed for cell = 'cylindrical'"),
+        (lambda: Pad().as_profile(), "cell = 'parallelepiped' is not allowed"),
+        (lambda: Pad("cylindrical").as_profile(2), "points = 2 is not allowed: a whole number from 3 to 20"),
+    ],
+)
+def test_other_refusals(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
