@@ -9,6 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, Limit, from_nothing
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
+from mitsuba_taxel.sensing.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings, standard_error
 from mitsuba_taxel.sensing.scene import Scene
@@ -96,6 +97,7 @@ def chain_curves(
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
+    kept_cell.cache_clear()
     start = now()
     found = measure(scene, target_error=target, time_budget=seconds)
     return found, now() - start

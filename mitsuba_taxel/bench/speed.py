@@ -22,6 +22,7 @@ from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.bench.peers.cases import CASES
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.pads import CELL_SHAPES
+from mitsuba_taxel.sensing.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.surrogates import export
@@ -66,14 +67,20 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
 def without_random_numbers(cell: str) -> tuple[float, float]:
     """Relative error of the light, and seconds, on the same pad."""
     scene = Scene.from_file("pad.xml", cell=cell).load()
-    return measure(scene).error_budget["geometry"], _seconds(lambda: measure(scene))
+    return measure(scene).error_budget["geometry"], _seconds(partial(_solved, scene))
 
 
 def with_slope(cell: str) -> tuple[float, float]:
     """Seconds of a reading at -10 N, from a solution on disk, without and with derivatives by the force."""
     scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
     measure(scene)  # solves
-    return _seconds(lambda: measure(scene)), _seconds(lambda: measure(scene, derivatives=["fz"]))
+    return _seconds(partial(_solved, scene)), _seconds(partial(_solved, scene, derivatives=["fz"]))
+
+
+def _solved(scene: Any, **how: Any) -> None:
+    """Measure without kept solutions of the light."""
+    kept_cell.cache_clear()
+    measure(scene, **how)
 
 
 def first_answer() -> float:

@@ -4,6 +4,7 @@ numbers."""
 from __future__ import annotations
 
 import math
+import pickle
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -33,8 +34,8 @@ LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
 MOST_FACES = 400
 """Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
-MOST_KEPT = 128
-"""Largest number of patches of a cell whose pairs of points, then up to 40 MB, are kept for its next state."""
+MOST_KEPT = 100
+"""Largest number of patches of a cell whose pairs of points, then some 50 MB, and solutions, of 10 MB, are kept."""
 PROBES, LEAKS = 4096, 4
 """Rays from each LED to test whether it lights only its own cell, and how many of them may leak between triangles."""
 SINGLE = 1e-7
@@ -194,8 +195,8 @@ class DiffuseCells:
 
     def light_mesh(self, number: int, degree: int) -> Mesh:
         """The quadrature on the walls of a cell."""
-        patches = self.patches(number)
-        return _light_mesh(patches, degree) if len(patches.rest) <= MOST_KEPT else Mesh(patches.rest, degree)
+        rest = self.patches(number).rest
+        return _kept_mesh(rest.tobytes(), degree) if len(rest) <= MOST_KEPT else Mesh(rest, degree)
 
     def walls_alike(self, one: int, other: int) -> bool:
         """Whether the walls of two cells scatter equally, judged by all of their properties."""
@@ -206,8 +207,8 @@ class DiffuseCells:
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
         """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
-        walls = Walls(places, cell.isotropic, cell.lambertian)
-        return Cell(mesh, walls, taxel.led, taxel.phototransistor, taxel.body)
+        parts = Walls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor, taxel.body
+        return kept_cell(mesh, pickle.dumps(parts)) if len(places) <= MOST_KEPT else Cell(mesh, *parts)
 
 
 def _pad_of(scene: mi.Scene) -> PadShape:
@@ -235,10 +236,16 @@ def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Any, faces: tuple[int
     return WallPatches(elements, walls, pad, np.array(faces), LATTICE)
 
 
-@lru_cache(maxsize=32)
-def _light_mesh(patches: WallPatches, degree: int) -> Mesh:
-    """Cached for the states of a path, as its pairs of points take half the time of a solution."""
-    return Mesh(patches.rest, degree)
+@lru_cache(maxsize=20)
+def _kept_mesh(rest: bytes, degree: int) -> Mesh:
+    """Cached for other states of the pad, as its pairs of points take half the time of a solution."""
+    return Mesh(np.frombuffer(rest).reshape(-1, len(LATTICE), 3), degree)
+
+
+@lru_cache(maxsize=40)
+def kept_cell(mesh: Mesh, parts: bytes) -> Cell:
+    """Cached for the derivatives of a reading, and for studies that read a scene again."""
+    return Cell(mesh, *pickle.loads(parts))
 
 
 def _shares(wall: Any) -> tuple[float, float]:

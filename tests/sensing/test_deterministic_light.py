@@ -56,6 +56,17 @@ def cell(tmp_path):
     return write
 
 
+def test_kept_solutions_are_those_of_equal_cells(llvm_mono, cell):
+    def powers(forget):
+        for scattering in ("lambertian", "isotropic", "lambertian"):
+            forget()
+            yield measure(cell(scattering=scattering)).power[0]
+
+    diffuse_cells.kept_cell.cache_clear()
+    kept, hits = list(powers(lambda: None)), diffuse_cells.kept_cell.cache_info().hits
+    assert kept == list(powers(diffuse_cells.kept_cell.cache_clear)) and kept[0] == kept[2] != kept[1] and hits
+
+
 def test_random_paths_where_they_are_asked_for(llvm_mono, cell):
     file = cell(fz=-1)
     quiet = measure(file, seed=1)
