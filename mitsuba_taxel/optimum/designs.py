@@ -14,6 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.mould import SHAPE
 from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -27,7 +28,7 @@ from mitsuba_taxel.studies.store.opening import stored_study
 SHIFT = 0.01
 """Step of a variable for central differences of readings, relative to the bounds' width."""
 SMALL = 1e-4
-"""The same for thicknesses, which are exact."""
+"""The same for figures of the shape, which are exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class Read:
     by : list[Seen]
         The same with derivatives with respect to each variable, in the unit cube, times `TINY` as imaginary parts.
     off : list[Seen]
-        The same for each parameter with a tolerance, per standard deviation. Variation of walls is neglected.
+        The same for each parameter with a tolerance, per standard deviation. Variation of the shape is neglected.
     """
 
     values: Seen
@@ -177,35 +178,37 @@ class Designs:
         return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
 
     def _seen(self, design: Design, power: np.ndarray, rates: np.ndarray, off: list[np.ndarray]) -> Read:
-        walls, wall_rates = self._walls(design)
+        shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
-        def seen(power: np.ndarray, walls: np.ndarray) -> Seen:
+        def seen(power: np.ndarray, rate: dict[str, np.ndarray] | None = None) -> Seen:
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 lines[name] = Line(values, power[[loads.index(frozenset(row.items())) for row in rows]])
-            return Seen(lines, walls, self._plan.circuit)
+            imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
+            found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
+            return Seen(lines, found, self._plan.circuit)
 
-        pairs = zip(1j * TINY * rates, 1j * TINY * wall_rates, strict=True)
         return Read(
-            seen(power + 0j, walls + 0j),
-            [seen(power + rate, walls + of) for rate, of in pairs],
-            [seen(power + 1j * TINY * each, walls + 0j) for each in off],
+            seen(power + 0j),
+            [seen(power + 1j * TINY * rate, of) for rate, of in zip(rates, shape_rates, strict=True)],
+            [seen(power + 1j * TINY * each) for each in off],
         )
 
-    def _walls(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) thicknesses, and (variables, N) derivatives."""
-        walls, rates = self._walls_of(design), []
+    def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
+        """Figures of the pads alone, and their derivatives with respect to each variable."""
+        rates = []
         for number in range(len(self._names)):
             ends = [_moved(design, number, sign * SMALL) for sign in (1, -1)]
             ahead, behind = (design if self._plan.refusal(end) else end for end in ends)
-            rates.append((self._walls_of(ahead) - self._walls_of(behind)) / (ahead.x[number] - behind.x[number]))
-        return walls, np.array(rates)
+            width, pair = ahead.x[number] - behind.x[number], (self._shape_of(ahead), self._shape_of(behind))
+            rates.append({name: (pair[0][name] - pair[1][name]) / (width or np.nan) for name in SHAPE})
+        return self._shape_of(design), rates
 
-    def _walls_of(self, design: Design) -> np.ndarray:
-        found = [part for pad in pads_of(self._plan.scene(design)) for part in thicknesses(pad)]
-        return np.array(found, dtype=float)
+    def _shape_of(self, design: Design) -> dict[str, np.ndarray]:
+        pads = pads_of(self._plan.scene(design))
+        return {name: np.concatenate([np.zeros(0), *map(of, pads)]) for name, of in SHAPE.items()}
 
 
 def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
@@ -231,9 +234,3 @@ def pads_of(scene: Scene) -> list[Pad]:
     """The undeformed pads of a scene, except those from files."""
     built = (part.build_pad() for part in parts_of(scene) if part.filename is None)
     return [pad for pad in built if isinstance(pad, Pad)]
-
-
-def thicknesses(pad: Pad) -> list[float]:
-    """Thicknesses in mm: around the outer cells, above all cells, and between neighbours."""
-    between = [pad.pitch - pad.cell_size] if pad.rows * pad.columns > 1 else []
-    return [pad.wall, pad.height - pad.top_of_cell, *between]

@@ -45,14 +45,14 @@ class Seen:
     ----------
     lines : Mapping[str, Line]
         Lines of loads, by name.
-    walls : (N,) ndarray of complex
-        Thicknesses of the silicone between cells and around them, in mm.
+    shape : Mapping[str, (N,) ndarray of complex]
+        Figures of the pads alone, as named in `pads.mould.SHAPE`.
     circuit : Circuit or None
         Converts watts to volts.
     """
 
     lines: Mapping[str, Line]
-    walls: np.ndarray
+    shape: Mapping[str, np.ndarray]
     circuit: Circuit | None
 
     def readings(self, line: str) -> np.ndarray:
@@ -155,7 +155,17 @@ def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -
 
 def least_wall(seen: Seen) -> np.ndarray:
     """Thicknesses between cells, around the outer ones, and above them."""
-    return seen.walls
+    return seen.shape["least_wall"]
+
+
+def draft_angle(seen: Seen) -> np.ndarray:
+    """Angles by which walls of cells lean inwards from the vertical."""
+    return seen.shape["draft_angle"]
+
+
+def least_radius(seen: Seen) -> np.ndarray:
+    """Radii of curvature of roofs along their meridian."""
+    return seen.shape["least_radius"]
 
 
 @dataclass(frozen=True)
@@ -193,6 +203,8 @@ KINDS: dict[str, Kind] = {
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
     "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
+    "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),
+    "least_radius": Kind(least_radius, "mm", steps=0, lines=0),
 }
 
 

@@ -12,7 +12,7 @@ from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.result import Optimum
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
 from mitsuba_taxel.plots.figures import save_figure
-from mitsuba_taxel.plots.optimum import plot_front, plot_optimum
+from mitsuba_taxel.plots.optimum import plot_front, plot_optimum, plot_sections
 from mitsuba_taxel.sensing import write_xml
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 TABLES = ("figures", "variables", "slopes", "history", "front")
 
 
-def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
+def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Path) -> None:
     """Write all files of a result."""
     for name in TABLES:
         if len(table := getattr(result, name)):
@@ -32,13 +32,15 @@ def write(plan: Plan, best: Design, result: Optimum, folder: Path) -> None:
         save_figure(plot_front(result.front, plan.front_units), folder, "front")
     scene = plan.scene(best)
     write_xml(scene, folder / "best.xml")
-    for pad in pads_of(scene):
+    pads = [pads_of(each) for each in (plan.scene(before), scene)]
+    for first, pad in zip(*pads, strict=True):
         write_drawings(pad, folder)
+        save_figure(plot_sections(first, pad), folder, "section")
     with replacing(folder / "optimum.md") as file:
-        file.write_text(page(result), encoding="utf-8")
+        file.write_text(page(result, bool(pads[0])), encoding="utf-8")
 
 
-def page(result: Optimum) -> str:
+def page(result: Optimum, has_section: bool) -> str:
     """The result as a page in Markdown."""
     title = result.figures.figure[0]
     lines = [gain_line(result), *cost_lines(result), *result.warnings, *result.notes]
@@ -47,6 +49,7 @@ def page(result: Optimum) -> str:
             f"# {title[0].upper()}{title[1:]}",
             "\n".join(f"- {line}" for line in lines),
             "![Course, figures and variables before and after](optimum.png)",
+            *(["![Section of the pad before and after](section.png)"] if has_section else []),
             markdown_table(["parameter", "before", "best", "bound"], changes(result)),
             as_markdown(result.figures),
             "## Around the best design\nChange of the worst components, per unit of a variable and over its bounds:",

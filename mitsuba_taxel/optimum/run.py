@@ -76,7 +76,7 @@ def optimise(
         trade_offs = None if plan.front is None else front(course, *plan.front)
         best = course.best(plan.goal, plan.limits) or best
         result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]), trade_offs)
-    write(plan, best, result, folder)
+    write(plan, course.before, best, result, folder)
     return result
 
 

@@ -119,7 +119,11 @@ def side_of(pad: Pad) -> Meridian:
 
 
 def outline(pad: Pad) -> np.ndarray:
-    """(M, 2) places (r, z) in mm from the crown to the board."""
+    """(M, 2) places (r, z) in mm of the wall of a cell in section, from the middle of its roof to the board."""
+    if pad.cell == "parallelepiped":
+        half, top = 0.5 * pad.cell_size, pad.top_of_cell
+        return np.array([[0.0, top], [half, top], [half, 0.0]])
+    pad = pad.as_profile()
     return np.concatenate([roof_of(pad).at(np.linspace(0, 1, SAMPLES))[0], [[0.5 * pad.cell_size, 0.0]]])
 
 

@@ -1,4 +1,4 @@
-"""Plots of an optimisation: its history, figures and variables before and after, and Pareto fronts."""
+"""Plots of an optimisation: its history, figures, variables and pads before and after, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.base.units import prefixed
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads.profile import outline
 from mitsuba_taxel.plots.figures import COLOURS, label_with_prefix, panel_axes
 
 if TYPE_CHECKING:
@@ -64,6 +66,29 @@ def _draw_pairs(ax: Any, names: list[str], before: Any, best: Any) -> None:
     ax.scatter(best, place, 40, color=COLOURS[1], marker="D", label="best", zorder=3)
     ax.set_yticks(place, [name.replace(" along ", "\nalong ") for name in names], fontsize="small")
     ax.margins(y=0.3)
+
+
+def plot_sections(before: Pad, best: Pad) -> Figure:
+    """Sections through a row of cells of two pads, at the same scale."""
+    from matplotlib.patches import Polygon
+
+    ax = panel_axes(1, 1, size=(7.0, 3.4))[0, 0]
+    styles: list[tuple[Pad, dict[str, Any]]] = [
+        (best, {"facecolor": COLOURS[1], "alpha": 0.35, "label": "best"}),
+        (before, {"fill": False, "edgecolor": COLOURS[7], "linestyle": "--", "linewidth": 1.5, "label": "before"}),
+    ]
+    for pad, about in styles:
+        half, wall = 0.5 * pad.extent[0], outline(pad)
+        cell = np.concatenate([wall[::-1] * [-1, 1], wall])
+        cells = [cell + [x, 0.0] for x in sorted({x for x, _ in pad.cell_centres})]
+        around = [[half, 0.0], [half, pad.height], [-half, pad.height], [-half, 0.0]]
+        ax.add_patch(Polygon(np.concatenate([*cells, around]), **about))
+    ax.autoscale_view()
+    ax.set_aspect("equal")
+    ax.set_xlabel("x [mm]")
+    ax.set_ylabel("z [mm]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    return ax.figure
 
 
 def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:

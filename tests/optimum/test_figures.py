@@ -7,13 +7,14 @@ import pytest
 
 from mitsuba_taxel import Circuit
 from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen
+from mitsuba_taxel.pads.mould import SHAPE
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
 TOLD = {
     "cross_talk": {"along": "normal", "taxel": 2},
     "cross_sensitivity": {"along": "normal", "by": "side"},
     "resolution": {"along": ("normal", "side")},
-    "least_wall": {},
+    **{name: {} for name in SHAPE},
 }
 
 
@@ -24,8 +25,8 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
     for name, values in (("normal", [0, -1, -2.5, -4]), ("side", [0, 0.5])):
         power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
         lines[name] = Line(np.array(values, dtype=float), power + shift * rate + 1j * imaginary * rate)
-    walls = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
-    return Seen(lines, walls, circuit)
+    shape = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
+    return Seen(lines, dict.fromkeys(SHAPE, shape), circuit)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +50,7 @@ def test_values():
     """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
     power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
     lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power), "x": Line(np.array([0.0, 1.0]), power[:2] * [1, -1])}
-    one = Seen(lines, np.array([0.5]), None)
+    one = Seen(lines, {}, None)
 
     def of(kind, **told):
         return Figure(kind, {"along": "z"} | told, "").components(one).real

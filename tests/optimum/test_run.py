@@ -100,7 +100,8 @@ def test_what_is_on_disk(cell):
     made = {file.name for file in (folder / "out").iterdir()}
     tables = {f"{name}.csv" for name in ("figures", "variables", "slopes", "history")}
     drawn = {f"{name}.{form}" for name in ("pad", "mould_base", "mould_frame") for form in ("step", "stl")}
-    assert made == tables | drawn | {"designs", "judged", "best.xml", "optimum.md", "optimum.png", "optimum.svg"}
+    plots = {f"{name}.{form}" for name in ("optimum", "section") for form in ("png", "svg")}
+    assert made == tables | drawn | plots | {"designs", "judged", "best.xml", "optimum.md"}
     study = open_study(folder / "out" / "designs")
     assert study.sizes["step"] == found["load_steps"] == 2 * len(found["history"]) and found["load_steps"] <= 24
 
@@ -167,3 +168,36 @@ def test_constraints_that_cannot_hold(tmp_path, constraints, said):
     if said == "in conflict":
         assert "rest >= 0.03" in str(refused.value) and "<= 0.02" in str(refused.value)
         assert ">= 0.001" not in str(refused.value)
+
+
+PROFILE = """
+scene = "cell.xml"
+[optimise]
+maximise = "rest"
+evaluations = 6
+[optimise.variables]
+r1 = { low = 0.7, high = 1.0, start = 0.9 }
+r2 = { low = 0.5, high = 1.0, start = 0.7 }
+z2 = { low = 0.4, high = 1.0, start = 0.8 }
+[[optimise.constraints]]
+figure = "draft_angle"
+least = 10
+[[optimise.constraints]]
+figure = "least_radius"
+least = 0.6
+"""
+
+
+def test_the_profile_of_a_cell_within_what_its_mould_allows(tmp_path):
+    """The brightest roof is held by both constraints; its pad is drawn before and after."""
+    cell = one_cell(cell="profile", scattering="isotropic", r1=0.9, r2=0.7, z2=0.8)
+    points = '<string name="profile" value="$r1 0.6; $r2 $z2; 0 1"/> <vector'
+    (tmp_path / "cell.xml").write_text(cell.replace("<vector", points, 1))
+    (tmp_path / "study.toml").write_text(PROFILE)
+    found = optimise(tmp_path / "study.toml", tmp_path / "out")
+    goal, draft, radius = found.figures.itertuples()
+    assert goal.best > 1.2 * goal.before
+    assert draft.best == pytest.approx(10, rel=1e-3) and radius.best == pytest.approx(0.6, rel=2e-3)
+    assert draft.multiplier > 0 and radius.multiplier > 0
+    assert list(found.variables["at"]) == ["low", "", ""]
+    assert found.unbalanced < 0.05
