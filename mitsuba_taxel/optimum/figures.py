@@ -168,6 +168,11 @@ def least_radius(seen: Seen) -> np.ndarray:
     return seen.shape["least_radius"]
 
 
+def view_angle(seen: Seen) -> np.ndarray:
+    """Angles between roofs and rays from the middle of the cell's opening."""
+    return seen.shape["view_angle"]
+
+
 @dataclass(frozen=True)
 class Kind:
     """A kind of figure.
@@ -205,6 +210,7 @@ KINDS: dict[str, Kind] = {
     "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
     "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),
     "least_radius": Kind(least_radius, "mm", steps=0, lines=0),
+    "view_angle": Kind(view_angle, "degrees", steps=0, lines=0),
 }
 
 

@@ -13,9 +13,10 @@ from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.optimum.course import Course, Progress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
+from mitsuba_taxel.optimum.figures import Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
-from mitsuba_taxel.optimum.plan import Design, Plan, read_plan
+from mitsuba_taxel.optimum.plan import Design, Limit, Plan, read_plan
 from mitsuba_taxel.optimum.result import Optimum, told
 from mitsuba_taxel.optimum.search import in_conflict
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -24,6 +25,8 @@ from mitsuba_taxel.studies.run.pool import Pool, open_pool
 FINER = 0.75
 """Factors on mesh size and points for the verification of a design."""
 MORE_POINTS = 4
+IN_VIEW = 2.0
+"""Least angle in degrees of roofs with a profile to rays from the middle of their cell's opening."""
 SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
@@ -64,6 +67,7 @@ def optimise(
     check_progress(progress)
     plan = read_plan(file)
     begun = plan.begun()
+    plan = _in_view(plan, begun[0])
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
@@ -78,6 +82,14 @@ def optimise(
         result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]), trade_offs)
     write(plan, course.before, best, result, folder)
     return result
+
+
+def _in_view(plan: Plan, design: Design) -> Plan:
+    """The plan with a constraint that keeps profiles off those that are refused, unless it has one."""
+    stated = any(limit.figure.kind == "view_angle" for limit in plan.limits)
+    if stated or not any(pad.profile for pad in pads_of(plan.scene(design))):
+        return plan
+    return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
 
 
 def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:

@@ -40,9 +40,20 @@ def bend_radii(pad: Pad) -> np.ndarray:
     return 1 / np.hypot(curvature, 1 / (FLAT * pad.cell_size))
 
 
+def view_angles(pad: Pad) -> np.ndarray:
+    """Degrees between the roof of a profile, along its meridian, and rays to it from the middle of the cell's opening;
+    above 0 of all that can be made."""
+    if pad.cell != PROFILE:
+        return np.zeros(0)
+    place, along, _ = roof_of(pad).at(np.linspace(0, 1, PLACES)[1:])
+    turned = along[:, 0] * place[:, 1] - along[:, 1] * place[:, 0]
+    return np.degrees(np.arctan2(turned, np.abs((along * place).sum(axis=1))))
+
+
 SHAPE: dict[str, Callable[[Pad], np.ndarray]] = {
     "least_wall": thicknesses,
     "draft_angle": draft_angles,
     "least_radius": bend_radii,
+    "view_angle": view_angles,
 }
 """Figures of the shape of a pad alone, by name."""

@@ -195,9 +195,10 @@ def test_the_profile_of_a_cell_within_what_its_mould_allows(tmp_path):
     (tmp_path / "cell.xml").write_text(cell.replace("<vector", points, 1))
     (tmp_path / "study.toml").write_text(PROFILE)
     found = optimise(tmp_path / "study.toml", tmp_path / "out")
-    goal, draft, radius = found.figures.itertuples()
+    goal, draft, radius, view = found.figures.itertuples()
     assert goal.best > 1.2 * goal.before
     assert draft.best == pytest.approx(10, rel=1e-3) and radius.best == pytest.approx(0.6, rel=2e-3)
     assert draft.multiplier > 0 and radius.multiplier > 0
+    assert view.figure == "view angle >= 2" and view.best > 20 and view.multiplier == 0
     assert list(found.variables["at"]) == ["low", "", ""]
     assert found.unbalanced < 0.05

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.mould import FLAT, bend_radii, draft_angles, thicknesses
+from mitsuba_taxel.pads.mould import FLAT, bend_radii, draft_angles, thicknesses, view_angles
 
 
 def test_thicknesses():
@@ -38,3 +38,13 @@ def test_a_cone_leans_and_a_neck_hangs_over():
     assert draft_angles(cone)[0] == pytest.approx(math.degrees(math.atan2(0.2 * 1.275, 0.5 * 1.55)))
     assert draft_angles(cone).min() == draft_angles(cone)[0]
     assert draft_angles(Pad("profile", profile="0.8 0.3; 0.9 0.6; 0.5 1; 0 1")).min() < -5
+
+
+def test_roofs_are_seen_at_the_angle_of_their_rays():
+    """A flat one at the elevation of the ray, a dome about the middle of the opening at right angles."""
+    pad = Pad("cylindrical").as_profile(3)
+    rim = math.degrees(math.atan2(1.55, 1.275))
+    assert view_angles(pad)[-1] == pytest.approx(rim) and view_angles(pad).min() == view_angles(pad)[-1]
+    dome = Pad("profile", cell_height=1.275, profile=[(0.8, 0.6), (math.sqrt(0.4), 0.8), (0, 1)])
+    np.testing.assert_allclose(view_angles(dome), 90.0, atol=1e-4)
+    assert view_angles(Pad("spherical")).size == 0
