@@ -43,8 +43,8 @@ def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: floa
 
     Parameters
     ----------
-    one, other : (3, 6, n) ndarray
-        Control points.
+    one, other : (4, 6, n) ndarray
+        Control points, and of a function that is positive where a patch may not touch; elsewhere it may touch what may.
     shared : str
         What two partners share: "nothing", "vertex" (their first corner) or "edge" (from their first to their second
         corner). Meeting elsewhere is contact.
@@ -53,7 +53,7 @@ def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: floa
     """
     for start in range(0, one.shape[2], FIRST_BATCH):
         batch = slice(start, start + FIRST_BATCH)
-        origin = one[:, :1, batch]
+        origin = one[:, :1, batch] * np.array([1, 1, 1, 0])[:, None, None]
         pairs = np.concatenate([one[:, :, batch] - origin, other[:, :, batch] - origin, origin], axis=1)
         place = _touch(pairs, shared, tolerance)
         if place:
@@ -62,7 +62,7 @@ def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: floa
 
 
 def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    waiting = [(shared, pairs[:, :, ~_CERTIFICATES[shared](pairs, tolerance)])]
+    waiting = [(shared, _doubtful(pairs, shared, tolerance))]
     while waiting:
         shared, pairs = waiting.pop()
         if pairs.shape[2] == 0:
@@ -70,15 +70,21 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
         if pairs.shape[2] > BATCH:
             waiting.append((shared, pairs[:, :, BATCH:]))
             pairs = pairs[:, :, :BATCH]
-        plain = _plain(pairs, shared, tolerance)
+        plain = _plain(pairs[:3], shared, tolerance)
         if plain.any():
-            return _common_point(pairs[:, :, plain.argmax()])
+            return _common_point(pairs[:3, :, plain.argmax()])
         if shared == "nothing":
             pairs = _first_to_cut(pairs, tolerance)
         for common, matrices in _CUTS[shared].items():
-            pieces = np.tensordot(matrices, pairs, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(3, 13, -1)
-            waiting.append((common, pieces[:, :, ~_CERTIFICATES[common](pieces, tolerance)]))
+            pieces = np.tensordot(matrices, pairs, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(4, 13, -1)
+            waiting.append((common, _doubtful(pieces, common, tolerance)))
     return None
+
+
+def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
+    """The pairs that may touch where either must not."""
+    pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
+    return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
 
 def _common_point(pair: np.ndarray) -> Place:
@@ -101,8 +107,8 @@ def bulge(patches: np.ndarray) -> np.ndarray:
 
 
 def quarters(patches: np.ndarray) -> np.ndarray:
-    """Patches (3, 6, n) subdivided into four each, (3, 6, 4 n)."""
-    return np.tensordot(_QUARTERS, patches, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(3, 6, -1)
+    """Patches (k, 6, n) subdivided into four each, (k, 6, 4 n)."""
+    return np.tensordot(_QUARTERS, patches, axes=(2, 1)).transpose(2, 1, 0, 3).reshape(len(patches), 6, -1)
 
 
 def _sides(patches: np.ndarray) -> np.ndarray:
@@ -148,7 +154,7 @@ def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
 
 def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     """The pairs, each with the more curved patch first, or the longer one if both are flat."""
-    one, other = pairs[:, :6], pairs[:, 6:12]
+    one, other = pairs[:3, :6], pairs[:3, 6:12]
     rounder, other_rounder = bulge(one), bulge(other)
     longer = _length(_sides(one)).max(axis=0) < _length(_sides(other)).max(axis=0)
     flat = np.maximum(rounder, other_rounder) <= tolerance

@@ -150,8 +150,8 @@ SOFT_PAD = """<scene version="3.9.0"> <integrator type="taxel_tracer"/>
     ("load", "message"),
     [
         ('<vector name="force" value="0, 0, -8"/>', "unstable"),
-        ('<vector name="force" value="9, 0, 0"/>', "touches the board"),
-        ('<string name="load" value="pressure"/> <float name="pressure" value="-30"/>', "would be inverted"),
+        ('<vector name="force" value="9, 0, 0"/>', "touches itself"),
+        ('<string name="load" value="pressure"/> <float name="pressure" value="-30"/>', "does not converge"),
     ],
     ids=["unstable", "touches", "suction"],
 )

@@ -15,7 +15,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.self_contact import RIM
+from mitsuba_taxel.mechanics.contact.singular_edges import STRIP
 from mitsuba_taxel.pads.pad import REGIONS
 
 REACH = 4e-3
@@ -68,7 +68,7 @@ class Barrier:
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
 
         self._board = float(mesh.points[:, 2].min())
-        face, point = np.nonzero(mesh.points[faces, 2] @ _POINTS.T >= self._board + RIM * height)
+        face, point = np.nonzero(mesh.points[faces, 2] @ _POINTS.T >= self._board + STRIP * height)
         entries = _POINTS[point].ravel(), (np.arange(len(face)).repeat(6), faces[face].ravel())
         self._over = sparse.csr_array(entries, shape=(len(face), len(mesh.points)))
         first, second, third = np.moveaxis(mesh.points[faces[:, :3]], 1, 0)

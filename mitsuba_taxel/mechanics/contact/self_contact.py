@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, triu
@@ -15,24 +14,14 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.bezier_patches import Place, bulge, control_points, first_touch, quarters
 from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
 from mitsuba_taxel.pads.pad import REGIONS
+
+FRINGE = 0.05
+"""Uncertainty of the border of the strip, relative to its width."""
 
 TOUCHING = 1e-10
 """Distance that counts as contact, relative to the pad's longest side: more than rounding."""
-
-RIM = 0.02
-"""Height of the strip of wall along the glued rim, relative to the pad's, that may bulge as far below the board.
-
-There the stress is singular, and smaller elements roll over under smaller loads, as does the silicone, without
-consequence.
-"""
-
-CREASE = 150.0
-"""Angle of air in degrees at an inner edge of the undeformed pad, below which a crease at the edge itself is ignored.
-
-There too the stress is singular: smaller faces along the edge fold under smaller loads, and those beyond them show when
-walls touch.
-"""
 
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
 """Rotation of rays, which run along z, to avoid edges and corners of geometry aligned with x, y and z."""
@@ -59,8 +48,8 @@ class ContactTest:
 
     The curved faces are tested, not flat triangles in their stead: two faces are cut until it is certain that they
     are apart, or they touch to within `TOUCHING`. The board is touched where a face that is not glued to it goes
-    below z = 0, or along the rim by more than `RIM`. Whether a single face runs into itself is left to the test for
-    inverted elements.
+    below z = 0. Within the `STRIP` beside singular edges the surface may fold onto itself, and bulge below the board by
+    the width of the strip. Whether a single face runs into itself is left to the test for inverted elements.
 
     Parameters
     ----------
@@ -80,14 +69,13 @@ class ContactTest:
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
         self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
-        rim = RIM * float(np.ptp(mesh.points[:, 2]))
-        at_rim = mesh.points[self._over_board, 2].min(axis=1) < mesh.points[:, 2].min() + rim
-        self._least_height = np.where(at_rim, -rim, self._tolerance)
+        self._beyond = control_points(beyond_strip(mesh)[:, None], mesh.faces)
+        self._strip = STRIP * float(np.ptp(mesh.points[:, 2]))
 
     def find(self, displacement: np.ndarray) -> Contact | None:
         """A contact of the pad under a ``displacement`` (N, 3) of its nodes in mm, or ``None`` if there is none."""
-        control = control_points(self._points + displacement, self._faces)
-        place = _first_below(control[:, self._over_board.T], self._least_height, self._tolerance)
+        control = np.concatenate([control_points(self._points + displacement, self._faces), self._beyond])
+        place = _first_below(control[:, self._over_board.T], self._strip, self._tolerance)
         if place:
             return Contact("the board", place)
         found = self.find_package(displacement)
@@ -111,18 +99,22 @@ class ContactTest:
 
     @cached_property
     def _neighbours(self) -> _Neighbours:
-        return _Neighbours(self._points, self._faces)
+        return _Neighbours(self._faces)
 
     def _levels(self, patches: np.ndarray) -> list[Level]:
         return self._tree.levels(*_boxes(patches, self._tolerance))
 
     def _on_obstacle(self, obstacles: _Obstacles, patches: np.ndarray, boxes: list[Level]) -> Place | None:
         one, other = self._tree.overlapping_with(boxes, obstacles.tree, obstacles.boxes)
-        place = first_touch(patches[:, :, one], obstacles.patches[:, :, other], "nothing", self._tolerance)
+        touching = [
+            np.pad(part, ((0, 1), (0, 0), (0, 0)), constant_values=1.0)
+            for part in (patches[:, :, one], obstacles.patches[:, :, other])
+        ]
+        place = first_touch(touching[0], touching[1], "nothing", self._tolerance)
         return place or obstacles.place_within(patches, self._tree)
 
     def _on_itself(self, control: np.ndarray) -> Place | None:
-        one, other = self._neighbours.without(*self._tree.overlapping(self._levels(control[:, self._faces.T])))
+        one, other = self._neighbours.without(*self._tree.overlapping(self._levels(control[:3, self._faces.T])))
         pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
         for shared, (nodes, other_nodes) in pairs.items():
             place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
@@ -132,12 +124,9 @@ class ContactTest:
 
 
 class _Neighbours:
-    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both.
+    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both."""
 
-    Those that meet at a sharp inner edge of the undeformed pad are left out, as are adjacent ones along such an edge.
-    """
-
-    def __init__(self, points: np.ndarray, faces: np.ndarray) -> None:
+    def __init__(self, faces: np.ndarray) -> None:
         self._count = len(faces)
         number = np.arange(self._count).repeat(3)
         corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
@@ -152,38 +141,13 @@ class _Neighbours:
         one_at, other_at = faces[one[~at_vertex]], faces[other[~at_vertex]]
         i, j = _place_of_same(one_at[:, 3:], other_at[:, 3:])
         edge = _turned(one_at, i), _turned(other_at, j)[:, [1, 0, 2, 3, 5, 4]]
-        sharp = _sharp(points, *edge)
-        sharp_nodes = np.unique(edge[0][sharp][:, [0, 1, 3]])
-        at_edge = np.isin(vertex[0][:, 0], sharp_nodes)
-        self.pairs = {
-            "vertex": (vertex[0][~at_edge], vertex[1][~at_edge]),
-            "edge": (edge[0][~sharp], edge[1][~sharp]),
-        }
-        self._at_sharp_edge = np.asarray(np.isin(faces, sharp_nodes).any(axis=1))
-        self._centre = points[faces[:, :3]].mean(axis=1)
-        self._radius = np.linalg.norm(points[faces] - self._centre[:, None], axis=2).max(axis=1)
+        self.pairs = {"vertex": vertex, "edge": edge}
 
     def without(self, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pairs of faces that share nothing."""
         keys = np.minimum(one, other) * self._count + np.maximum(one, other)
         strange = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
-        distance = np.linalg.norm(self._centre[one] - self._centre[other], axis=1)
-        beside = distance < self._radius[one] + self._radius[other]
-        strange &= ~(self._at_sharp_edge[one] & self._at_sharp_edge[other] & beside)
         return one[strange], other[strange]
-
-
-def _sharp(points: np.ndarray, one: np.ndarray, other: np.ndarray) -> Any:
-    """Whether the undeformed air between faces (n, 6) that share their first edge is a wedge of less than `CREASE`."""
-    normals, centres = [], []
-    for faces in (one, other):
-        a, b, c = (points[faces[:, k]] for k in range(3))
-        normal = np.cross(b - a, c - a)
-        normals.append(normal / np.linalg.norm(normal, axis=1)[:, None])
-        centres.append((a + b + c) / 3)
-    turn = np.rad2deg(np.arccos(np.clip(np.einsum("ni,ni->n", *normals), -1, 1)))
-    inner = np.einsum("ni,ni->n", normals[0], centres[1] - centres[0]) > 0
-    return inner & (180 - turn < CREASE)
 
 
 def _place_of_same(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -272,14 +236,19 @@ def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
     return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
 
 
-def _first_below(patches: np.ndarray, height: np.ndarray, tolerance: float) -> Place | None:
-    """A point of patches (3, 6, n) that is not above a ``height`` (n,), to within ``tolerance``."""
+def _first_below(patches: np.ndarray, strip: float, tolerance: float) -> Place | None:
+    """A point of patches (4, 6, n) that is not above 0, to within ``tolerance``, or where the fourth function is not
+    positive not above -``strip``."""
     while patches.size:
-        below = (patches[2, :3] <= height).any(axis=0)
+        below = (patches[2, :3] <= np.where(patches[3, :3] > 0, tolerance, -strip)).any(axis=0)
         if below.any():
-            first = patches[:, :3, below.argmax()]
+            first = patches[:3, :3, below.argmax()]
             x, y, z = first[:, first[2].argmin()]
             return float(x), float(y), float(z)
-        doubtful = (patches[2].min(axis=0) <= height) & (bulge(patches) > tolerance)
-        patches, height = quarters(patches[:, :, doubtful]), np.tile(height[doubtful], 4)
+        beyond = patches[3].max(axis=0) > 0
+        mixed = beyond & (patches[3].min(axis=0) < -FRINGE * strip)
+        doubtful = (patches[2].min(axis=0) <= np.where(beyond, tolerance, -strip)) & (
+            mixed | (bulge(patches[:3]) > tolerance)
+        )
+        patches = quarters(patches[:, :, doubtful])
     return None

@@ -32,6 +32,8 @@ from mitsuba_taxel.mechanics.path.stability import Stability
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
 MOST_ITERATIONS = 20
+MOST_HALVINGS = 6
+"""Number of halvings of a Newton step that inverts an element."""
 SLOW = 0.1
 """A factored tangent is reused while each iteration reduces the error below this fraction."""
 NEAR = 1e-3
@@ -246,8 +248,15 @@ class LoadedPad:
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
+        correction = np.zeros_like(unknowns)
         for iteration in range(MOST_ITERATIONS):
             state = self._evaluate(unknowns, value, with_tangent=linearised is None)
+            for _ in range(MOST_HALVINGS):
+                if state.min_jacobian > 0 or not iteration:
+                    break
+                correction = correction / 2
+                unknowns = unknowns + correction
+                state = self._evaluate(unknowns, value)
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
                 return Balance(unknowns, state, error, iteration, linearised, distance)

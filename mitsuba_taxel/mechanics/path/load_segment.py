@@ -198,7 +198,7 @@ class LoadSegment:
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
-        if len(self.nodes) < 2 or math.isfinite(self.limit):
+        if len(self.nodes) < 2 or math.isfinite(self.limit) or pad.load.goes_on:
             return
         found = self.first_contact(pad, len(self.nodes) - 1, test.find)
         if found:

@@ -38,14 +38,16 @@ def touching():
 
 def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
     with pytest.raises(
-        ComputationError, match=r"touches the board.* -1\.2\d*\) mm\. With self_contact = true it goes on"
+        ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true it goes on"
     ):
         pressed(BEYOND, load=PlateDisplacement())
     barrier = Barrier(touching.mesh, LAW.youngs_modulus)
     own, board = barrier.forces(touching.displacement)
     assert np.abs(own).sum() > 0.5 and board[:, 2].sum() > 0.5
     assert 0 < barrier.gap(touching.displacement) < barrier.reach
-    assert ContactTest(touching.mesh).find(touching.displacement) is None  # of the curved faces, by other means
+    lifted = touching.displacement + (0, 0, barrier.reach)  # more than curved faces sink between their corners
+    found = ContactTest(touching.mesh).find(lifted)  # by other means; the board first
+    assert found is None or found.what == "itself"  # in a crease, whose adjacent faces do not repel each other
     assert touching.stability_checked and touching.min_jacobian > 0
     np.testing.assert_allclose(own.sum(axis=0), 0, atol=1e-9)
     reactions = reactions_of(touching)
