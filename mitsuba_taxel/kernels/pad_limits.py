@@ -29,9 +29,13 @@ def check_triangles(subdivision: int, faces: int) -> None:
 
 def mirrors(bsdf: mi.BSDF) -> list[int]:
     """Codes of the regions whose wall is partly specular or glossy."""
+    return regions_with(bsdf, mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy)
+
+
+def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
+    """Codes of the regions whose wall has one of these flags."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(REGIONS, bsdf)
-    directed = mi.BSDFFlags.Delta | mi.BSDFFlags.Glossy
-    return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & directed]
+    return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & flags]
 
 
 def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> None:

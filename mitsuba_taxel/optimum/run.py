@@ -11,6 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.kernels.dome_elements import size_for_light
 from mitsuba_taxel.optimum.course import Course, Progress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
 from mitsuba_taxel.optimum.figures import Figure
@@ -19,6 +20,9 @@ from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Limit, Plan, read_plan
 from mitsuba_taxel.optimum.result import Optimum, told
 from mitsuba_taxel.optimum.search import in_conflict
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.pool import Pool, open_pool
 
@@ -122,11 +126,18 @@ def _no_design(course: Course) -> InputError:
     return InputError(f"constraints {what}: {said or plan.limits[0].words}; {len(course.history)} designs looked at.")
 
 
+def _default_size(scene: Scene) -> float | None:
+    """Of the smallest elements of built-in pads under load, in mm."""
+    built = [pad for pad in deformed_pads(scene.load()) if isinstance(pad.pad, Pad)]
+    sizes = (size_for_light(pad.pad, pad.load, [pad.bsdf()]) or pad.pad.default_mesh_size for pad in built)
+    return min(sizes, default=None)
+
+
 def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -> Designs | None:
     """Designs evaluated on a finer mesh, with more points and another seed; None if one fails."""
     scene = plan.scene(designs[-1])
-    parts, pads = parts_of(scene), pads_of(scene)
-    size = plan.batch.mesh_size or min((pad.default_mesh_size for pad in pads), default=None)
+    parts = parts_of(scene)
+    size = plan.batch.mesh_size or (_default_size(scene) if parts else None)
     finer = replace(
         plan.batch,
         points=MORE_POINTS * (plan.batch.points or 1),

@@ -13,6 +13,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import found, make_plugin
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.kernels.cell_surface import CellSurface
+from mitsuba_taxel.kernels.dome_elements import fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.mesh_adapter import (
     Places,
     add_face_attribute,
@@ -74,7 +75,7 @@ class DeformablePad(mi.Mesh):
         self.load, self.value = stated.build_load(found)
         self.prony, self.history = prony_of(stated.prony), stated.build_history()
         self.remembers = bool(self.prony) or rubs(self.load)
-        self.mesh_size, self.mesh_tolerance = stated.mesh_size, stated.mesh_tolerance
+        self.mesh_size, self.mesh_tolerance, self.judged_on = stated.mesh_size, stated.mesh_tolerance, None
         self.read_cells = stated.cell_numbers()
         self.finish = stated.build_finish()
         self.subdivision = stated.subdivision
@@ -84,6 +85,11 @@ class DeformablePad(mi.Mesh):
             props["bsdf"] = make_plugin("wall", scattering="absorbing")
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
         check_mirrors(self.pad, self.mirrors, self.subdivision)
+        if self.is_loaded and not (self.remembers or self.mesh_size or self.mesh_tolerance):
+            self.mesh_size = size_for_light(self.pad, self.load, walls)
+            if self.mesh_size is not None:
+                self.judged_on = self.pad.default_mesh_size
+                self.subdivision = fewer_triangles(self.subdivision, self.mesh_size / self.judged_on)
 
         self.surface = self._solve()
         triangles = self.surface.triangles
@@ -192,7 +198,8 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
 
         if not (self.remembers and self.is_loaded):
-            return load_path(self.pad, self.material, [value], obstacles=obstacles, **self._how)[0]
+            how = self._how | {"judged_on": self.judged_on}
+            return load_path(self.pad, self.material, [value], obstacles=obstacles, **how)[0]
         times, values = self.history
         material, when = (Viscoelastic(self.material, self.prony), times) if self.prony else (self.material, None)
         return state_after(self.pad, material, [*values[:-1], value], when, obstacles=obstacles, **self._how)

@@ -128,7 +128,7 @@ def test_flat_cells_state_no_error_of_the_geometry(llvm_mono):
 @pytest.mark.parametrize("law", ["lambertian", "mirror"])
 def test_a_finer_cut_of_a_pressed_dome_reads_the_same(llvm_mono, law):
     """Facets err with the square of their size: of a cut three times as fine by a ninth."""
-    points = 1 << (12 if law == "mirror" else 11)
+    points = 1 << (13 if law == "mirror" else 11)
     here, fine = (
         measure(scene("hemispheric", {"scattering": law}, force=[0, 0, -2], **cut), points=points, seed=seed)
         for seed, cut in ((1, {}), (2, {"subdivision": 24}))

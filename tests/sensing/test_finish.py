@@ -25,15 +25,15 @@ def sensor(cell, finish, fz=0.0):
     )
 
 
-def read(cell, finish, fz=0.0, subdivision=12, points=1 << 11):
-    scene = sensor(cell, finish, fz).scene()
+def read(cell, finish, fz=0.0, subdivision=12, points=1 << 11, mesh_size=None):
+    scene = sensor(cell, finish, fz).scene().with_mesh_size(mesh_size)
     scene.source["pad"]["subdivision"] = subdivision
     return measure(scene, points=points, seed=3, mechanics_error=False)
 
 
-def read_on_chords(cell, finish, fz, subdivision, points):
+def read_on_chords(cell, finish, fz, subdivision, points, mesh_size):
     """With the vertices of the triangles on the smooth walls, so that these are chords of them."""
-    scene = sensor(cell, finish, fz).scene()
+    scene = sensor(cell, finish, fz).scene().with_mesh_size(mesh_size)
     scene.source["pad"]["subdivision"] = subdivision
     live = scene.load()
     pads = [shape for shape in live.shapes() if hasattr(shape, "chords")]
@@ -51,13 +51,14 @@ def read_on_chords(cell, finish, fz, subdivision, points):
 )
 def test_the_reading_converges_as_the_surface_is_refined(llvm_mono, finish):
     """The error falls with the square of the triangles' size, by four each time the size is halved: that of triangles
-    which are chords of the smooth walls starts above 0.6 %."""
-    finest = read("hemispheric", finish, fz=-2, subdivision=32, points=1 << 12)
-    chords = read_on_chords("hemispheric", finish, fz=-2, subdivision=2, points=1 << 12)
+    which are chords of the smooth walls starts above 0.6 %, on elements of the pad's default size."""
+    how = {"fz": -2, "points": 1 << 12, "mesh_size": 1.25}
+    finest = read("hemispheric", finish, subdivision=32, **how)
+    chords = read_on_chords("hemispheric", finish, subdivision=2, **how)
     change = (chords.replicates - finest.replicates).ravel()
     assert change.mean() > 0.006 * finest.power[0] + 4 * change.std(ddof=1) / np.sqrt(len(change))
     for subdivision, bound in ((2, 0.02), (4, 0.006), (12, 0.002)):
-        coarse = read("hemispheric", finish, fz=-2, subdivision=subdivision, points=1 << 12)
+        coarse = read("hemispheric", finish, subdivision=subdivision, **how)
         change = (coarse.replicates - finest.replicates).ravel() / finest.power[0]
         error = change.std(ddof=1) / np.sqrt(len(change))
         assert error < 1.2e-3

@@ -42,6 +42,7 @@ def load_path(
     load: Load = SPREAD_FORCE,
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
+    judged_on: float | None = None,
     obstacles: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[State]:
@@ -62,6 +63,9 @@ def load_path(
     mesh_tolerance : float, optional
         Instead of a size, the target for the relative error of the roofs' displacement under a small load; see
         :func:`mesh_size_for`.
+    judged_on : float, optional
+        Size in mm of the elements on which stability is judged; by default on those of the path itself, which takes a
+        third of its time or more. Beyond the loads that such a pad bears, both do.
     obstacles : (K, 3, 3) ndarray, optional
         In mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame.
     progress : Callable[[int, int], None], optional
@@ -89,7 +93,8 @@ def load_path(
     earlier = len(history) - len(rows)
     states = []
     with LOCK:
-        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
+        path = pad_path(pad, law, load, size, judged_on=judged_on)
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):

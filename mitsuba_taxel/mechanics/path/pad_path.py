@@ -57,11 +57,23 @@ Touch = Callable[[LoadSegment, LoadedPad], tuple[float, Contact] | None]
 class PadPath:
     """Mesh and segments of one pad of one material under one kind of load, kept on disk and in memory.
 
-    One that another is compared with is not ``judged``: it may be unstable where it does not show in that.
+    One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
+    ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
+    judged itself.
     """
 
-    def __init__(self, pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool) -> None:
-        self.pad, self.material, self.load, self.mesh_size, self.judged = pad, material, load, mesh_size, judged
+    def __init__(
+        self,
+        pad: Pad | PadFile,
+        material: Material,
+        load: Load,
+        mesh_size: float,
+        judged: bool,
+        judged_on: float | None,
+    ) -> None:
+        self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
+        self.judged = judged and judged_on is None
+        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on)
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
@@ -131,6 +143,8 @@ class PadPath:
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
+        if self._judge and not self._judge.bears(value):
+            return pad_path(self.pad, self.material, self.load, self.mesh_size).state(value, obstacles)
         if isinstance(self.load, IndenterForce):
             self.load.check(value)
         used: list[Mirror] = []
@@ -154,6 +168,14 @@ class PadPath:
             self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
             indenter_moved=moved,
         )  # fmt: skip
+
+    def bears(self, value: np.ndarray) -> bool:
+        """Whether its path leads as far as ``value``."""
+        try:
+            self.state(value)
+        except ComputationError:
+            return False
+        return True
 
     def _comparison(
         self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray
@@ -297,7 +319,8 @@ class PadPath:
         """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
         start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
         finer = (LITTLE_FINER, *FINER) if isinstance(self.load, IndenterDisplacement | IndenterForce) else FINER
-        for size in (COARSENING * self.mesh_size, *(share * start for share in finer)):
+        coarser = self._judge.mesh_size if self._judge else COARSENING * self.mesh_size
+        for size in (coarser, *(share * start for share in finer)):
             if size not in self._compared:
                 self._compared[size] = self._second(size)
             second = self._compared[size]
@@ -307,6 +330,8 @@ class PadPath:
     def _second(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
         second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False)
+        if self._judge and self._judge.mesh_size == mesh_size:
+            second = self._judge
         try:
             with memory_for(SECOND_MESH):
                 ratio = size_ratio(self.mesh, second.mesh)
@@ -433,8 +458,15 @@ def _listed(numbers: np.ndarray) -> str:
 
 
 @lru_cache(maxsize=16)
-def pad_path(pad: Pad | PadFile, material: Material, load: Load, mesh_size: float, judged: bool = True) -> PadPath:
-    return PadPath(pad, material, load, mesh_size, judged)
+def pad_path(
+    pad: Pad | PadFile,
+    material: Material,
+    load: Load,
+    mesh_size: float,
+    judged: bool = True,
+    judged_on: float | None = None,
+) -> PadPath:
+    return PadPath(pad, material, load, mesh_size, judged, judged_on)
 
 
 @lru_cache(maxsize=8)

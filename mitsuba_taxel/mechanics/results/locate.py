@@ -23,7 +23,7 @@ ROOM = 1e-6
 ROUNDING = 1e-14
 """Tolerance of Newton's method, relative to the largest coordinate."""
 MOST_ITERATIONS = 30
-POINTS_AT_ONCE = 1024
+POINTS_AT_ONCE = 16384
 FIRST_NEIGHBOURS = 16
 """Elements examined around each point; four times as many, repeatedly, while others could contain it."""
 

@@ -79,14 +79,14 @@ class RoofComparison:
         self._along, self._weight = np.stack(along), area / area.sum()
         # Curved roofs of two meshes do not coincide, but differ by less than their elements' size.
         self._mesh, self._locator, self._tolerance = mesh, PointLocator(other), 0.1 * np.ptp(mesh.points[:, 2])
-        here = PointLocator(mesh).locate(points, tolerance=1e-6 * np.ptp(mesh.points))
-        there = self._locator.locate(points, self._tolerance)
-        self._here, self._there = (_on_roofs(location, along) for location in (here, there))
+        self._here = _on_faces(mesh, faces)
+        self._there = _on_roofs(self._locator.locate(points, self._tolerance), along)
 
     @cached_property
-    def _nodes_there(self) -> sparse.csr_array:
-        """(N, N') weights of the other mesh's nodal values for those at the nodes."""
-        return self._locator.locate(self._mesh.points, self._tolerance).weights
+    def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
+        """(W,) nodes of the walls of cells, and (W, N') weights of the other mesh's nodal values for those there."""
+        nodes = np.unique(self._mesh.faces[self._mesh.face_cell > 0])
+        return nodes, self._locator.locate(self._mesh.points[nodes], self._tolerance).weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""
@@ -114,13 +114,15 @@ class RoofComparison:
     def deviations(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
         """(2, N, 3) change of the nodes with twice the element size.
 
-        First the part along the displacement, at least the fraction ``least`` of it, then the remainder.
+        First the part along the displacement, at least the fraction ``least`` of it, then the remainder, which is that
+        of the walls of cells, and 0 elsewhere.
         """
         moved = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - moved
         short = self._short(moved, difference)
         along = -math.copysign(max(abs(short), self._least), short) * displacement
-        rest = self._average * (self._nodes_there @ other - displacement) + short * displacement
+        rest, (walls, there) = np.zeros_like(displacement), self._walls_there
+        rest[walls] = self._average * (there @ other - displacement[walls]) + short * displacement[walls]
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
@@ -142,6 +144,16 @@ class RoofComparison:
 def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
     """(3 P, N) weights of nodal values for the values at the points, and their derivatives ``along`` two tangents."""
     return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
+
+
+def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
+    """As :func:`_on_roofs`, for the points of the faces (F, 6) themselves."""
+    weights = np.stack([shape_functions(_BARYCENTRIC), *shape_slopes(_BARYCENTRIC)])
+    shape = (len(weights), len(faces), len(_BARYCENTRIC), faces.shape[1])
+    nodes = np.broadcast_to(faces[:, None], shape).ravel()
+    ends = np.arange(0, nodes.size + 1, shape[-1])
+    data = np.broadcast_to(weights[:, None], shape).ravel()
+    return sparse.csr_array((data, nodes, ends), shape=(len(ends) - 1, len(mesh.points)))
 
 
 def _parts(weights: sparse.csr_array, displacement: np.ndarray) -> np.ndarray:

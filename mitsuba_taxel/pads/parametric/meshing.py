@@ -14,6 +14,7 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, m
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
+from mitsuba_taxel.pads.parametric.round_walls import is_round
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
     is_square,
@@ -29,6 +30,9 @@ RIM_REFINEMENT = 2.0
 """Divisor of the size along the edges where the stress is singular."""
 FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25, PROFILE: 2.25}
 """Divisor of the size on roofs and side walls: on curved ones the error of shape matters as well."""
+FINER_DOMES = 0.5
+"""Domes and their sides have relatively smaller elements on finer meshes, in proportion to the size, down to this
+share: what is left of the error of mirrors is that of normals, which only the elements there reduce."""
 CUT = 0.2
 """Relative distance from a singular edge at which elements there are cut."""
 CURVATURE_SAFETY = 2.0
@@ -140,7 +144,8 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
 
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
-    sizes = mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
+    finer = min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if is_round(pad, "roof") else 1.0
+    sizes = finer * mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
     if pad.cell == "parallelepiped":
         return sizes
     thinnest = min(pad.wall, pad.height - pad.top_of_cell)

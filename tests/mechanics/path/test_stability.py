@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
 
@@ -131,3 +133,15 @@ def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
 
     middle = next(node for node in segment.nodes if node.s > 0.11)
     assert surplus(middle) == 1 and surplus(segment.nodes[-1]) == 0
+
+
+def test_a_path_may_be_judged_on_larger_elements(fresh, monkeypatch):
+    """The same states at less cost, compared with those of the judge; and judged itself where the judge's path ends."""
+    pad = Pad("hemispheric", rows=1, columns=1)
+    asked = {"values": [(0, 0, -1.0)], "mesh_size": 1.25}
+    (by_itself,), (by_larger,) = load_path(pad, LAW, **asked), load_path(pad, LAW, judged_on=2.5, **asked)
+    np.testing.assert_allclose(by_larger.displacement, by_itself.displacement, rtol=0, atol=1e-8)
+    assert astuple(by_larger.error) == pytest.approx(astuple(by_itself.error), rel=1e-4)  # 2.5 mm is twice 1.25 mm
+    monkeypatch.setattr(PadPath, "bears", lambda path, value: False)
+    (again,) = load_path(pad, LAW, judged_on=2.5, **asked)
+    np.testing.assert_array_equal(again.displacement, by_itself.displacement)

@@ -1,0 +1,40 @@
+"""Default size of the finite elements of loaded domes, which follows what the light needs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mitsuba as mi
+
+from mitsuba_taxel.kernels.pad_limits import mirrors, regions_with
+from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.pads.pad import PROFILE
+
+DIFFUSE = {"hemispheric": 0.6, "spherical": 0.5, PROFILE: 0.5}
+MIRRORS = {"hemispheric": 0.5, "spherical": 0.6, PROFILE: 0.5}
+"""Relative to the pad's default: diffuse walls are within 0.03 % then, mirrors and rough mirrors within 0.3 %
+(`taxel bench domes`). Light leaves a spherical cell after few reflections, of which each counts."""
+MOST_CELLS = 16
+"""Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
+
+
+def size_for_light(pad: Pad | PadFile, load: Any, walls: list[mi.BSDF]) -> float | None:
+    """In mm, for built-in domes that return light; None for other pads, and under an indenter."""
+    if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or hasattr(load, "indenter"):
+        return None
+    if any(map(mirrors, walls)):
+        share = MIRRORS.get(pad.cell)
+    elif any(regions_with(wall, mi.BSDFFlags.Diffuse) for wall in walls):
+        share = DIFFUSE.get(pad.cell)
+    else:
+        return None
+    return None if share is None else share * pad.default_mesh_size
+
+
+def fewer_triangles(subdivision: int, share: float) -> int:
+    """Triangles along the edges of elements of a ``share`` of the default size, for those on domes to be no larger.
+
+    Elements there become smaller in proportion to its square, as shares are at least `FINER_DOMES`.
+    """
+    return math.ceil(share**2 * subdivision)
