@@ -14,7 +14,7 @@ from typing import get_args
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import check_progress, refusal, require
+from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
@@ -64,8 +64,8 @@ def load_path(
         Instead of a size, the target for the relative error of the roofs' displacement under a small load; see
         :func:`mesh_size_for`.
     judged_on : float, optional
-        Size in mm of the elements on which stability is judged; by default on those of the path itself, which takes a
-        third of its time or more. Beyond the loads that such a pad bears, both do.
+        Size in mm of the elements on which the stability of an elastic pad is judged; by default on those of the path
+        itself, which takes a third of its time or more. Beyond the loads that such a pad bears, it is judged on both.
     obstacles : (K, 3, 3) ndarray, optional
         In mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame.
     progress : Callable[[int, int], None], optional
@@ -89,12 +89,15 @@ def load_path(
     if obstacles is not None:
         obstacles = _checked_triangles(obstacles)
     law = material.law if isinstance(material, Viscoelastic) else material
+    if not (judged_on is None or (is_number(judged_on) and judged_on > 0)):
+        raise refusal("judged_on", judged_on, "a finite size in mm above 0 is needed")
     history = timed_rows(material, load, rows, times)
     earlier = len(history) - len(rows)
     states = []
     with LOCK:
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
-        path = pad_path(pad, law, load, size, judged_on=judged_on)
+        judge = {} if history or judged_on is None else {"judged_on": judged_on}
+        path = pad_path(pad, law, load, size, **judge)
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
