@@ -37,10 +37,11 @@ def indented(cells, ratios, block, body):
 def test_block_under_a_patch_of_pressure(block, body):
     """S. Reese, P. Wriggers and B. D. Reddy, Comput. Struct. 75, 291, 2000; the set-up is that of deal.II's step-44.
 
-    Our 8 x 8 x 8 cells give -0.2195, -0.4241, -0.5840 and -0.6912 mm, of which the first is asked for here.
+    Our 8 x 8 x 8 cells give -0.2195, -0.4240, -0.5834 and -0.6897 mm, of which the first is asked for here. Corners of
+    elements that are pressed to a third resist as points of integration: 4 cells are 2.7 % too stiff, 6 cells 0.9 %.
     """
-    for ratio, found in indented(4, INDEPENDENT, block, body).items():
-        assert found == pytest.approx(INDEPENDENT[ratio], rel=0.016)
+    for ratio, found in indented(6, INDEPENDENT, block, body).items():
+        assert found == pytest.approx(INDEPENDENT[ratio], rel=0.01)
     assert indented(8, [20], block, body)[20] == pytest.approx(INDEPENDENT[20], abs=6e-5)
 
 
