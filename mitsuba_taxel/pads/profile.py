@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.point_tree import PointTree
 
 if TYPE_CHECKING:
     from mitsuba_taxel.pads.pad import Pad
@@ -59,10 +60,8 @@ class Meridian:
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """u (N,) of the nearest point of the curve to points (N, 2), and its place's derivatives (N, 2, 2) by them."""
-        from scipy.spatial import cKDTree
-
         samples = np.linspace(0, 1, SAMPLES)
-        u = samples[cKDTree(self.at(samples)[0]).query(points)[1]]
+        u = samples[PointTree(self.at(samples)[0]).query(points)[1]]
         for _ in range(20):
             step, _ = self._newton(u, points)
             u = u - step
