@@ -113,6 +113,14 @@ def test_silicones(loaded, words, material):
             IndenterDisplacement(Indenter("sphere", radius=20, at=(0.25, 0.5), friction=0.25)),
             (0.0625, 0, -0.0625),
         ),
+        (
+            string("load", "indenter_displacement")
+            + string("indenter", "plane")
+            + numbers(indenter_angle=30, indenter_tilt=-2)
+            + '<vector name="displacement" value="0, 0, -0.0625"/>',
+            IndenterDisplacement(Indenter("plane", angle=30, tilt=-2)),
+            (0, 0, -0.0625),
+        ),
     ],
 )
 def test_loads_deform_the_pad_as_load_path_does(loaded, words, load, value):

@@ -102,7 +102,7 @@ class Indentation:
         self.indenter, self._mesh, self._modulus = indenter, mesh, modulus
         touched = np.isin(mesh.face_region, (REGIONS["top"], REGIONS["outer"]))
         self.faces = mesh.faces[touched]
-        self._highest = int(mesh.points[:, 2].argmax())
+        self._highest = indenter.highest(mesh.points)
         keys = mesh.face_region[touched][:, None] * len(mesh.points) + self.faces
         keys, numbers = np.unique(keys, return_inverse=True)
         self.node, self.numbers = keys % len(mesh.points), numbers.reshape(-1, 6)
@@ -150,7 +150,7 @@ class Indentation:
 
         The ``pressure`` (m,) is that of the gaps by default; ``traction`` (m, 3) in MPa is that of friction.
         """
-        start = np.array([*self.indenter.at, self._mesh.points[self._highest, 2]])
+        start = self.indenter.start(self._mesh.points[self._highest])
         places = _VALUES @ (self._mesh.points - start + (displacement - moved))[self.faces]
         at = self.indenter.gap(places.reshape(-1, 3))
         gap = self._over_nodes(np.einsum("bqh,bq->bh", self._weights, at.size.reshape(places.shape[:2])))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
@@ -24,6 +25,8 @@ INDENTERS = {
     "file": "a body of one's own",
 }
 TINY = np.finfo(float).tiny
+STEEPEST = 80.0
+"""Largest tilt in degrees."""
 EDGE = 0.1
 """Default radius of a punch's edge, relative to that of the punch."""
 
@@ -70,9 +73,19 @@ class Indenter(Checked):
     angle: float | None = number(
         0.0,
         "degrees",
-        "From x to the axis of a cylinder, or to that of the file, about z.",
-        when=("shape", "cylinder", "file"),
+        "About z, from x to the axis of a cylinder, or to that of the file, and to where what is tilted leans.",
+        when=("shape", "punch", "cylinder", "plane", "file"),
         name="indenter_angle",
+    )
+    tilt: float | None = number(
+        0.0,
+        "degrees",
+        "By which the body leans from upright, about the middle of the end of a punch, or x = y = 0 of a file at its "
+        "lowest height; its lowest point is the tip then. A plate starts where it touches the pad.",
+        minimum=-STEEPEST,
+        maximum=STEEPEST,
+        when=("shape", "punch", "plane", "file"),
+        name="indenter_tilt",
     )
     edge_radius: float | None = number(
         None,
@@ -118,34 +131,41 @@ class Indenter(Checked):
 
         if self.file is not None:
             object.__setattr__(self, "digest", hashlib.sha256(content_of(self.file)).hexdigest())
-            solid_in(self.file, self.digest)  # refuses one that holds none
+            solid_in(self.file, self.digest, self.tilt or 0.0)  # refuses one that holds none
 
     @property
     def solid(self) -> Solid:
-        """What the file holds."""
+        """What the file holds, tilted."""
         assert self.file is not None
-        return solid_in(self.file, self.digest)
+        return solid_in(self.file, self.digest, self.tilt or 0.0)
 
     def gap(self, places: np.ndarray) -> Gap:
         """Distances of places (n, 3), in mm from the tip."""
+        if not (self.angle or self.tilt):
+            return self._own_gap(places)
+        size, normal, curvature = self._own_gap(self._own(places))
+        return Gap(size, normal @ self.turn.T, self.turn @ curvature @ self.turn.T)
+
+    def _own(self, places: np.ndarray) -> np.ndarray:
+        """Places (n, 3) as seen from the body."""
+        return (places - [0.0, 0.0, self.lift]) @ self.turn
+
+    def _own_gap(self, places: np.ndarray) -> Gap:
+        """As :meth:`gap`, of the body neither turned nor tilted."""
         if self.shape == "file":
-            size, normal, curvature = self.solid.distance.at(places @ self.turn)
-            return Gap(size, normal @ self.turn.T, self.turn @ curvature @ self.turn.T)
+            return Gap(*self.solid.distance.at(places))
         if self.shape == "plane":
             down = np.broadcast_to([0.0, 0.0, -1.0], places.shape)
             return Gap(-places[:, 2], down, np.zeros((len(places), 3, 3)))
         if self.shape == "punch":
             return self._of_punch(places)
-        from_middle = places - [0.0, 0.0, self._radius]
-        free = np.eye(3)
-        if self.shape == "cylinder":
-            free = free - np.outer(self._axis, self._axis)
-            from_middle = from_middle @ free
+        free = np.diag([0.0 if self.shape == "cylinder" else 1.0, 1.0, 1.0])
+        across = places @ free
+        from_middle = across - [0.0, 0.0, self._radius]
         distance = np.maximum(np.linalg.norm(from_middle, axis=1), TINY)
         normal = from_middle / distance[:, None]
         curvature = (free - normal[:, :, None] * normal[:, None, :]) / distance[:, None, None]
         # avoids cancellation of two radii far larger than the gap
-        across = places @ free
         gap = ((across**2).sum(axis=1) - 2 * self._radius * places[:, 2]) / (distance + self._radius)
         return Gap(gap, normal, curvature)
 
@@ -185,39 +205,61 @@ class Indenter(Checked):
 
     def keeps(self, mirror: Mirror) -> bool:
         """Whether the indenter at its start is symmetric in a mirror."""
-        if self.shape in ("plane", "file"):
-            return self.shape == "plane"
-        here = np.array([*self.at, 0.0])
+        if self.shape == "file":
+            return False
+        here, up = np.array([*self.at, 0.0]), np.round(self._up, 12)
+        if not np.array_equal(mirror.image(up), up):
+            return False
+        if self.shape == "plane":
+            return True
         if self.shape == "cylinder":
-            axis = np.round(self._axis, 12)
+            axis = np.round(self.turn[:, 0], 12)
             image, across = mirror.image(axis), np.array([-axis[1], axis[0], 0.0])
             turned = not np.array_equal(image, axis) and not np.array_equal(image, -axis)
             return not turned and across @ mirror.image(here) == across @ here
         return bool(np.array_equal(mirror.image(here), here))
 
+    def highest(self, points: np.ndarray) -> int:
+        """The number of that of the points (n, 3) of a pad which determines where the body starts."""
+        return int((points @ self._up).argmax() if self.shape == "plane" else points[:, 2].argmax())
+
+    def start(self, highest: np.ndarray) -> np.ndarray:
+        """(3,) mm where the tip starts, or any point of a plate, from the point (3,) that :meth:`highest` finds."""
+        if self.shape == "plane":
+            return np.array([0.0, 0.0, highest @ self._up / self._up[2]])
+        return np.array([*self.at, highest[2]])
+
     def from_contact(self, places: np.ndarray, depth: float) -> np.ndarray:
         """(n,) mm from places (n, 3), relative to the tip, to where the pressure at a depth in mm changes most."""
+        places = self._own(places)
         if self.shape == "file":
             footprint = self.solid.distance.footprint(depth)
             level = PointTree(np.append(footprint, np.zeros((len(footprint), 1)), axis=1))
-            return level.query(places @ self.turn)[0]
+            return level.query(places)[0]
         if self.shape == "cylinder":
-            return np.linalg.norm(places - np.outer(places @ self._axis, self._axis), axis=1)
+            return np.hypot(places[:, 1], places[:, 2])
         if self.shape == "punch":
             return np.hypot(np.hypot(places[:, 0], places[:, 1]) - self._radius, places[:, 2])
         return np.linalg.norm(places, axis=1)
 
     @property
-    def _axis(self) -> np.ndarray:
-        """(3,) unit vector along a cylinder."""
-        return self.turn[:, 0]
+    def turn(self) -> np.ndarray:
+        """(3, 3) matrix that turns a body: it leans, unless its file is read so, and then turns about z."""
+        tilt = 0.0 if self.shape == "file" else self.tilt or 0.0
+        return Rotation.from_euler("ZY", [self.angle or 0.0, tilt], degrees=True).as_matrix()
 
     @property
-    def turn(self) -> np.ndarray:
-        """(3, 3) matrix that turns a body about z."""
-        angle = math.radians(self.angle or 0.0)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    def lift(self) -> float:
+        """Mm by which the lowest point of a tilted punch would be too low."""
+        if self.shape != "punch":
+            return 0.0
+        tilt = math.radians(abs(self.tilt or 0.0))
+        return (self._radius - self.edge) * math.sin(tilt) + self.edge * (1 - math.cos(tilt))
+
+    @property
+    def _up(self) -> np.ndarray:
+        """(3,) unit vector along the axis of what is not a file."""
+        return self.turn[:, 2]
 
     def contact_radius(self, depth: float) -> float:
         """Half the width in mm of the contact with a half-space at a depth in mm, by Hertz; infinite for a plane."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
@@ -50,8 +51,11 @@ def content_of(file: str) -> bytes:
 
 
 @lru_cache(maxsize=4)
-def solid_in(file: str, digest: str) -> Solid:
-    """The body in a file that holds what it held when its ``digest`` was taken; raises `InputError`."""
+def solid_in(file: str, digest: str, tilt: float) -> Solid:
+    """The body in a file that holds what it held when its ``digest`` was taken, tilted by degrees; raises `InputError`.
+
+    It turns about y, at x = 0 and the lowest height.
+    """
     content = content_of(file)
     if hashlib.sha256(content).hexdigest() != digest:
         raise InputError(f"indenter_file = {file} is not allowed: it has changed since it was opened.")
@@ -59,5 +63,6 @@ def solid_in(file: str, digest: str) -> Solid:
         vertices, triangles = repaired(*read_surface(content, Path(file).suffix.lower()))
     except GeometryError as error:
         raise InputError(f"indenter_file = {file} is not allowed: {error}.") from error
+    vertices = (vertices - [0.0, 0.0, vertices[:, 2].min()]) @ Rotation.from_euler("y", -tilt, degrees=True).as_matrix()
     vertices = vertices - [0.0, 0.0, vertices[:, 2].min()]
     return Solid(vertices, triangles, SolidDistance(vertices, triangles))

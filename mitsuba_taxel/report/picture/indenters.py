@@ -32,17 +32,23 @@ def indenter_surface(pad: Any, magnify: float = 1.0) -> tuple[np.ndarray, np.nda
         return None
     points = state.mesh.points
     vertices, triangles = _around_tip(load.indenter, float(np.ptp(points, axis=0).max()))
-    x, y = (0.0, 0.0) if load.indenter.shape == "plane" else load.indenter.at
-    vertices = vertices + [x, y, points[:, 2].max()] + magnify * state.indenter_moved
+    start = load.indenter.start(points[load.indenter.highest(points)])
+    vertices = vertices + start + magnify * state.indenter_moved
     return vertices @ pad.to_world[:3, :3].T + pad.to_world[:3, 3], triangles
 
 
 def _around_tip(body: Indenter, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Of a body, what is within ``reach`` of its tip in each direction, which is at the origin."""
+    vertices, triangles = _upright(body, reach)
+    return vertices @ body.turn.T + [0.0, 0.0, body.lift], triangles
+
+
+def _upright(body: Indenter, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """As :func:`_around_tip`, of a body neither turned nor tilted."""
     if body.shape == "plane":
-        return _prism(np.array([[-1, 0], [1, 0], [1, PLATE], [-1, PLATE]]) * reach, reach, 0.0)
+        return _prism(np.array([[-1, 0], [1, 0], [1, PLATE], [-1, PLATE]]) * reach, reach)
     if body.shape == "file":
-        low = cut_open(body.solid.vertices @ body.turn.T, body.solid.triangles, np.array([0.0, 0.0, -1.0]), -reach)
+        low = cut_open(body.solid.vertices, body.solid.triangles, np.array([0.0, 0.0, -1.0]), -reach)
         return low.vertices, low.triangles
     radius = body.radius or 0.0
     if body.shape == "punch":
@@ -59,7 +65,7 @@ def _around_tip(body: Indenter, reach: float) -> tuple[np.ndarray, np.ndarray]:
     if body.shape == "sphere":
         return _revolved(np.append(outline, [[0, outline[-1, 1]]], axis=0))
     section = np.concatenate([outline[:0:-1] * [-1, 1], outline[: -1 if furthest == math.pi else None]])
-    return _prism(section, reach, math.radians(body.angle or 0.0))
+    return _prism(section, reach)
 
 
 def _revolved(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,12 +76,9 @@ def _revolved(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(body.vertices), np.asarray(body.faces)
 
 
-def _prism(section: np.ndarray, half: float, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """A section (n, 2), counter-clockwise across and upwards, drawn out by ``half`` to both sides."""
-    along = np.array([math.cos(angle), math.sin(angle), 0.0])
-    across = np.array([-along[1], along[0], 0.0])
-    flat = section[:, :1] * across + section[:, 1:] * [0, 0, 1.0]
-    ends = [flat + half * along, flat - half * along]
+def _prism(section: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
+    """A section (n, 2), counter-clockwise along y and z, drawn out along x by ``half`` to both sides."""
+    ends = [np.insert(section, 0, end, axis=1) for end in (half, -half)]
     middles = [end.mean(axis=0, keepdims=True) for end in ends]
     count = len(section)
     here = np.arange(count)

@@ -106,9 +106,9 @@ def test_even_pressures_stay_even(block, few):
     np.testing.assert_allclose(smooth_pressure(body, even), even, atol=1e-9)
 
 
-def test_a_punch_presses_as_its_closed_form_says(half_space):
-    """A flat punch with a parabolic edge (V. L. Popov et al., Handbook of Contact Mechanics, 2019, section 2.5.7)."""
-    radius, edge, depth = 1.0, 0.2, 0.02
+def of_punch(radius, edge, depth):
+    """Force on a flat punch with a parabolic edge and radius of its contact (V. L. Popov et al., Handbook of Contact
+    Mechanics, 2019, section 2.5.7)."""
     flat = radius - edge
 
     def profile(x):  # of the equivalent one-dimensional punch
@@ -116,18 +116,42 @@ def test_a_punch_presses_as_its_closed_form_says(half_space):
 
     def force(deep):
         touching = brentq(lambda x: profile(x) - deep, flat, radius)
-        return 2 * MODULUS * (deep * touching - quad(profile, flat, touching)[0])
+        return 2 * MODULUS * (deep * touching - quad(profile, flat, touching)[0]), touching
 
     expected = force(depth)
     for _ in range(5):
-        expected = force(depth + 0.5665 * expected / (MODULUS * HEIGHT))
+        expected = force(depth + 0.5665 * expected[0] / (MODULUS * HEIGHT))
+    return expected
 
-    def size(places):
-        from_edge = np.hypot(np.hypot(places[:, 0], places[:, 1]) - radius, places[:, 2])
-        return np.where(np.linalg.norm(places, axis=1) < 2.0, 0.5 * np.maximum(0.35, from_edge), 0.7 * from_edge)
 
-    block = Pressed(half_space(size), Indenter("punch", radius=radius, edge_radius=edge))
-    assert block.to(0.5 * depth).to(depth).force == pytest.approx(expected, rel=1e-2)
+def edged(smallest, size):
+    """Sizes of elements under a punch of 1 mm: ``size`` times the distance from its edge, within 2 mm."""
+
+    def sizes(places):
+        from_edge = np.hypot(np.hypot(places[:, 0], places[:, 1]) - 1.0, places[:, 2])
+        return np.where(np.linalg.norm(places, axis=1) < 2.0, size * np.maximum(smallest, from_edge), 0.7 * from_edge)
+
+    return sizes
+
+
+def test_a_punch_presses_as_its_closed_form_says(half_space):
+    block = Pressed(half_space(edged(0.35, 0.5)), Indenter("punch", radius=1.0, edge_radius=0.2))
+    assert block.to(0.01).to(0.02).force == pytest.approx(of_punch(1.0, 0.2, 0.02)[0], rel=1e-2)
+
+
+def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
+    """To first order, the contact stays a circle, of which a tilt needs a moment of 4/3 E* a^3 (K. L. Johnson, Contact
+    Mechanics, 1985, section 3.3)."""
+    tilt = 0.05
+    body = Indenter("punch", radius=1.0, edge_radius=0.2, tilt=tilt)
+    force, contact = of_punch(1.0, 0.2, 0.02)
+    block = Pressed(half_space(edged(0.5, 0.7)), body, mirrors=(ACROSS_Y,)).to(0.01).to(0.02 + body.lift)
+    displacement = block.pad.numbering.split(block.unknowns)[0]
+    places = block.pad.part.mesh.points + displacement - [0, 0, HEIGHT - 0.02]
+    moment = 2 * np.cross(places, block.pressing.pushed)[:, 1].sum()
+    expected = 4 / 3 * MODULUS * contact**3 * np.radians(tilt)
+    assert [block.force, moment] == pytest.approx([force, expected], rel=3e-2)  # 1 % on elements of 0.7 times the size
+    assert moment / block.force == pytest.approx(expected / force, rel=3e-3)
 
 
 def test_a_plate_presses_evenly(block):

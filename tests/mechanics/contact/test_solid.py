@@ -72,19 +72,49 @@ def test_a_turned_body_is_the_body_turned(tmp_path):
     np.testing.assert_allclose(turned.size, lying.size[::-1], atol=1e-3)
 
 
-def test_a_ball_from_a_file_presses_as_a_ball(symmetric_block, ball):
+@pytest.fixture(scope="module")
+def punch(tmp_path_factory):
+    """The file of a round rod with a rounded edge."""
+    turn = np.linspace(0, np.pi / 2, 13)
+    edge = np.stack([0.7 + 0.3 * np.sin(turn), 0.3 - 0.3 * np.cos(turn)], axis=1)
+    file = tmp_path_factory.mktemp("bodies") / "punch.stl"
+    trimesh.creation.revolve(np.array([[0, 0], *edge, [1, 3], [0, 3]]), sections=128).export(file)
+    return file
+
+
+def test_a_tilted_file_is_the_file_of_a_tilted_body(tmp_path):
+    box = trimesh.creation.box((2.0, 1.0, 3.0))
+    box.apply_translation([0, 0, 1.5])
+    box.export(tmp_path / "upright.stl")
+    box.apply_transform(trimesh.transformations.rotation_matrix(np.radians(20), [0, 1, 0]))
+    box.export(tmp_path / "tilted.stl")
+    places = np.random.default_rng(3).uniform([-1.2, -1.2, -0.2], [1.2, 1.2, 0.4], (200, 3))
+    bodies = Indenter(file=tmp_path / "upright.stl", tilt=20), Indenter(file=tmp_path / "tilted.stl")
+    one, other = (body.gap(places).size for body in bodies)
+    np.testing.assert_allclose(one, other, atol=1e-4)
+
+
+def test_bodies_from_files_press_as_what_they_hold(symmetric_block, ball, punch):
     mesh, law, depth = symmetric_block((6.0, 6.0, 3.0), (3, 3, 2)), NeoHookean(), 0.3
-    forces = []
-    for body in (Indenter("sphere", radius=RADIUS), Indenter(file=ball)):
-        images = {mirror: image for mirror, image in node_images(mesh).items() if body.keeps(mirror)}
-        pad = IndentedPad(mesh, law, IndenterDisplacement(body), tuple(images), images)
-        unknowns = np.zeros(pad.unknowns)
-        for part in (0.5, 1.0):
-            solution, _ = pad.solve(unknowns, np.array([0, 0, -part * depth]))
-            unknowns = solution.unknowns
-        pressing = pad.model.indentation.pressing(pad.numbering.split(unknowns)[0], np.array([0, 0, -depth]))
-        forces.append(-pad.part.copies * pressing.force[2])
-    assert forces[1] == pytest.approx(forces[0], rel=1.5 * FLATNESS / depth)
+    leaning = {"radius": 1.0, "edge_radius": 0.3, "tilt": 20.0, "angle": 30.0}
+    for bodies in (
+        (Indenter("sphere", radius=RADIUS), Indenter(file=ball)),
+        (Indenter("punch", **leaning), Indenter(file=punch, tilt=20.0, angle=30.0)),
+    ):
+        one, other = (_force(mesh, law, body, depth) for body in bodies)
+        assert other == pytest.approx(one, rel=1.5 * FLATNESS / depth)
+
+
+def _force(mesh, law, body, depth):
+    """N, on a block."""
+    images = {mirror: image for mirror, image in node_images(mesh).items() if body.keeps(mirror)}
+    pad = IndentedPad(mesh, law, IndenterDisplacement(body), tuple(images), images)
+    unknowns = np.zeros(pad.unknowns)
+    for part in (0.5, 1.0):
+        solution, _ = pad.solve(unknowns, np.array([0, 0, -part * depth]))
+        unknowns = solution.unknowns
+    pressing = pad.model.indentation.pressing(pad.numbering.split(unknowns)[0], np.array([0, 0, -depth]))
+    return -pad.part.copies * pressing.force[2]
 
 
 def test_the_same_content_is_the_same_body(ball, tmp_path):
