@@ -130,16 +130,33 @@ def _indenters() -> Iterator[Case]:
         "a ball of 2.5 mm beside the pad": (replace(ball, at=(side + 2.0, 0.0)), (0, 0, -2.0)),
         "a ball of 2.5 mm that misses the pad": (replace(ball, at=(50.0, 0.0)), (0, 0, -0.5)),
         "a ball of 2.5 mm, moved across the edge of a cell": (replace(ball, at=(edge, 0.0)), (0.5, 0, -0.3)),
+        "a ball of 2.5 mm, moved against the side": (replace(ball, at=(side + 2.6, 0.0)), (-0.5, 0, -2.0)),
         "a ball of 0.05 mm": (Indenter("sphere", radius=0.05), (0, 0, -0.05)),
         "a ball of 500 mm": (Indenter("sphere", radius=500.0), (0, 0, -0.2)),
         "a punch of 1.5 mm": (Indenter("punch", radius=1.5), (0, 0, -0.3)),
         "a punch of 1.5 mm on the edge": (Indenter("punch", radius=1.5, at=(side, 0.0)), (0, 0, -0.3)),
+        "a punch of 1.5 mm that misses the pad": (Indenter("punch", radius=1.5, at=(50.0, 0.0)), (0, 0, -0.3)),
+        "a punch of 1.5 mm, 90 % of the height": (Indenter("punch", radius=1.5), (0, 0, -deep)),
+        "a punch of 1.5 mm, tilted by 30 degrees": (Indenter("punch", radius=1.5, tilt=30.0), (0, 0, -0.5)),
+        "a punch of 1.5 mm, tilted by 80 degrees": (Indenter("punch", radius=1.5, tilt=80.0), (0, 0, -0.5)),
         "a punch of 0.05 mm": (Indenter("punch", radius=0.05), (0, 0, -0.03)),
         "a sharp punch of 1 mm, edge of 0.001 mm": (Indenter("punch", radius=1.0, edge_radius=1e-3), (0, 0, -0.1)),
         "a rod of 1 mm, at 30 degrees": (Indenter("cylinder", radius=1.0, angle=30.0), (0, 0, -0.3)),
         "a rod of 1 mm along the edge": (Indenter("cylinder", radius=1.0, angle=90.0, at=(side, 0.0)), (0, 0, -0.3)),
+        "a rod of 1 mm, 90 % of the height": (Indenter("cylinder", radius=1.0), (0, 0, -deep)),
+        "a rod of 1 mm that misses the pad": (Indenter("cylinder", radius=1.0, at=(0.0, 50.0)), (0, 0, -0.3)),
+        "a rod of 0.05 mm": (Indenter("cylinder", radius=0.05), (0, 0, -0.05)),
         "a plate, 90 % of the height": (Indenter("plane"), (0, 0, -deep)),
+        "a plate, tilted by 10 degrees": (Indenter("plane", tilt=10.0), (0, 0, -0.5)),
+        "a plate, tilted by 80 degrees": (Indenter("plane", tilt=80.0), (0, 0, -0.5)),
     }
+    for name, body in (
+        ("a ball of 2.5 mm", ball),
+        ("a punch of 1 mm", Indenter("punch", radius=1.0)),
+        ("a rod of 1 mm", Indenter("cylinder", radius=1.0, angle=90.0)),
+        ("a plate", Indenter("plane")),
+    ):
+        bodies[f"{name}, dragged with a friction of 2"] = (replace(body, friction=2.0), (0.3, 0, -0.3))
     for name, (body, value) in bodies.items():
         yield Case(f"pressed by {name}", _CELL, load=IndenterDisplacement(body), value=value)
     for force in (1e-9, 2.0, 2000.0):

@@ -83,7 +83,7 @@ def _along_path(case: Case) -> _Outcome:
         path = path._driven  # on which the body is moved
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
-        return _Outcome(CONVERGED, _figures(case, path), state)
+        return _Outcome(CONVERGED, _figures(case, path) or _own_figures(state), state)
     except InputError as error:
         return _Outcome(f"refused: {error}", {}, None)
     except ComputationError as error:
@@ -120,18 +120,17 @@ def _in_one_step(case: Case) -> _Outcome:
         newton_iterations=solution.iterations,
         stability_checked=solution.stability_checked,
     )
-    return _Outcome(
-        CONVERGED,
-        {
-            "iterations": solution.iterations,
-            "steps": 1,
-            "cutbacks": 0,
-            "min_jacobian": solution.min_jacobian,
-            "residual": solution.residual,
-            "stability": _stability(solution.stability_checked),
-        },
-        state,
-    )
+    return _Outcome(CONVERGED, {"steps": 1, "cutbacks": 0} | _own_figures(state), state)
+
+
+def _own_figures(state: State) -> dict[str, float | str]:
+    """Figures of a state alone: that of one step, or with friction, whose steps are not kept."""
+    return {
+        "iterations": state.newton_iterations,
+        "min_jacobian": state.min_jacobian,
+        "residual": state.residual,
+        "stability": _stability(state.stability_checked),
+    }
 
 
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:

@@ -27,6 +27,8 @@ INDENTERS = {
 TINY = np.finfo(float).tiny
 STEEPEST = 80.0
 """Largest tilt in degrees."""
+DEEP = {"sphere": 0.25, "cylinder": 1.0}
+"""Largest depth, relative to the radius, for which elements are as small as its contact needs."""
 EDGE = 0.1
 """Default radius of a punch's edge, relative to that of the punch."""
 
@@ -261,6 +263,13 @@ class Indenter(Checked):
         """(3,) unit vector along the axis of what is not a file."""
         return self.turn[:, 2]
 
+    @property
+    def thickness(self) -> float:
+        """Mm, where the body is thinnest; infinite for a punch and a plate."""
+        if self.shape == "file":
+            return float(np.ptp(self.solid.vertices, axis=0).min())
+        return math.inf if self.shape in ("punch", "plane") else 2 * self._radius
+
     def contact_radius(self, depth: float) -> float:
         """Half the width in mm of the contact with a half-space at a depth in mm, by Hertz; infinite for a plane."""
         if self.shape == "plane":
@@ -268,4 +277,6 @@ class Indenter(Checked):
         if self.shape == "file":  # as of the ball that is as wide there
             distance = self.solid.distance
             return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
-        return self._radius if self.shape == "punch" else math.sqrt(self._radius * depth)
+        if self.shape == "punch":
+            return self._radius
+        return math.sqrt(self._radius * min(depth, DEEP[self.shape] * self._radius))

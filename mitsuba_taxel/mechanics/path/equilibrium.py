@@ -43,6 +43,8 @@ REFINED = 1e-9
 SLOW_REFINEMENT = 0.3
 """A factor of a nearby state is used while each refinement is less than this fraction of the one before."""
 MOST_REFINEMENTS = 20
+THIN_STEP = 0.125
+"""Largest step of an indenter, relative to its thickness: one that moves through the surface at once is not felt."""
 NATURAL_STRAIN = 0.02
 """Approximate mean strain of one step of a load path."""
 
@@ -74,9 +76,11 @@ class Rejected(Exception):
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
     """Step of a load path: change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`."""
-    if isinstance(load, PlateDisplacement | IndenterDisplacement):
-        local = 2 if isinstance(load, IndenterDisplacement) else 1  # most of the pad is strained less
-        return local * NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
+    strained = NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
+    if isinstance(load, PlateDisplacement):
+        return strained
+    if isinstance(load, IndenterDisplacement):  # most of the pad is strained less
+        return min(2 * strained, THIN_STEP * load.indenter.thickness)
     stress = NATURAL_STRAIN * material.youngs_modulus
     return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
 

@@ -249,7 +249,10 @@ class LoadSegment:
             return self.nodes[after]
         start, end = self._interval_to(after)
         guess = pad.towards(start.unknowns, hermite(start, end, s))
-        return self._node(pad, pad.solve_linearised, s, guess)[0]
+        try:
+            return self._node(pad, pad.solve_linearised, s, guess)[0]
+        except Rejected:  # cubics are far off in contact
+            return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
 
     def rate(self, s: float) -> np.ndarray:
         """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""

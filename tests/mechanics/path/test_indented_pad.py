@@ -278,3 +278,14 @@ def test_elements_are_small_where_the_body_touches():
     under = np.linalg.norm(middle - [0.8, 0.0, PAD.height], axis=1) < 0.4
     assert longest[under].max() < 0.5
     assert longest[~under].max() > 0.8
+
+
+def test_a_ball_that_is_smaller_than_a_usual_step_does_not_go_through_the_surface():
+    """By Hertz, within what the finite depth and elements of half the contact's radius make."""
+    radius, depth = 0.05, 0.005
+    load, values = IndenterDisplacement(Indenter(radius=radius)), [(0, 0, -depth), (0, 0, -radius)]
+    shallow, deep = load_path(PAD, LAW, values, load=load, mesh_size=1.25)
+    modulus = LAW.youngs_modulus / (1 - LAW.poisson_ratio**2)
+    expected = 4 / 3 * modulus * np.sqrt(radius) * depth**1.5
+    assert reactions(shallow).force[2] == pytest.approx(expected, rel=0.05)
+    assert reactions(deep).force[2] > 15 * expected
