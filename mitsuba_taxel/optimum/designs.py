@@ -112,8 +112,8 @@ class Designs:
             rows = {each: place[each] for each in (design, *shifted[design].values())}
             power = {each: self._power(study, numbers) for each, numbers in rows.items()}
             rates = self._rates(study, design, rows[design], shifted[design], power)
-            known = np.concatenate([power[design].ravel(), rates.ravel()])
-            if np.isfinite(known).all():
+            known = np.isfinite(power[design][:, :-1]).all() and np.isfinite(rates[..., :-1]).all()
+            if known:
                 self._known[design] = self._seen(design, power[design], rates, self._off(study, rows[design], rates))
             else:
                 why = [failed[number].message for numbers in rows.values() for number in numbers if number in failed]
@@ -152,14 +152,15 @@ class Designs:
         return study, {design: [number[row] for row in needed] for design, needed in wanted.items()}
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
-        """(loads, taxels)."""
+        """(loads, taxels + 1), readings, and the largest strain, NaN if unknown."""
         power = study.smooth_power if self._by else study.replicate_power.mean("replicate")
-        return power.transpose(STEP, "taxel").values[rows]
+        strain = study.largest_strain.values if self._by else np.full(study.sizes[STEP], np.nan)
+        return np.column_stack([power.transpose(STEP, "taxel").values, strain])[rows]
 
     def _rates(
         self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
     ) -> np.ndarray:
-        """(variables, loads, taxels), derivatives with respect to variables in the unit cube."""
+        """(variables, loads, taxels + 1), derivatives with respect to variables in the unit cube."""
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, one in enumerate(self._plan.variables):
             if one.name in self._by:
@@ -171,7 +172,7 @@ class Designs:
         return rates
 
     def _off(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
-        """Change of the readings (loads, taxels) by one standard deviation of each tolerance."""
+        """Change of readings and strain (loads, taxels + 1) by one standard deviation of each tolerance."""
         widths = {one.name: one.high - one.low for one in self._plan.variables}
         own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
         given = self._plan.tolerances.items()
@@ -185,7 +186,8 @@ class Designs:
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
-                lines[name] = Line(values, power[[loads.index(frozenset(row.items())) for row in rows]])
+                of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
+                lines[name] = Line(values, of_line[:, :-1], of_line[:, -1])
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
             found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
             return Seen(lines, found, self._plan.circuit)
@@ -212,8 +214,10 @@ class Designs:
 
 
 def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
-    """(loads, taxels) derivatives of readings with respect to a parameter."""
-    return study.derivative.sel(parameter=name).transpose(STEP, "taxel").values[rows]
+    """(loads, taxels + 1) derivatives of readings, and of the largest strain, with respect to a parameter."""
+    rates = study.sel(parameter=name)
+    of_power = rates.derivative.transpose(STEP, "taxel").values
+    return np.column_stack([of_power, rates.largest_strain_derivative.values])[rows]
 
 
 def _moved(design: Design, number: int, step: float) -> Design:

@@ -31,10 +31,13 @@ class Line:
         Values of the parameter that changes along it, such as a force in N.
     power : (K, T) ndarray of complex
         Readings in W.
+    strain : (K,) ndarray of complex
+        Largest strain of the silicone; NaN if unknown.
     """
 
     values: np.ndarray
     power: np.ndarray
+    strain: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +156,11 @@ def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -
     return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
 
 
+def largest_strain(seen: Seen, along: str) -> np.ndarray:
+    """Largest principal strain of the silicone at each load, mean over the most strained 1 % of its volume."""
+    return seen.lines[along].strain
+
+
 def least_wall(seen: Seen) -> np.ndarray:
     """Thicknesses between cells, around the outer ones, and above them."""
     return seen.shape["least_wall"]
@@ -207,6 +215,7 @@ KINDS: dict[str, Kind] = {
     "saturation": Kind(saturation, "1", steps=1),
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
+    "largest_strain": Kind(largest_strain, "1", steps=1),
     "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
     "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),
     "least_radius": Kind(least_radius, "mm", steps=0, lines=0),

@@ -29,6 +29,10 @@ class Derivatives:
         Readings without random numbers, in W.
     power_errors : (T,) ndarray
         One standard deviation of these, due to the same causes.
+    strain : float
+        Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
+    strain_rates : (P,) ndarray
+        Its derivatives.
     """
 
     parameters: tuple[str, ...]
@@ -37,6 +41,8 @@ class Derivatives:
     standard_errors: np.ndarray
     power: np.ndarray
     power_errors: np.ndarray
+    strain: float
+    strain_rates: np.ndarray
 
     @property
     def taxel(self) -> np.ndarray:

@@ -30,6 +30,7 @@ from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import LinearisedState
+    from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LIGHT_SHARE = 0.25
@@ -82,6 +83,12 @@ class _Linearised:
 
         return linearise(self.state)
 
+    @cached_property
+    def _strain(self) -> LargestStrain:
+        from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
+
+        return LargestStrain(self.state)
+
     def by(self, changes: list[Rates]) -> Derivatives:
         nodal = [self._nodal(change) for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
@@ -110,6 +117,8 @@ class _Linearised:
             power * np.hypot(errors, blocked),
             (power * reading)[:, 0],
             (power * np.hypot(np.array([[each.reading_error] for each in solved]), hidden * reading))[:, 0],
+            self._strain.value,
+            np.array([each.strain for each in nodal]),
         )
 
     def _equal(self, nodal: list[_Nodal], others: list) -> list[int]:
@@ -126,17 +135,22 @@ class _Linearised:
         from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
         pad, displacement = self.cells.pad, np.zeros_like(self.state.displacement)
+        velocity = np.zeros_like(displacement)
         if change.load.any():
             displacement += self._by_load(change.load)
         if not pad.is_loaded:  # only a load displaces a pad at rest
-            return _Nodal(displacement, change.pad, self._deviations_at_rest(change.load, displacement))
+            deviations = self._deviations_at_rest(change.load, displacement)
+            return _Nodal(displacement, change.pad, deviations, self._strain.rate(displacement, velocity))
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
             softer += rate * self._linear.by_material(name)
         displacement += softer
         for name, rate in change.pad.items():
-            displacement += rate * self._linear.by_shape(mesh_velocity(replace(pad.pad), self.state.mesh, name))
-        return _Nodal(displacement, change.pad, self._deviations_along(displacement, change.load, softer))
+            velocity += rate * mesh_velocity(replace(pad.pad), self.state.mesh, name)
+        if change.pad:
+            displacement += self._linear.by_shape(velocity)
+        deviations = self._deviations_along(displacement, change.load, softer)
+        return _Nodal(displacement, change.pad, deviations, self._strain.rate(displacement, velocity))
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
         """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
@@ -184,11 +198,14 @@ class _Nodal:
         Rates of the dimensions of the pad.
     deviations : (K, N, 3) ndarray or None
         Change of the first with coarser finite elements.
+    strain : float
+        Rate of the largest strain.
     """
 
     displacement: np.ndarray
     dimensions: dict[str, float]
     deviations: np.ndarray | None
+    strain: float
 
 
 class _Found(NamedTuple):

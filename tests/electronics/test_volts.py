@@ -55,9 +55,8 @@ def test_derivatives_follow_the_chain_rule(circuit):
         return np.array([1e-5 + 3e-6 * at + 1e-7 * at**2, 1.5e-5 + 1e-6 * at])
 
     slope = np.array([[3e-6 + 2e-7 * force], [1e-6]])
-    derivatives = Derivatives(
-        ("fz", "x"), ("W/N", "W"), slope * [1, 2], 0.1 * slope * [1, 2], power(force), 0 * power(force)
-    )
+    slopes, none = slope * [1, 2], 0 * power(force)
+    derivatives = Derivatives(("fz", "x"), ("W/N", "W"), slopes, 0.1 * slopes, power(force), none, 0.1, np.ones(2))
     told = shown(one, Readings(np.tile(power(force), (32, 1)), 64, 0, derivatives=derivatives))
     ends = [respond(one, power(force + sign * step)).voltage for sign in (1, -1)]
     np.testing.assert_allclose(told.derivatives.values[:, 0], (ends[0] - ends[1]) / (2 * step), rtol=1e-5)

@@ -24,7 +24,8 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
     lines = {}
     for name, values in (("normal", [0, -1, -2.5, -4]), ("side", [0, 0.5])):
         power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
-        lines[name] = Line(np.array(values, dtype=float), power + shift * rate + 1j * imaginary * rate)
+        changed = power + shift * rate + 1j * imaginary * rate
+        lines[name] = Line(np.array(values, dtype=float), changed, changed[:, 0])
     shape = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
     return Seen(lines, dict.fromkeys(SHAPE, shape), circuit)
 
@@ -49,7 +50,9 @@ def test_gradients_are_those_of_differences(kind, circuit):
 def test_values():
     """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
     power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
-    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power), "x": Line(np.array([0.0, 1.0]), power[:2] * [1, -1])}
+    strain = np.array([0.0, 0.2, 0.5])
+    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain)}
+    lines["x"] = Line(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2])
     one = Seen(lines, {}, None)
 
     def of(kind, **told):

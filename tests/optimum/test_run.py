@@ -115,6 +115,17 @@ def test_nothing_is_computed_twice(cell):
     assert again.history.best.iloc[-1] == found["history"][-1]["best"]
 
 
+def test_a_cell_no_softer_than_its_strain_allows(cell):
+    """Of small loads strains go with 1 / E: the constraint binds where E is what it says."""
+    folder, _ = cell
+    strain = float(open_study(folder / "out" / "designs").largest_strain[1])  # of E = 4
+    limit = f'[[optimise.constraints]]\nfigure = "largest_strain"\nmost = {strain * 4 / 3.5}\n'
+    (folder / "firm.toml").write_text(STUDY + limit)
+    firm = optimise(folder / "firm.toml", folder / "out")
+    assert firm.variables.best[0] == pytest.approx(3.5, rel=3e-3) and firm.figures.multiplier[2] > 0
+    assert firm.figures.figure[2].startswith("largest strain along normal <= ")
+
+
 def test_most_cells_keep_the_constraint(cell):
     """With LEDs that differ by 0.15 W, the light at rest of 90 % of all cells is what is allowed."""
     folder, found = cell

@@ -10,6 +10,7 @@ import pytest
 from mitsuba_taxel import ComputationError, InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.sensing import diffuse_cells
@@ -135,18 +136,25 @@ def by(derivatives, name):
     return derivatives.values[0, column], derivatives.standard_errors[0, column]
 
 
+def strain_rate(derivatives, name):
+    return derivatives.strain_rates[derivatives.parameters.index(name)]
+
+
 @pytest.mark.parametrize("name", STEPS)
 def test_derivatives_are_differences_of_the_whole_chain(name, found):
     step = STEPS[name]
-    ahead, behind = (deterministic_light(at(name, sign * step).load(), False).power[0] for sign in (1, -1))
+    ends = [at(name, sign * step).load() for sign in (1, -1)]
+    ahead, behind = (deterministic_light(end, False).power[0] for end in ends)
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
+    ahead, behind = (LargestStrain(DiffuseCells(end).pad.state).value for end in ends)
+    assert strain_rate(found, name) == pytest.approx((ahead - behind) / (2 * step), rel=3e-3, abs=1e-9)
 
 
 def difference_on_morphed_meshes(scene, amounts, step=2e-3):
-    """Of the reading, along a change of dimensions by some amounts."""
+    """Of the reading and the largest strain, along a change of dimensions by some amounts."""
     cells = DiffuseCells(scene.load())
     state, pad = cells.pad.state, cells.pad.pad
-    walls, readings = cells.patches(0).walls, []
+    walls, ends = cells.patches(0).walls, []
     for sign in (1, -1):
         mesh, moved = (
             replace(
@@ -159,14 +167,17 @@ def difference_on_morphed_meshes(scene, amounts, step=2e-3):
         solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), state.value)
         changed = pad.changed(**{name: pad.dimensions[name] + sign * step * by for name, by in amounts.items()})
         patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, LATTICE)
-        places = patches.rest + patches.carried(loaded.split(solution.unknowns)[0])
-        readings.append(cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading)
-    return (readings[0] - readings[1]) / (2 * step)
+        displacement, _ = loaded.split(solution.unknowns)
+        places = patches.rest + patches.carried(displacement)
+        strain = LargestStrain(replace(state, mesh=mesh, displacement=displacement)).value
+        ends.append([cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading, strain])
+    return np.subtract(*ends) / (2 * step)
 
 
 @pytest.mark.parametrize("name", ["cell_size", "height", "wall", "cell_height"])
 def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found):
-    assert by(found, name)[0] == pytest.approx(difference_on_morphed_meshes(pad_scene(), {name: 1.0}), rel=3e-3)
+    expected = difference_on_morphed_meshes(pad_scene(), {name: 1.0})
+    assert [by(found, name)[0], strain_rate(found, name)] == pytest.approx(expected, rel=3e-3)
 
 
 def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
@@ -174,9 +185,11 @@ def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
     scene = pad_scene(cell="profile", profile="0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97", wall={"scattering": "lambertian"})
     names = ["profile_r1", "profile_z1", "profile_r2", "profile_z2", "profile_r3", "profile_z3", "profile_z4"]
     amounts = dict(zip(names, (0.5, -0.1, 0.6, 1.0, 1.1, -0.7, 0.9), strict=True))
-    found = derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors=False).values[0]
+    found = derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors=False)
     expected = difference_on_morphed_meshes(scene, amounts)
-    assert found @ [*amounts.values()] == pytest.approx(expected, rel=3e-3)
+    assert [*amounts.values()] @ np.column_stack([found.values[0], found.strain_rates]) == pytest.approx(
+        expected, rel=3e-3
+    )
 
 
 def test_the_reading_is_proportional_to_the_power(found):

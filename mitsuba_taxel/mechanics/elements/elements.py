@@ -171,7 +171,7 @@ class Elements:
         """(m, q) pressure at the quadrature points of some elements, from that at the corners (C,)."""
         return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
 
-    def gradient(self, here: slice, field: np.ndarray) -> np.ndarray:
+    def gradient(self, here: slice | np.ndarray, field: np.ndarray) -> np.ndarray:
         """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of some elements."""
         gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)

@@ -232,9 +232,11 @@ def _of_derivatives(
     one = next(iter(found.values()))
     power, power_errors = np.full((2, *shape, len(one.power)), math.nan)
     values, errors = np.full((2, *shape, *one.values.shape), math.nan)
+    strain, strain_rates = np.full(shape, math.nan), np.full((*shape, len(one.parameters)), math.nan)
     for place, each in found.items():
         power[place], values[place], errors[place] = each.power, each.values, each.standard_errors
         power_errors[place] = each.power_errors
+        strain[place], strain_rates[place] = each.strain, each.strain_rates
     about = {"units": "W", "long_name": "optical power, without random numbers"}
     error = xr.DataArray(errors, dims=[*dims, "taxel", "parameter"], attrs={"long_name": "1 sigma of derivative"})
     about_error = {"units": "W", "long_name": "1 sigma of smooth_power"}
@@ -244,6 +246,8 @@ def _of_derivatives(
         "smooth_power_error": of_power.interpolate_na(curve, use_coordinate=False),
         "derivative": ([*dims, "taxel", "parameter"], values, {"long_name": "derivative of smooth_power"}),
         "derivative_error": error.interpolate_na(curve, use_coordinate=False),
+        "largest_strain": (dims, strain, {"units": "1", "long_name": "largest strain, mean over 1 % of the silicone"}),
+        "largest_strain_derivative": ([*dims, "parameter"], strain_rates, {"long_name": "derivative of strain"}),
     }
 
 

@@ -133,9 +133,10 @@ def sweep(
     ``deviation`` as in `Readings`; ``replicate_power`` in W, also over ``replicate``; ``seconds`` by ``stage``;
     ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``;
     ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` and ``smooth_power_error`` in W, the
-    readings without random numbers that they belong to. Failed readings are NaN; the attribute ``failures`` gives the
-    reasons, one per line. Other attributes are seed, points, mesh size, versions, the fixed parameters, and the seconds
-    of the pilot runs that chose points and mesh.
+    readings without random numbers that they belong to, and with them ``largest_strain`` of the silicone, the mean of
+    stretch - 1 over the most strained 1 % of its volume, and ``largest_strain_derivative``. Failed readings are NaN;
+    the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points, mesh size, versions,
+    the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
 
     Raises
     ------

@@ -273,9 +273,9 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
     if not found:
         return None
     names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
-    kept = Derivatives(names, units, **found)
+    kept = Derivatives(names, units, strain=float(found.pop("strain")), **found)
     _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)))
-    _require(kept.power.shape == kept.power_errors.shape == (taxels,))
+    _require(kept.power.shape == kept.power_errors.shape == (taxels,) and kept.strain_rates.shape == (len(names),))
     return kept
 
 

@@ -1,0 +1,63 @@
+"""The largest strain of a deformed pad, as one number that smaller elements do not change.
+
+At a glued rim and in sharp corners the strain is singular, so that its maximum grows without limit as elements shrink.
+Its mean over the most strained share of the volume is the integral of an integrable singularity, which converges (the
+superquantile, or conditional value at risk: R. T. Rockafellar and S. Uryasev, Journal of Risk 2, 2000).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.path.state import State
+
+SHARE = 0.01
+"""Share of the volume of the undeformed silicone over which the largest strains are averaged."""
+
+
+class LargestStrain:
+    """The largest principal strain, stretch - 1, of a state: its mean over the :data:`SHARE` where it is highest.
+
+    Attributes
+    ----------
+    value : float
+        The strain; 0 at rest.
+    """
+
+    def __init__(self, state: State) -> None:
+        self._elements = Elements(state.mesh, state.material)
+        every = self._elements.gradient(slice(None), state.displacement)
+        gradient = every + np.eye(3)
+        squared, axes = np.linalg.eigh(np.swapaxes(gradient, -1, -2) @ gradient)
+        strain = np.sqrt(squared[..., -1]) - 1
+        order = np.argsort(-strain, axis=None, kind="stable")
+        weight = self._elements.weight.ravel()[order]
+        self._volume = float(weight.sum())
+        left = SHARE * self._volume - (np.cumsum(weight) - weight)
+        last = int(np.count_nonzero(left > 0))
+        self._weight = np.minimum(weight, left)[:last]
+        self._element, self._point = np.unravel_index(order[:last], strain.shape)
+        self._strain, self._moved = (each[self._element, self._point] for each in (strain, every))
+        self._axis = axes[self._element, self._point, :, -1]
+        self.value = float(self._weight @ self._strain) / (SHARE * self._volume)
+
+    def rate(self, displacement: np.ndarray, velocity: np.ndarray) -> float:
+        """Its derivative while the displacement changes at a rate (N, 3) and the undeformed nodes move at a velocity
+        (N, 3).
+
+        The volume that counts changes too; the envelope theorem leaves its threshold, the last strain, out.
+        """
+        growth = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
+        total = float((self._elements.weight * growth).sum()) / self._volume
+        change, spread = (self._at_points(field) for field in (displacement, velocity))
+        along = ((np.eye(3) + self._moved) @ self._axis[:, :, None])[..., 0] / (1 + self._strain)[:, None]
+        rates = np.einsum("pi,pij,pj->p", along, change - self._moved @ spread, self._axis)
+        above = self._strain - self._strain[-1]
+        counted = self._weight @ (rates + growth[self._element, self._point] * above) / (SHARE * self._volume)
+        return float(counted - total * (self.value - self._strain[-1]))
+
+    def _at_points(self, field: np.ndarray) -> np.ndarray:
+        """(K, 3, 3) gradient of a field (N, 3) at the points that count."""
+        elements, which = np.unique(self._element, return_inverse=True)
+        return self._elements.gradient(elements, field)[which, self._point]
