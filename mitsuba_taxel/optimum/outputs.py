@@ -91,9 +91,9 @@ def gain_line(result: Optimum) -> str:
 
 
 def cost_lines(result: Optimum) -> list[str]:
-    """Cost, and remaining slope."""
+    """Remaining slope, and cost, which depends on last digits."""
     return [
-        f"{len(result.history)} designs, {result.load_steps} load steps. Slope of the objective that neither "
-        f"constraints nor bounds hold: {result.unbalanced:.1%} of it over the width of the bounds.",
-        f"Seconds: jobs {result.seconds:.0f}",
+        "Slope of the objective that neither constraints nor bounds hold: "
+        f"{result.unbalanced:.1%} of it over the width of the bounds.",
+        f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps",
     ]
