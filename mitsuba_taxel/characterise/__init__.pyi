@@ -34,6 +34,7 @@ from .measurement import (
     read_measurement as read_measurement,
 )
 from .recorded_runs import recorded_experiment as recorded_experiment
+from .resolution import resolution as resolution
 from .sensitivity import (
     sensitivity as sensitivity,
 )

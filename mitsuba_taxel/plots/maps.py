@@ -1,9 +1,9 @@
-"""Maps of readings over two places that are varied, such as those of an indenter."""
+"""Maps of readings and resolutions over two places that are varied, such as those of an indenter."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -38,25 +38,62 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     shown = study.isel({name: -1 for name in others})
     power = shown.power.transpose("taxel", plane[1], plane[0]).values
     factor, unit = prefixed(float(np.nanmax(power, initial=0.0)), "W")
-    count = min(len(power), MOST_PANELS)
-    across = math.ceil(math.sqrt(count))
-    axes = panel_axes(math.ceil(count / across), across, size=(2.6, 2.4), narrow=narrow)
+    axes = _panels(shown, plane, min(len(power), MOST_PANELS), narrow)
     limits = {"vmin": np.nanmin(power) / factor, "vmax": np.nanmax(power) / factor}
-    for ax in axes.flat[count:]:
-        ax.set_visible(False)
-    for ax, taxel, values in zip(axes.flat, study.taxel.values.tolist(), power, strict=False):
-        ax.grid(visible=False)
-        ax.set_aspect("equal")
+    for ax, taxel, values in zip(axes, study.taxel.values.tolist(), power, strict=False):
         picture = ax.pcolormesh(shown[plane[0]], shown[plane[1]], values / factor, shading="nearest", **limits)
         ax.set_title(f"taxel {taxel}", fontsize="medium")
-    labels = [" ".join(f"{name} [{study[name].attrs.get('units', '')}]".replace("[]", "").split()) for name in plane]
+    figure = axes[0].figure
+    figure.colorbar(picture, ax=axes, label=f"optical power [{unit}]")
+    count = len(axes)
+    left_out = "" if len(power) <= count else f"{len(power) - count} taxels are not shown"
+    if titles := list(filter(None, (_where(shown, others), left_out))):
+        figure.suptitle("; ".join(titles), fontsize="medium")
+    return figure
+
+
+def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
+    """One standard deviation of each unknown that :func:`resolution` found, over the parameters of :func:`plane_of`.
+
+    Each has a scale of its own, logarithmic; white is where it is not known. Of other parameters that are varied the
+    last values are taken, which the title tells.
+    """
+    from matplotlib.colors import LogNorm
+
+    plane = plane_of(found)
+    assert plane is not None
+    others = [str(dim) for dim in found.resolution.dims if dim not in (*plane, "parameter")]
+    shown = found.isel({name: -1 for name in others})
+    axes = _panels(shown, plane, found.sizes["parameter"], narrow)
+    for ax, name, unit in zip(axes, found.parameter.values.tolist(), found.unit.values.tolist(), strict=True):
+        values = shown.resolution.sel(parameter=name).transpose(plane[1], plane[0]).values
+        values, unit = (1e-3 * values, "m") if unit == "mm" else (values, unit)
+        factor, unit = prefixed(float(np.min(values, initial=np.inf, where=np.isfinite(values))), unit)
+        values = np.ma.masked_invalid(values / factor)
+        picture = ax.pcolormesh(shown[plane[0]], shown[plane[1]], values, shading="nearest", norm=LogNorm())
+        scale = ax.figure.colorbar(picture, ax=ax, label=f"1 sigma [{unit}]", shrink=0.8).ax.yaxis
+        scale.set_major_formatter("{x:g}")
+        scale.set_minor_formatter("{x:g}")
+        ax.set_title(name, fontsize="medium")
+    if where := _where(shown, others):
+        axes[0].figure.suptitle(where, fontsize="medium")
+    return axes[0].figure
+
+
+def _panels(shown: xr.Dataset, plane: tuple[str, str], count: int, narrow: bool) -> list[Any]:
+    """Axes of maps, without a grid, at the same scale in both directions."""
+    across = math.ceil(math.sqrt(count))
+    axes = panel_axes(math.ceil(count / across), across, size=(2.6, 2.4), narrow=narrow)
+    for ax in axes.flat[count:]:
+        ax.set_visible(False)
+    labels = [" ".join(f"{name} [{shown[name].attrs.get('units', '')}]".replace("[]", "").split()) for name in plane]
     for ax in axes.flat[:count]:
+        ax.grid(visible=False)
+        ax.set_aspect("equal")
         ax.set(xlabel=labels[0], ylabel=labels[1])
         ax.label_outer()
-    figure = axes[0, 0].figure
-    figure.colorbar(picture, ax=axes, label=f"optical power [{unit}]")
-    where = ", ".join(f"{name} = {as_label(shown[name].item())}" for name in others if name in shown.coords)
-    if where or len(power) > count:
-        left_out = "" if len(power) <= count else f"{len(power) - count} taxels are not shown"
-        figure.suptitle("; ".join(filter(None, (where, left_out))), fontsize="medium")
-    return figure
+    return list(axes.flat[:count])
+
+
+def _where(shown: xr.Dataset, others: list[str]) -> str:
+    return ", ".join(f"{name} = {as_label(shown[name].item())}" for name in others if name in shown.coords)

@@ -141,6 +141,8 @@ class _Linearised:
         if not pad.is_loaded:  # only a load displaces a pad at rest
             deviations = self._deviations_at_rest(change.load, displacement)
             return _Nodal(displacement, change.pad, deviations, self._strain.rate(displacement, velocity))
+        if change.place.any():
+            displacement += self._linear.by_place(change.place)
         softer = np.zeros_like(displacement)
         for name, rate in change.material.items():
             softer += rate * self._linear.by_material(name)

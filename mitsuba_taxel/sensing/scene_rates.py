@@ -36,6 +36,8 @@ COMPONENTS = {
     for index, name in enumerate(names)
 }
 """Names of load components for which a scene has no parameters of these names."""
+_PLACES = {"patch_force": ("patch_x", "patch_y"), "indenter_displacement": ("indenter_x", "indenter_y")}
+"""Names of the places of loads, by the load."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Rates:
         Of the parameter.
     load : (components,) ndarray
         Of the load's value.
+    place : (2,) ndarray
+        Of x and y of a patch or an indenter.
     material, pad : dict[str, float]
         Of the parameters of the material, and of the dimensions of the pad.
     scenes : list[tuple[float, mi.Scene]]
@@ -60,6 +64,7 @@ class Rates:
     unit: str
     value: float
     load: np.ndarray
+    place: np.ndarray
     material: dict[str, float]
     pad: dict[str, float]
     scenes: list[tuple[float, Any]]
@@ -181,12 +186,13 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
     base = parameter.at(parameter.value)
     states = [(weight, parameter.at(parameter.value + offset)) for weight, offset in stencil]
     pad = _pad(base)
-    load, material, dimensions = np.zeros(0), dict[str, float](), dict[str, float]()
+    load, place, material, dimensions = np.zeros(0), np.zeros(2), dict[str, float](), dict[str, float]()
     for weight, state in states:
         other = _pad(state)
         _refuse_what_else_changes(parameter, pad, other)
         value = weight * np.array(other.load_value)
         load = load + value if len(load) else value
+        place += weight * np.array([getattr(other, name) or 0.0 for name in _PLACES.get(other.load, ())] or [0.0, 0.0])
         _add(material, weight, _numbers(other.build_material()))
         _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
     scenes = []
@@ -202,6 +208,7 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
         parameter.unit,
         parameter.value,
         load,
+        np.where(np.abs(place) > NOISE, place, 0.0),
         {name: rate for name, rate in material.items() if abs(rate) > NOISE},
         {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
         scenes,
@@ -223,7 +230,7 @@ def _pad(state: Any) -> DeformablePad:
 
 
 def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: DeformablePad) -> None:
-    followed = {"force", "displacement", "pressure", "shore_a"}
+    followed = {"force", "displacement", "pressure", "shore_a", *_PLACES.get(pad.load, ())}
     followed |= {*parameters_of(Pad), *_numbers(pad.build_material())}
     for field in fields(pad):
         if field.name in followed or field.name == "bsdf":

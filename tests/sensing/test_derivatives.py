@@ -180,6 +180,28 @@ def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found
     assert [by(found, name)[0], strain_rate(found, name)] == pytest.approx(expected, rel=3e-3)
 
 
+PATCH = {"load": "patch_force", "patch_width": 1.0, "patch_depth": 0.8, "patch_y": 0.1}
+
+
+def test_derivatives_by_the_place_of_a_patch_are_differences():
+
+    def scene(x):
+        found = pad_scene(**PATCH, patch_x=x)
+        found.source["pad"]["force"] = [0.0, 0.05, -0.4]
+        return found
+
+    ahead, behind = (deterministic_light(scene(x).load(), False).power[0] for x in (0.31, 0.29))
+    found = derivatives(scene(0.3), "patch_x")
+    assert found.units == ("W/mm",)
+    assert found.values[0, 0] == pytest.approx((ahead - behind) / 0.02, rel=3e-3)
+
+
+def test_the_place_of_an_indenter_is_where_it_is_moved_to():
+    ball = {"load": "indenter_displacement", "indenter": "sphere", "indenter_radius": 2.5, "indenter_x": 0.4}
+    found = derivatives(pad_scene(**ball, displacement=[0.0, 0.0, -0.1], mesh_size=3.0), "indenter_x", "ux")
+    assert abs(found.values[0, 0]) > 1e-6 and found.values[0, 0] == pytest.approx(found.values[0, 1], rel=1e-9)
+
+
 def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
     """Of all of them at once, in different amounts."""
     scene = pad_scene(cell="profile", profile="0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97", wall={"scattering": "lambertian"})

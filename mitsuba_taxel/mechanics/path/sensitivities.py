@@ -22,7 +22,13 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.load_rates import load_rate
-from mitsuba_taxel.mechanics.elements.loads import IndenterForce, Load, PlateDisplacement
+from mitsuba_taxel.mechanics.elements.loads import (
+    IndenterDisplacement,
+    IndenterForce,
+    Load,
+    PatchForce,
+    PlateDisplacement,
+)
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
@@ -169,6 +175,31 @@ class LinearisedState:
             if its shape differs, or it is not finite.
         """
         return self._answer(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
+
+    def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        """(N, 3) derivative of the displacement by the place of a patch or an indenter over the undeformed pad.
+
+        Parameters
+        ----------
+        direction : Sequence[float] or ndarray
+            (2,) along x and y; a unit vector gives mm per mm. Other loads have no place: they give zeros.
+
+        Raises
+        ------
+        InputError
+            if its shape differs, or it is not finite.
+        """
+        pad, direction = self._pad, array_of("direction", direction, (2,))
+        if isinstance(pad.load, IndenterDisplacement):
+            return self.by_value([*direction, 0.0])
+        if not isinstance(pad.load, PatchForce):
+            return np.zeros_like(self.displacement)
+        velocity = np.zeros_like(self.displacement)
+        velocity[:, :2] = -direction  # of the pad below a patch that stays
+        loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
+        forces = {block: block.forces(loads) for block in self._blocks}
+        largest = max(np.abs(each).max() for each in forces.values())
+        return self._answer({block: each for block, each in forces.items() if np.abs(each).max() > NO_PART * largest})
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """The vector-Jacobian product: derivatives of a scalar L by load, material and shape, all by one back-solve.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +11,11 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise import sensitivity_table, volts_table
+from mitsuba_taxel.characterise import resolution, sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
-from mitsuba_taxel.plots.maps import plane_of, plot_map
+from mitsuba_taxel.plots.maps import plane_of, plot_map, plot_resolution
 
 if TYPE_CHECKING:
     import pandas
@@ -36,22 +37,36 @@ def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> No
 
 
 def write_summary(study: xr.Dataset, folder: Path) -> None:
-    """Write ``summary.csv`` if a force is varied."""
+    """Write ``summary.csv`` if a force is varied, and ``resolution.csv`` where :func:`draw_results` draws it."""
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
             slopes.to_csv(file, index=False)
+    if _tells_resolution(study):
+        with replacing(folder / "resolution.csv") as file:
+            resolution(study).resolution.to_dataframe().reset_index().to_csv(file, index=False)
+
+
+def _tells_resolution(study: xr.Dataset) -> bool:
+    """Whether it has derivatives and a circuit at places in x and y."""
+    return plane_of(study) is not None and "derivative" in study and circuit_of_study(study) is not None
 
 
 def draw_results(study: xr.Dataset, folder: Path) -> None:
     """Draw the readings, as ``power.png`` and ``power.svg``.
 
     Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``; where a place in x
-    and y is varied, ``map.png`` and ``map.svg``.
+    and y is varied, ``map.png`` and ``map.svg``, and, with derivatives and a circuit, ``resolution.png`` and
+    ``resolution.svg``.
     """
-    plots = {"power": plot_curves, **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {})}
+    plots: dict[str, Callable] = {
+        "power": plot_curves,
+        **({"taxels": plot_taxels} if has_taxels_to_compare(study) else {}),
+    }
     if plane_of(study):
         plots["map"] = plot_map
+    if _tells_resolution(study):
+        plots["resolution"] = lambda found: plot_resolution(resolution(found))
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)
 

@@ -156,6 +156,7 @@ def test_derivatives_are_those_of_differences():
     sideways = tangent.by_value((1, 0, 0))
     (aside,) = pressed((0.02, 0, -0.4))
     np.testing.assert_allclose(sideways, (aside.displacement - state.displacement) / 0.02, atol=0.05)
+    np.testing.assert_array_equal(tangent.by_place((1, 0)), sideways)
     softer, stiffer = (pressed((0, 0, -0.4), material=LAW.changed(youngs_modulus=e))[0] for e in (4.15, 4.17))
     assert np.abs(stiffer.displacement - softer.displacement).max() < 1e-9  # of depth alone
     assert np.abs(tangent.by_material("youngs_modulus")).max() < 1e-7

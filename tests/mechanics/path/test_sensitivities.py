@@ -124,6 +124,19 @@ def test_by_value_is_the_difference_of_full_solves(material, load, value, mesh):
     assert_near(answer.by_value(direction), expected, 1e-8)
 
 
+def test_by_place_is_the_difference_of_full_solves(mesh):
+    """Of a patch across edges of elements, which its edge does not meet: there the share of nodes is smooth."""
+    state = example(mesh, "patch", MATERIALS["Yeoh"])
+
+    def state_at(step):
+        patch = replace(state.load, centre=tuple(np.add(state.load.centre, step * np.array([0.6, -0.8]))))
+        return solved(mesh, state.material, patch, state.value, state)
+
+    assert_near(linearise(state).by_place([0.6, -0.8]), difference(state_at, 1e-4), 1e-5)
+    for kind in ("normal", "plate force"):
+        assert not linearise(example(mesh, kind, MATERIALS["Yeoh"])).by_place([1, 0]).any()
+
+
 @every_law
 def test_by_material_is_the_difference_of_full_solves(material, load, value, mesh):
     """Relative to the displacement, for a change of the parameter by itself: some parameters hardly matter."""
