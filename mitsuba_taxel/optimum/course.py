@@ -49,12 +49,14 @@ class Course:
         self.plan, self.designs, self._progress = plan, designs, progress
         self.history: list[Design] = []
         self._read: dict[Design, Read | None] = {}
+        self._descents = 0
+        self._descent_of: dict[Design, int] = {}
 
     def look(self, designs: Sequence[Design]) -> list[Read | None]:
         """Evaluate designs, all at once."""
         for design, read in zip(designs, self.designs.read(designs), strict=True):
             if design not in self._read:
-                self._read[design] = read
+                self._read[design], self._descent_of[design] = read, self._descents
                 self.history.append(design)
         if self._progress:
             failed = sum(read is None for read in self._read.values())
@@ -100,6 +102,7 @@ class Course:
         last one ended.
         """
         before = len(self.history)
+        self._descents += 1
 
         def at(x: np.ndarray) -> Judged | None:
             if len(self.history) - before >= self.plan.evaluations:
@@ -141,8 +144,8 @@ class Course:
         """The history as rows of a table."""
         plan, rows, best = self.plan, [], float("nan")
         for number, design in enumerate(self.history, start=1):
-            row: dict[str, Any] = {"design": number, **dict(zip(plan.choices, design.choice, strict=True))}
-            row |= plan.values(design)
+            row: dict[str, Any] = {"design": number, "descent": self._descent_of[design]}
+            row |= dict(zip(plan.choices, design.choice, strict=True)) | plan.values(design)
             read = self._read[design]
             judged = None if read is None else self._judge(read, read, plan.goal, plan.limits)
             if read is None or judged is None:

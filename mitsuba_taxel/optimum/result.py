@@ -34,7 +34,8 @@ class Optimum:
     slopes : DataFrame
         Derivatives of the worst components at the best design, one row per figure and variable.
     history : DataFrame
-        One row per design, in order, with the ``best`` value of the objective so far.
+        One row per design, in order, with the number of the ``descent`` that looked at it first, 0 for the initial
+        designs, and the ``best`` value of the objective so far.
     front : DataFrame
         Pareto front of the objective and another one, with parameters; empty if not requested.
     gain, gain_error, probability : float

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import centre_of
@@ -26,6 +27,11 @@ HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemis
 LEAST_HEIGHT = {"hemispheric": 1.5}
 LOWEST = 1.2
 """Least height of the roof of other cells above the board, in mm."""
+PROFILE_HEIGHT = 2.4
+"""Height in mm to which z of a profile is relative: the largest of all shapes."""
+POINTS = {"r1": (1, 0.8, 1), "z1": (0.6458, 0.5, 1), "r2": (0.7071, 0.3, 0.95), "z2": (0.6458, 0.5, 1)}
+POINTS["z3"] = POINTS["z1"]
+"""Coordinates of the points of a profile from its rim to its crown, with their bounds; they begin as the cylinder."""
 VARIABLES = {"cell_size": (2.2, 2.75), "height": (3.6, 5.5), "wall": (0.8, 1.6)}
 TABLES = ("figures", "variables")
 
@@ -46,16 +52,20 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
     ),
 }
 """By name: the taxels that are read, and the problem."""
+SHAPES = {name: (*paper.CELLS, *([PROFILE] if name == "normal" else [])) for name in PURPOSES}
+EFFORT = {("normal", "parallelepiped"): (3, 12), ("normal", PROFILE): (3, 40)}
+"""Starts, and most evaluations of each, where they are not one and :data:`EVALUATIONS`."""
+EVALUATIONS = 8
 
 _SCENE = """\
 <!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
 <scene version="3.9.0">
     <default name="fx" value="0"/> <default name="fy" value="0"/> <default name="fz" value="0"/>
-    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>
+    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>{points}
     <default name="height" value="4.55"/> <default name="wall" value="1"/>
     <integrator type="taxel_tracer"/>
     <shape type="deformable_pad">
-        <string name="cell" value="{cell}"/> <string name="read_cells" value="{cells}"/>
+        <string name="cell" value="{cell}"/>{profile} <string name="read_cells" value="{cells}"/>
         <float name="cell_size" value="$cell_size"/> <float name="cell_height" value="$cell_height"/>
         <float name="height" value="$height"/> <float name="wall" value="$wall"/>
         <vector name="force" value="$fx, $fy, $fz"/>
@@ -75,59 +85,69 @@ _STUDY = """\
 scene = "sensor.xml"
 mesh_size = {mesh_size}
 [optimise]
+starts = {starts}
 evaluations = {evaluations}
 {asked}
 [[optimise.constraints]]
 figure = "least_wall"
 least = {least_wall}
 [optimise.variables]
-cell_height = [{lowest}, 2.4]
 {variables}
 """
 
 
-def optima(store: PaperStudies, *, workers: int | None, evaluations: int = 8) -> dict[str, dict[str, xr.Dataset]]:
+def optima(store: PaperStudies, *, workers: int | None) -> dict[str, dict[str, xr.Dataset]]:
     """Results for each purpose and shape."""
     return {
-        purpose: {cell: _optimum(store, purpose, cell, workers, evaluations) for cell in paper.CELLS}
-        for purpose in PURPOSES
+        purpose: {cell: _optimum(store, purpose, cell, workers) for cell in cells} for purpose, cells in SHAPES.items()
     }
 
 
-def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None, evaluations: int) -> xr.Dataset:
+def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) -> xr.Dataset:
     name = f"optimum/{purpose}_{cell}"
 
     def compute() -> xr.Dataset:
         from mitsuba_taxel.optimum import optimise
 
         folder = store.folder / name
-        write_study(folder, purpose, cell, evaluations)
+        write_study(folder, purpose, cell)
         return _dataset(optimise(folder / "study.toml", folder / "found", workers=workers))
 
-    return store.study(
-        name, {"study": _study(purpose, cell, evaluations), "taxels": list(PURPOSES[purpose][0])}, compute
-    )
+    return store.study(name, {"study": _study(purpose, cell), "taxels": list(PURPOSES[purpose][0])}, compute)
 
 
-def _study(purpose: str, cell: str, evaluations: int) -> str:
+def _study(purpose: str, cell: str) -> str:
+    roof = {"cell_height": (LEAST_HEIGHT.get(cell, LOWEST), PROFILE_HEIGHT)}
+    if cell == PROFILE:
+        roof = {name: (low, high) for name, (_, low, high) in POINTS.items()}
+    starts, evaluations = EFFORT.get((purpose, cell), (1, EVALUATIONS))
     return _STUDY.format(
+        starts=starts,
         mesh_size=MESH_SIZE,
         evaluations=evaluations,
         asked=PURPOSES[purpose][1],
         least_wall=LEAST_WALL,
-        lowest=LEAST_HEIGHT.get(cell, LOWEST),
-        variables="\n".join(f"{name} = [{low}, {high}]" for name, (low, high) in VARIABLES.items()),
+        variables="\n".join(f"{name} = [{low}, {high}]" for name, (low, high) in (roof | VARIABLES).items()),
     )
 
 
-def write_study(folder: Path, purpose: str, cell: str, evaluations: int) -> None:
+def write_study(folder: Path, purpose: str, cell: str) -> None:
     """Write the scene and the study for a purpose and a shape."""
     make_folder(folder)
     taxels = PURPOSES[purpose][0]
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
-    scene = _SCENE.format(cell=cell, cells=cells, cell_height=HEIGHTS[cell], reflectors=reflectors)
-    for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell, evaluations))):
+    points = [f' <default name="{name}" value="{start}"/>' for name, (start, _, _) in POINTS.items()]
+    profile = ' <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
+    scene = _SCENE.format(
+        cell=cell,
+        cells=cells,
+        cell_height=HEIGHTS.get(cell, PROFILE_HEIGHT),
+        reflectors=reflectors,
+        points="".join(points) if cell == PROFILE else "",
+        profile=profile if cell == PROFILE else "",
+    )
+    for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell))):
         with replacing(folder / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
 
@@ -144,4 +164,13 @@ def _dataset(found: Any) -> xr.Dataset:
     words = json.dumps([*found.warnings, *found.notes])
     failed = int(np.sum(found.history["failed"].notna())) if "failed" in found.history else 0
     attributes |= {"designs": len(found.history), "failed": failed, "said": words}
-    return xr.Dataset(variables, attrs=attributes)
+    return xr.Dataset(variables | _descents(found), attrs=attributes)
+
+
+def _descents(found: Any) -> dict[str, tuple[str, np.ndarray]]:
+    """The number of designs of each descent, the initial ones excepted, and the best that is allowed of them."""
+    history, goal = found.history, found.figures.figure[0].split(" ", 1)[1]
+    known = history[history.descent > 0].assign(value=lambda rows: rows[goal].where(rows.allowed == True))  # noqa: E712
+    groups = known.groupby("descent").value
+    best = groups.max() if found.figures.figure[0].startswith("maximise") else groups.min()
+    return {"descent_designs": ("descent", groups.size().to_numpy()), "descent_best": ("descent", best.to_numpy())}

@@ -13,9 +13,22 @@ import xarray as xr
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.search import BALANCED
+from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 from mitsuba_taxel.reproduce import paper
-from mitsuba_taxel.reproduce.optima import HEIGHTS, LEAST_HEIGHT, LEAST_WALL, LOWEST, MESH_SIZE, NOISE, VARIABLES
+from mitsuba_taxel.reproduce.optima import (
+    EFFORT,
+    EVALUATIONS,
+    HEIGHTS,
+    LEAST_HEIGHT,
+    LEAST_WALL,
+    LOWEST,
+    MESH_SIZE,
+    NOISE,
+    POINTS,
+    PROFILE_HEIGHT,
+    VARIABLES,
+)
 from mitsuba_taxel.studies.plan.files import make_folder
 
 Optima = Mapping[str, Mapping[str, xr.Dataset]]
@@ -32,10 +45,15 @@ around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.
 cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are those of
 `pad.xml`; readings are in W for 1 W per LED.
 
+A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
+variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
+{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder.
+
 Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
 mesh. *Held by* names active bounds, and *left* is the unbalanced slope of the objective, relative to it and over the
-width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh can resolve. One descent was
-made for each shape, so a better design elsewhere within the bounds is not excluded.
+width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh can resolve. One descent of
+at most {evaluations} designs was made for each shape, so a better design elsewhere within the bounds is not excluded;
+{effort}.
 
 ![Before and after](optimum/optima.png)
 """
@@ -69,6 +87,15 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         heights=", ".join(f"{HEIGHTS[cell]:g}" for cell in paper.CELLS),
         mesh_size=MESH_SIZE,
         balanced=BALANCED,
+        r1=POINTS["r1"][1],
+        r2=POINTS["r2"][1],
+        profile_height=PROFILE_HEIGHT,
+        evaluations=EVALUATIONS,
+        effort="; ".join(
+            f"for the most sensitive {cell} to {purpose} force, {starts} descents, all but one from points of a Sobol' "
+            f"set, of at most {most} designs"
+            for (purpose, cell), (starts, most) in EFFORT.items()
+        ),
     )
     page = docs / "optimum.md"
     with replacing(page) as file:
@@ -78,23 +105,27 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
 
 def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
     scale, unit = SCALES[purpose]
-    head = ["shape", f"paper's [{unit}]", f"best [{unit}]", "better by", "cell_height", "cell_size", "height", "wall"]
-    rows = []
+    names = ("cell_height", *VARIABLES)
+    head, rows = ["shape", f"paper's [{unit}]", f"best [{unit}]", "better by", *names], []
     for cell, one in found.items():
         before, best = (scale * value for value in _goal(one))
         at = [f"{name} ({end})" for name, end in zip(_words(one, "variable"), _words(one, "at"), strict=True) if end]
+        values = _values(one)
         rows.append(
             [
                 cell,
                 f"{before:.3g}",
                 f"{best:.3g}",
                 f"{one.attrs['gain']:.0%} ± {one.attrs['gain_error']:.0%}",
-                *(f"{value:.3g}" for value in one.variables_best.values),
+                *(f"{values[name]:.3g}" if name in values else "" for name in names),
                 ", ".join(at),
                 f"{one.attrs['unbalanced']:.1%}",
             ]
         )
-    lines = [f"- {cell}: {line}" for cell, one in found.items() for line in json.loads(one.attrs["said"])]
+    lines = [
+        f"- {cell}: {line}" for cell, one in found.items() for line in (*_roof(one), *json.loads(one.attrs["said"]))
+    ]
+    lines += [f"- {cell}: {_descents(one, scale, unit)}" for cell, one in found.items() if one.sizes["descent"] > 1]
     said = "\n".join(lines) + "\n\n" if lines else ""
     table = markdown_table([*head, "held by", "left"], rows)
     return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{_best_of(purpose, found)}\n"
@@ -113,8 +144,45 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
         nonlinear = f", with a nonlinearity of {of[1]:.1%} instead of {of[0]:.1%}"
     return (
         f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
-        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}."
+        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profile_of(found)}"
     )
+
+
+def _profile_of(found: Mapping[str, xr.Dataset]) -> str:
+    """The best profile compared with the paper's shapes, before and after."""
+    if PROFILE not in found:
+        return ""
+    best = _goal(found[PROFILE])[1]
+    ends = [(cell, *_goal(one)) for cell, one in found.items() if cell != PROFILE]
+    (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
+    _, _, rounded = max((row for row in ends if row[0] != "parallelepiped"), key=lambda row: row[2])
+    return (
+        f" The best profile is {best / before:.2f} times as sensitive as the paper's {first} cells, {best / after:.2f} "
+        f"times as sensitive as the best {second} ones, and {best / rounded:.2f} times as the best round ones."
+    )
+
+
+def _values(one: xr.Dataset) -> dict[str, float]:
+    return dict(zip(_words(one, "variable"), one.variables_best.values.tolist(), strict=True))
+
+
+def _roof(one: xr.Dataset) -> list[str]:
+    """Where the points of a profile are."""
+    values = _values(one)
+    if "r1" not in values:
+        return []
+    points = [(values.get(f"r{k}", 0.0), values[f"z{k}"]) for k in (1, 2, 3)]
+    shown = ", ".join(f"({0.5 * values['cell_size'] * r:.3g}, {PROFILE_HEIGHT * z:.3g})" for r, z in points)
+    return [f"points (r, z) of the roof in mm, from the rim to the crown: {shown}"]
+
+
+def _descents(one: xr.Dataset, scale: float, unit: str) -> str:
+    """Where each of several descents ended."""
+    ends = zip(one.descent_best.values, one.descent_designs.values, strict=True)
+    shown = ", ".join(
+        f"{scale * best:.3g} ({count})" if np.isfinite(best) else f"none ({count})" for best, count in ends
+    )
+    return f"its descents ended at {shown} {unit}, by as many designs as in brackets; none: no design was allowed"
 
 
 def _goal(one: xr.Dataset) -> tuple[float, float]:

@@ -9,42 +9,57 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.optimum.plan import read_plan
-from mitsuba_taxel.reproduce import paper
-from mitsuba_taxel.reproduce.optima import PURPOSES, optima, write_study
+from mitsuba_taxel.reproduce.optima import PURPOSES, SHAPES, optima, write_study
 from mitsuba_taxel.reproduce.page import write_pages
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 
+ROOF = {"r1": 1.0, "z1": 0.7, "r2": 0.6, "z2": 0.5, "z3": 0.5}
 
-def made_up(before: float, best: float, said: list[str]) -> xr.Dataset:
+
+def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Dataset:
+    roof = ROOF if cell == "profile" else {"cell_height": 1.2}
     figures = {"before": [before, 0.02], "best": [0.9 * best, 0.03]}
     figures |= {f"{name}_finer": [value, 0.02] for name, value in (("before", before), ("best", best))}
-    variables = {"variable": ["cell_height", "cell_size", "height", "wall"], "best": [1.2, 2.5, 4.5, 0.8]}
-    variables["at"] = ["low", "", "", ""]
+    named = roof | {"cell_size": 2.5, "height": 4.5, "wall": 0.8}
+    variables = {"variable": list(named), "best": list(named.values()), "at": ["low"] + [""] * (len(named) - 1)}
     numbers = {"gain": best / before - 1, "gain_error": 0.1, "unbalanced": 0.01, "designs": 9, "failed": 1}
+    descents = 2 if cell == "profile" else 1
     return xr.Dataset(
-        {f"figures_{name}": ("figures", values) for name, values in figures.items()}
+        {"descent_best": ("descent", [best, np.nan][:descents]), "descent_designs": ("descent", [8, 3][:descents])}
+        | {f"figures_{name}": ("figures", values) for name, values in figures.items()}
         | {f"variables_{name}": ("variables", np.array(values)) for name, values in variables.items()},
         attrs={**numbers, "load_steps": 27.0, "seconds": 60.0, "said": json.dumps(said)},
     )
 
 
 def test_the_page(tmp_path):
-    shapes = [(cell, 1e-5 * (4 - number), ["so so"] * bool(number)) for number, cell in enumerate(paper.CELLS)]
-    found = {purpose: {cell: made_up(before, 6e-5, said) for cell, before, said in shapes} for purpose in PURPOSES}
+    shapes = {cell: (1e-5 * (5 - number), ["so so"] * bool(number)) for number, cell in enumerate(SHAPES["normal"])}
+    found = {
+        purpose: {cell: made_up(before, 6e-5, said, cell) for cell, (before, said) in shapes.items() if cell in cells}
+        for purpose, cells in SHAPES.items()
+    }
     (page,) = write_pages({"optimum": found}, tmp_path, "taxel reproduce")
     text = page.read_text(encoding="utf-8")
     assert page.name == "optimum.md" and (tmp_path / "optimum" / "optima.png").stat().st_size > 5000
-    assert "| cylindrical | 30 | 60 | 100% ± 10% | 1.2 | 2.5 | 4.5 | 0.8 | cell_height (low) | 1.0% |" in text
-    assert "Of the paper's four the parallelepiped one is best, with 40 µW/N; of those found" in text
-    assert "- hemispheric: so so" in text and "108 designs with 324 load steps" in text
+    assert "| cylindrical | 40 | 60 | 50% ± 10% | 1.2 | 2.5 | 4.5 | 0.8 | cell_height (low) | 1.0% |" in text
+    assert "Of the paper's four the parallelepiped one is best, with 50 µW/N; of those found" in text
+    assert "- hemispheric: so so" in text and "117 designs with 351 load steps" in text
+    assert (
+        "- profile: points (r, z) of the roof in mm, from the rim to the crown: (1.25, 1.68), (0.75, 1.2), (0, 1.2)"
+        in text
+    )
+    assert "- profile: its descents ended at 60 (8), none (3) µW/N" in text and "a *profile* is any" in text.lower()
+    assert "The best profile is 1.20 times as sensitive as the paper's parallelepiped cells, 1.00 times as" in text
     assert "{" not in text.replace("{cite}", "")
 
 
-@pytest.mark.parametrize("purpose", PURPOSES)
-def test_studies_can_be_read(purpose, tmp_path):
-    write_study(tmp_path, purpose, "hemispheric", 8)
+@pytest.mark.parametrize(
+    ("purpose", "cell", "starts"), [*((purpose, "hemispheric", 1) for purpose in PURPOSES), ("normal", "profile", 3)]
+)
+def test_studies_can_be_read(purpose, cell, starts, tmp_path):
+    write_study(tmp_path, purpose, cell)
     plan = read_plan(tmp_path / "study.toml")
-    assert plan.refusal(plan.before) is None and len(plan.begun()) == 1
+    assert plan.refusal(plan.before) is None and len(plan.begun()) == starts
 
 
 def test_nothing_is_computed_where_a_page_is_written(tmp_path):
