@@ -161,6 +161,8 @@ def _indenters() -> Iterator[Case]:
         yield Case(f"pressed by {name}", _CELL, load=IndenterDisplacement(body), value=value)
     for force in (1e-9, 2.0, 2000.0):
         yield Case(f"pressed by {force:g} N on a ball", _CELL, load=IndenterForce(ball), value=(0, 0, -force))
+    held = IndenterForce(replace(ball, friction=2.0))
+    yield Case("pressed by 2 N on a ball, dragged by 1 N with a friction of 2", _CELL, load=held, value=(1.0, 0, -2.0))
     missing = IndenterForce(replace(ball, at=(50.0, 0.0)))
     yield Case("pressed by 2 N on a ball that misses the pad", _CELL, load=missing, value=(0, 0, -2.0))
 

@@ -156,7 +156,7 @@ class DeformablePad(Specification):
             "plate_displacement": "of such a plate",
             "pressure": "of a fluid on top and outside",
             "indenter_displacement": "of a rigid body that touches the pad from above",
-            "indenter_force": "on such a body, along -z",
+            "indenter_force": "on such a body, along -z, and with friction sideways",
         },
         "Kind of load.",
     )

@@ -157,7 +157,10 @@ class IndenterDisplacement(_Loading):
 
 @dataclass(frozen=True)
 class IndenterForce(_Loading):
-    """A normal force on a rigid frictionless indenter, which neither rotates nor moves sideways; its depth follows."""
+    """A force on a rigid indenter, which does not rotate; its displacement follows.
+
+    It is guided along z but for changes of the force sideways, along which it moves as well; they need friction.
+    """
 
     indenter: Indenter
 
@@ -167,9 +170,15 @@ class IndenterForce(_Loading):
     def check(self, value: Sequence[float] | np.ndarray) -> None:
         """Refuse forces that contact cannot transmit; raises `InputError`."""
         x, y, z = value
-        if x or y or z > 0:
-            shown = ", ".join(f"{component:g}" for component in value)
-            raise InputError(f"force = ({shown}) is not allowed: without friction an indenter only pushes, along -z.")
+        shown, friction = ", ".join(f"{component:g}" for component in value), self.indenter.friction
+        if z > 0 or (not friction and (x or y)):
+            without = "" if friction else "without friction "
+            raise InputError(f"force = ({shown}) is not allowed: {without}an indenter only pushes, along -z.")
+        if math.hypot(x, y) > -friction * z:
+            raise InputError(
+                f"force = ({shown}) is not allowed: with friction = {friction:g} the indenter slips sideways beyond "
+                f"{-friction * z:g} N."
+            )
 
 
 SPREAD_FORCE = SpreadForce()

@@ -69,6 +69,8 @@ class Stretch:
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     coarsening : int
         Length of steps under friction, 1 or 2 times that of the path.
+    count : int, optional
+        Number of steps under friction of the path; by default that of its length.
     """
 
     def __init__(
@@ -81,12 +83,13 @@ class Stretch:
         scale: float,
         judges: bool,
         coarsening: int = 1,
+        count: int | None = None,
     ) -> None:
         self._pad, self._material, self._start, self._load = pad, material, start, load
         self._duration, self._scale, self._tolerance = duration, scale, coarsening**2 * TIME_TOLERANCE
         steps = float(np.linalg.norm(load[1])) / pad.step
         if isinstance(pad, IndentedPad) and pad.friction:
-            steps = 2 * math.ceil(steps) / coarsening
+            steps = (2 * math.ceil(steps) if count is None else count) / coarsening
         self._longest = 1 / max(steps, 1.0)
         self._near: Linearised | None = None
         self._judges = judges

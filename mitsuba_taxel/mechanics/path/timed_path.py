@@ -20,7 +20,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
-from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
 from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
@@ -45,7 +45,7 @@ class Reached:
 
     ``rate`` is that of the load, per s, in the row; ``velocity`` that of the unknowns in its last step, displacements
     followed by pressures; both are NaN after a jump of the load. ``traction`` (2 N, 3) in MPa is that of friction at
-    nodes of the top, then of the outside.
+    nodes of the top, then of the outside; ``moved`` (C,) is the load, or where its force has moved an indenter.
     """
 
     displacement: np.ndarray
@@ -61,6 +61,7 @@ class Reached:
     unjudged: float
     deviation: np.ndarray
     traction: np.ndarray
+    moved: np.ndarray
     min_jacobian: float
     residual: float
     iterations: int
@@ -96,6 +97,7 @@ class TimedPath:
 
     def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1) -> None:
         self._path, self._material, self._coarsening = path, material, coarsening
+        self._moving = IndenterDisplacement(path.load.indenter) if isinstance(path.load, IndenterForce) else path.load
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
@@ -116,7 +118,7 @@ class TimedPath:
         return State(
             path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
-            indenter_moved=np.array(value) if isinstance(path.load, IndenterDisplacement) else None,
+            indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None,
         )  # fmt: skip
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
@@ -152,11 +154,17 @@ class TimedPath:
 
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of the last row, from its state at the end of the row before."""
+        start_time = rows[-2][0] if len(rows) > 1 else 0.0
+        return self._moved(before, rows, np.array(rows[-1][1]), rows[-1][0] - start_time)
+
+    def _moved(
+        self, before: Reached, rows: tuple[Row, ...], value: np.ndarray, duration: float, steps: int | None = None
+    ) -> Reached:
+        """The pad after the last row, in which its load changes to ``value``; ``steps`` are those under friction."""
         began = clock.perf_counter()
-        start_time, start_value = rows[-2] if len(rows) > 1 else (0.0, (0.0,) * len(rows[-1][1]))
+        start_time, start_value = rows[-1][0] - duration, before.moved
         pad, earlier = self._pad_for(rows), self._pad_for(rows[:-1])
-        duration = rows[-1][0] - start_time
-        change = np.array(rows[-1][1]) - np.array(start_value)
+        change = value - start_value
         rate = change / duration if duration > 0 else np.full(len(change), np.nan)
         goes_on = np.allclose(rate, before.rate, rtol=1e-9, atol=0)
         relaxing = before.relaxing
@@ -171,10 +179,10 @@ class TimedPath:
         start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
         judged = self._path.judged
         if isinstance(pad, IndentedPad) and pad.friction:
-            start = replace(start, rubbed=self._rubbed(pad, before, np.array(start_value)))
+            start = replace(start, rubbed=self._rubbed(pad, before, start_value))
             judged = False
-        load = np.array(start_value), change
-        stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening)
+        load = start_value, change
+        stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening, steps)
         try:
             end, scale = stretch.run(self._touch)
         except Ended as ended:
@@ -194,6 +202,7 @@ class TimedPath:
             end.unjudged,
             pad.split(stretch.deviation(end))[0],
             self._traction(pad, end),
+            value,
             end.min_jacobian,
             end.residual,
             end.iterations,
@@ -208,9 +217,9 @@ class TimedPath:
         relaxing = Relaxing.at_rest(len(self._material.prony), *points)
         nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
         variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0
-        none = np.zeros(mesh.corner_count)
+        none, moved = np.zeros(mesh.corner_count), np.zeros(self._path.load.components)
         return Reached(
-            nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, np.zeros((0, 3)),
+            nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, np.zeros((0, 3)), moved,
             1.0, 0.0, 0, True, 0.0,
         )  # fmt: skip
 
@@ -245,16 +254,16 @@ class TimedPath:
             mirror for mirror in images if all(len(v) == 1 or np.array_equal(mirror.image(v), v) for v in values)
         )
         if mirrors not in self._pads:
-            kind = IndentedPad if isinstance(self._path.load, IndenterDisplacement) else LoadedPad
+            kind = IndentedPad if isinstance(self._moving, IndenterDisplacement) else LoadedPad
             # A shared one must not have a history.
-            self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._path.load, mirrors, images)
+            self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._moving, mirrors, images)
         return self._pads[mirrors]
 
     def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Any:
         return self._path.contact.find(pad.split(unknowns)[0])
 
     def _end(self, ended: Ended, start: float, duration: float) -> str:
-        load = self._path.load
+        load = self._moving
         value = ", ".join(f"{number:.4g}" for number in ended.value)
         shown = f"({value})" if len(ended.value) == 3 else value
         time = start + ended.share * duration
@@ -268,10 +277,11 @@ class TimedPath:
             if (key, rows[:count]) in self._clear:
                 continue
             test = test or ContactTest(self._path.mesh, obstacles)
-            found = test.find_package(self.reached(rows[:count]).displacement)
+            at = self.reached(rows[:count])
+            found = test.find_package(at.displacement)
             if found:
-                time, value = rows[count - 1]
-                raise ComputationError(self._end(Ended(np.array(value), 0.0, f"touches {found.what}"), time, 0.0))
+                time = rows[count - 1][0]
+                raise ComputationError(self._end(Ended(at.moved, 0.0, f"touches {found.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
@@ -303,7 +313,7 @@ class TimedPath:
     @cached_property
     def _longer(self) -> TimedPath:
         """The path in steps of twice the length under friction, whose error is proportional to it; else this path."""
-        return TimedPath(self._path, self._material, 2) if rubs(self._path.load) else self
+        return type(self)(self._path, self._material, 2) if rubs(self._path.load) else self
 
     def _deviations(
         self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached
@@ -328,4 +338,6 @@ class TimedPath:
 @lru_cache(maxsize=4)
 def timed_path(path: PadPath, material: Viscoelastic) -> TimedPath:
     """The shared path of a pad and material."""
-    return TimedPath(path, material)
+    from mitsuba_taxel.mechanics.path.pushed_path import PushedPath  # which is made of this
+
+    return (PushedPath if isinstance(path.load, IndenterForce) else TimedPath)(path, material)

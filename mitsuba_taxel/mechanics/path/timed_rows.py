@@ -31,7 +31,8 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
         if not rubs(load):
             return ()
         if isinstance(load, IndenterForce):
-            raise refusal("load", load, "with friction, the displacement of an indenter is needed")
+            for value in values:
+                load.check(value)
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
         return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
     if load.goes_on:

@@ -256,6 +256,26 @@ def test_friction_on_a_symmetric_part_is_that_on_the_whole():
     assert abs(wholes[1, 1]) < 1e-7
 
 
+def test_a_force_with_friction_moves_the_body_until_it_slips(fresh):
+    """As a displacement to the poses that it finds, with hysteresis."""
+    by_force = IndenterForce(Indenter("sphere", radius=2.5, friction=0.3))
+    forces = [(0, 0, -2.0), (0.3, 0, -2.0), (0.5, 0, -2.0), (0.3, 0, -2.0), (0, 0, 0)]
+    *states, free = pressed(*forces, load=by_force)
+    for state, force in zip(states, forces, strict=False):
+        np.testing.assert_allclose(reactions(state).applied_force, force, atol=4e-6)
+        assert reactions(state).imbalance < 1e-8
+    moved, _ = dragged(*(state.indenter_moved for state in states))
+    for state, other in zip(states, moved, strict=True):
+        np.testing.assert_allclose(state.displacement, other.displacement, atol=1e-9)
+    there, back = states[1].indenter_moved[0], states[3].indenter_moved[0]
+    assert 0 < 1.05 * there < back < states[2].indenter_moved[0]
+    assert np.abs(free.displacement).max() < 1e-6
+    (at_once,) = pressed((0.3, 0, -2.0), load=by_force)  # down first
+    np.testing.assert_array_equal(at_once.displacement, states[1].displacement)
+    with pytest.raises(ComputationError, match=r"the indenter slips: the load path ends at force = \(0.5"):
+        pressed((0.599, 0, -2.0), load=by_force)  # less than it would hold on a level surface
+
+
 def test_a_ball_beside_the_middle_is_dragged():
     _, forces = dragged((0, 0, -0.5), (0.2, 0, -0.5), at=(1, 0.6))
     assert forces[1, 0] > forces[0, 0] + 0.2
@@ -263,8 +283,10 @@ def test_a_ball_beside_the_middle_is_dragged():
 
 def test_what_friction_refuses():
     (state,), _ = dragged((0, 0, -0.2))
-    with pytest.raises(InputError, match="with friction, the displacement of an indenter is needed"):
-        pressed((0, 0, -1.0), load=IndenterForce(Indenter("plane", friction=0.1)))
+    with pytest.raises(InputError, match="friction = 0.1 the indenter slips sideways beyond 0.1 N"):
+        pressed((0.11, 0, -1.0), load=IndenterForce(Indenter("plane", friction=0.1)))
+    with pytest.raises(InputError, match=r"\(0, 0, 1\) is not allowed: an indenter only pushes"):
+        pressed((0, 0, 1.0), load=IndenterForce(Indenter("plane", friction=0.1)))
     with pytest.raises(InputError, match="derivatives with friction are not available"):
         linearise(state)
     with pytest.raises(InputError, match="friction = -0.1 is not allowed"):

@@ -1,0 +1,71 @@
+"""The states of a pad under forces of an indenter with friction: at poses at which it presses as asked.
+
+While the force changes along z alone, the body is guided along z; else it also moves along the sideways change of the
+force. Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
+"""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics.elements.loads import IndenterForce
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.timed_path import Reached, TimedPath
+from mitsuba_taxel.mechanics.path.timed_rows import Row
+
+FORCE_TOLERANCE = 1e-6
+"""Of the force, relative."""
+MOST_POSES = 30
+SLIPS = 0.02
+"""Stiffness sideways, relative to a guess of that along z, below which the body slips."""
+GIVES_WAY = 0.7
+"""First guess of the stiffness sideways, relative to that along z."""
+_DOWN = np.array([0.0, 0.0, -1.0])
+
+
+class PushedPath(TimedPath):
+    """As :class:`TimedPath`; values of rows are forces."""
+
+    def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+        began, force = clock.perf_counter(), np.array(rows[-1][1])
+        if not force.any():
+            return self._moved(before, rows, np.zeros(3), 0.0)
+        sideways = (force - np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3))) * [1.0, 1.0, 0.0]
+        ways = np.array([_DOWN, *([sideways / np.linalg.norm(sideways)] if sideways.any() else [])])
+        pad, free = self._pad_for(rows), self._without_friction(force)
+        stiffness = 1.5 * abs(force[2] / free[2])
+        slope = stiffness * np.diag([1.0, GIVES_WAY])[: len(ways), : len(ways)]
+        at, left, count, change = before, ways @ force, 0, -free[2:]
+        if before.moved.any():
+            left = ways @ (force - self._pressed(rows, before))
+            change = np.linalg.solve(slope, left)
+        change = np.append(change, np.zeros(len(ways) - len(change)))
+        for _ in range(MOST_POSES):
+            change = change * min(1.0, pad.step / np.linalg.norm(change)) if before.moved.any() else change
+            pose = at.moved + change @ ways
+            count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.moved) / pad.step))
+            at, last = self._moved(before, rows, pose, 0.0, count), left
+            left = ways @ (force - self._pressed(rows, at))
+            if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
+                return replace(at, seconds=before.seconds + clock.perf_counter() - began)
+            if left[-1] > 0 and (last - left)[-1] < SLIPS * stiffness * change[-1] and len(ways) > 1:
+                break
+            slope = slope + np.outer(last - left - slope @ change, change) / (change @ change)
+            change = np.linalg.solve(slope, left)
+        reached = ", ".join(f"{part:.4g}" for part in np.round(self._pressed(rows, at), 12) + 0.0)
+        raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
+
+    def _without_friction(self, force: np.ndarray) -> np.ndarray:
+        """(3,) mm, how far the body would move under the normal part of a force."""
+        path = self._path
+        load = IndenterForce(replace(path.load.indenter, friction=0.0))  # type: ignore[union-attr]
+        return pad_path(path.pad, path.material, load, path.mesh_size, judged=False)._driven_to(-force[2] * _DOWN, None)
+
+    def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+        """(3,) N, force on the pad."""
+        return -self._board_force(rows, at)
