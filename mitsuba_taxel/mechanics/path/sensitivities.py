@@ -182,7 +182,7 @@ class LinearisedState:
         Parameters
         ----------
         direction : Sequence[float] or ndarray
-            (2,) along x and y; a unit vector gives mm per mm. Other loads have no place: they give zeros.
+            (2,) along x and y; a unit vector gives mm per mm. Plates and other loads have no place: they give zeros.
 
         Raises
         ------
@@ -190,7 +190,7 @@ class LinearisedState:
             if its shape differs, or it is not finite.
         """
         pad, direction = self._pad, array_of("direction", direction, (2,))
-        if isinstance(pad.load, IndenterDisplacement):
+        if isinstance(pad.load, IndenterDisplacement) and pad.load.indenter.shape != "plane":
             return self.by_value([*direction, 0.0])
         if not isinstance(pad.load, PatchForce):
             return np.zeros_like(self.displacement)

@@ -312,3 +312,12 @@ def test_a_ball_that_is_smaller_than_a_usual_step_does_not_go_through_the_surfac
     expected = 4 / 3 * modulus * np.sqrt(radius) * depth**1.5
     assert reactions(shallow).force[2] == pytest.approx(expected, rel=0.05)
     assert reactions(deep).force[2] > 15 * expected
+
+
+def test_a_tilted_plate_presses_wherever_it_is():
+    at, elsewhere = (Indenter("plane", tilt=5.0, at=(x, 0.0)) for x in (0.0, 1.0))
+    (state,), (other,) = (pressed((0, 0, -0.2), load=IndenterDisplacement(body)) for body in (at, elsewhere))
+    np.testing.assert_array_equal(state.displacement, other.displacement)
+    held = reactions(state)
+    assert held.imbalance < 1e-8 and held.force[2] > 1 and held.moment[1] < -0.5 * held.force[2]
+    assert not linearise(state).by_place((1, 0)).any()
