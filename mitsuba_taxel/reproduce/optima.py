@@ -53,7 +53,7 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
 }
 """By name: the taxels that are read, and the problem."""
 SHAPES = {name: (*paper.CELLS, *([PROFILE] if name == "normal" else [])) for name in PURPOSES}
-EFFORT = {("normal", "parallelepiped"): (3, 12), ("normal", PROFILE): (3, 40)}
+EFFORT = {("normal", "parallelepiped"): (3, 12), ("normal", PROFILE): (3, 24)}
 """Starts, and most evaluations of each, where they are not one and :data:`EVALUATIONS`."""
 EVALUATIONS = 8
 

@@ -182,7 +182,7 @@ def _descents(one: xr.Dataset, scale: float, unit: str) -> str:
     shown = ", ".join(
         f"{scale * best:.3g} ({count})" if np.isfinite(best) else f"none ({count})" for best, count in ends
     )
-    return f"its descents ended at {shown} {unit}, by as many designs as in brackets; none: no design was allowed"
+    return f"its descents ended at {shown} {unit} (in brackets: designs; none if none was allowed)"
 
 
 def _goal(one: xr.Dataset) -> tuple[float, float]:
