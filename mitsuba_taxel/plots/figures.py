@@ -102,7 +102,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
     for form in FORMS:
         with replacing(folder / f"{name}.{form}") as file:
             figure.savefig(file, format=form)
-        figure.set_layout_engine("none")
+        figure.set_layout_engine(None)  # "none" would still draw once more to lay it out
 
 
 def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
