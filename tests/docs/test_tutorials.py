@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forked_script import run_script
 
 DOCS = Path(__file__).parents[2] / "docs"
 RUNNER = Path(__file__).with_name("run_tutorial.py")
-HELPERS = str(Path(__file__).parents[1] / "helpers")
 PAGES = [DOCS / "start.md", *sorted(page for page in (DOCS / "tutorials").glob("*.md") if page.stem != "index")]
-
-
-def run(page: Path, folder: Path, **settings: str) -> subprocess.CompletedProcess:
-    command, surroundings = [sys.executable, str(RUNNER), str(page)], os.environ | {"PYTHONPATH": HELPERS} | settings
-    return subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=300)
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +20,8 @@ def solutions(tmp_path_factory):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_tutorial(page, tmp_path, solutions):
-    done = run(page, tmp_path, MITSUBA_TAXEL_CACHE=solutions, PYTHONWARNINGS="")
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    done = run_script(RUNNER, tmp_path, page, MITSUBA_TAXEL_CACHE=solutions, PYTHONWARNINGS="")
+    assert done.returncode == 0, done.stdout[-6000:]
 
 
 def test_all_fourteen_are_there():
@@ -51,19 +43,19 @@ def test_all_fourteen_are_there():
 def test_a_tutorial_that_does_not_work_is_found(text, culprit, tmp_path):
     page = tmp_path / "page.md"
     page.write_text(text)
-    done = run(page, tmp_path)
-    assert done.returncode != 0 and culprit in done.stderr
+    done = run_script(RUNNER, tmp_path, page)
+    assert done.returncode != 0 and culprit in done.stdout
 
 
 def test_listings_may_differ_in_their_last_digits_and_in_times(tmp_path):
     page = tmp_path / "page.md"
     steps = "```sh\necho 'P  = 1.001e-03 W'; echo 'Seconds: 3.2'\n```\n"
     page.write_text(f"{steps}\n```text\nP = 1.0e-03 W\nSeconds: 1.0\n```\n")
-    assert run(page, tmp_path).returncode == 0
+    assert run_script(RUNNER, tmp_path, page).returncode == 0
 
 
 def test_shown_files_are_written(tmp_path):
     page = tmp_path / "page.md"
     shown = "```{code-block} python\n:caption: part.py\n\nX = 3\n```\n"
     page.write_text(f"{shown}\n```python\nimport part\n\nassert part.X == 3\n```\n")
-    assert run(page, tmp_path).returncode == 0 and (tmp_path / "part.py").read_text() == "X = 3\n"
+    assert run_script(RUNNER, tmp_path, page).returncode == 0 and (tmp_path / "part.py").read_text() == "X = 3\n"
