@@ -15,6 +15,8 @@ from importlib.resources import files
 import click
 import pytest
 import taxel_cli
+import trimesh
+from one_cell import one_cell
 from started_process import started
 
 PLATE = ("plate.xml", "-D", "scattering=lambertian", "-D", "hole=0")
@@ -162,6 +164,23 @@ def test_sweep_with_a_failed_scene_ends_with_exit_code_1(taxel, tmp_path):
     assert done.returncode == 1 and "1 readings" in done.stdout
     failed, advice = done.stderr.splitlines()
     assert failed.startswith("failed: law=loud: law = 'loud' is not allowed") and "--retry-failed" in advice
+
+
+def test_pads_along_a_path_in_time(taxel, tmp_path):
+    """Each step has those before it behind it, as a hold that creeps shows."""
+    prony = '<string name="prony" value="0.2 1"/>'
+    prony += '<float name="time" value="$time"/> <string name="history" value="$history"/>'
+    scene = one_cell(fz=0, time=0, history="").replace('<vector name="force"', f'{prony} <vector name="force"')
+    (tmp_path / "cell.xml").write_text(scene)
+    (tmp_path / "cycle.csv").write_text("time,fz\n0,0\n0.1,-1\n9,-1\n60,0\n")
+    done = taxel("deform", "cell.xml", "--steps", "cycle.csv", "-o", "pads", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["pads"]
+    names = [f"pad_1_step_{step}.ply" for step in range(1, 5)]
+    assert [row["file"].rpartition("/")[2] for row in rows] == names == sorted(os.listdir(tmp_path / "pads"))
+    top = [trimesh.load(tmp_path / "pads" / name).bounds[1, 2] for name in names]
+    assert top[2] < top[1] - 1e-2 and top[0] - top[3] < 0.01 * (top[0] - top[2])
+    assert [row["time_s"] for row in rows[1:]] == [0.1, 9, 60]
 
 
 def test_sweep_of_a_study_file(taxel, taxel_apart, tmp_path):
