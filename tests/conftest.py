@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from pathlib import Path
 
@@ -10,6 +11,16 @@ import pytest
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""
+
+
+@pytest.fixture(autouse=True, scope="session")
+def share_of_the_cores():
+    """Processes side by side keep to their share of the cores, as threads of Dr.Jit spin while they wait."""
+    sharing = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if sharing > 1:
+        from mitsuba_taxel.studies.run.processes import keep_to_share
+
+        keep_to_share(sharing)
 
 
 @pytest.fixture
@@ -32,16 +43,27 @@ def mechanics_error_unknown():
         yield
 
 
-@pytest.fixture
-def blank_figures(monkeypatch):
-    """Figures are written empty, where a test is about other things: painting one takes half a second."""
+@pytest.fixture(autouse=True, scope="session")
+def blank_figures():
+    """Figures are written empty, as painting one takes half a second and more; gives the function that paints."""
     from matplotlib.figure import Figure
 
     def save(figure, file, **options):
         if not hasattr(file, "write"):
             Path(file).write_bytes(b"")
 
-    monkeypatch.setattr(Figure, "savefig", save)
+    paint = Figure.savefig
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", save)
+        yield paint
+
+
+@pytest.fixture
+def painted_figures(blank_figures, monkeypatch):
+    """Figures are painted, where a test is about them."""
+    from matplotlib.figure import Figure
+
+    monkeypatch.setattr(Figure, "savefig", blank_figures)
 
 
 @pytest.fixture

@@ -153,6 +153,7 @@ def clockwork(monkeypatch):
     return lambda *methods: monkeypatch.setattr(accuracy_optics, "METHODS", methods)
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_quasi_random_points_gain_more_than_random_ones(clockwork, tmp_path):
     connections = Method("taxel_tracer", strategy="connections")
     clockwork(TRACER, PATH, STOCK, connections)
@@ -362,6 +363,7 @@ def test_a_slope_in_the_limit_keeps_the_sign_of_its_extrapolation():
     assert truth.power == pytest.approx([1.0, 0.5]) and truth.error == pytest.approx([0.01, 0.1])
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_plots_show_points_that_cannot_be_claimed(tmp_path):
     shown = line(-0.5)
     hidden = replace(shown, method="other", points=[replace(p, floor=1.0, stated=math.nan) for p in shown.points])

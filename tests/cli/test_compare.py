@@ -24,6 +24,7 @@ SCENE = """<scene version="3.9.0">
 """No pad: the plate's height stands for a force."""
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_a_study_is_ranked(taxel, tmp_path):
     (tmp_path / "scene.xml").write_text(SCENE)
     vary = {"reflectance": "0.5,1", "fz": "0.6,0.8,1"}

@@ -60,6 +60,7 @@ def test_what_is_no_part_is_refused(tmp_path, before, after, said):
     assert said in str(refused.value) and "\n" not in str(refused.value)
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_the_program(tmp_path):
     listed = run_program(tmp_path, "parts")
     assert listed.returncode == 0 and "Vishay VCNT2020" in listed.stdout

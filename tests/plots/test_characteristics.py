@@ -47,6 +47,7 @@ def few_panels(monkeypatch):
     monkeypatch.setattr(figures, "MOST_LINES", 3)
 
 
+@pytest.mark.usefixtures("painted_figures")
 @pytest.mark.parametrize("experiments", KINDS.values(), ids=KINDS.keys())
 def test_files(tmp_path, experiments):
     table = characteristics(experiments)
@@ -67,6 +68,7 @@ def test_files(tmp_path, experiments):
         assert not line or line.startswith("\\") or line.endswith(r" \\")
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_panels_beyond_the_most_are_left_out_of_the_plot_and_not_of_the_table(tmp_path):
     experiments = KINDS["panels"]
     table = characteristics(experiments)

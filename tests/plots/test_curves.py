@@ -21,6 +21,7 @@ from mitsuba_taxel.plots.curves import plot_curves
     ],
     ids=["force", "one scene", "words", "two parameters", "more panels than shown"],
 )
+@pytest.mark.usefixtures("painted_figures")
 def test_plot(tmp_path, varied, curve, taxels):
     shape = [len(values) for values in varied.values()]
     power = np.random.default_rng(0).normal(1, 0.1, (*shape, 4, taxels))
@@ -35,6 +36,7 @@ def test_plot(tmp_path, varied, curve, taxels):
         assert image.width > 600 and image.height > 300 and len(image.getcolors(1 << 20)) > 10
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
     """A cubic is drawn as what it is, from its ends alone."""
     force, taxel = np.array([-4.0, 0.0]), [1, 2]

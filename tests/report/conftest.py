@@ -34,10 +34,14 @@ def study_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def page(study_folder):
-    """The study's page."""
+def page(study_folder, blank_figures):
+    """The study's page, with its figures painted."""
+    from matplotlib.figure import Figure
+
     from mitsuba_taxel.report.page import write_report
 
     file = study_folder.parent / "report.html"
-    assert write_report(study_folder, file) == []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", blank_figures)
+        assert write_report(study_folder, file) == []
     return file

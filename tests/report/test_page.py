@@ -197,7 +197,6 @@ def test_what_a_study_says_is_not_taken_for_html():
     assert "<b>" not in table("<b>", ["<b>"], [["<b>"]])
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_without_its_scene_the_page_shows_the_pad_without_light(study_folder, tmp_path):
     moved = tmp_path / "results"
     shutil.copytree(study_folder, moved)
@@ -210,7 +209,6 @@ def test_without_its_scene_the_page_shows_the_pad_without_light(study_folder, tm
     assert "Left out: light paths" in (tmp_path / "page.html").read_text()
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_a_scene_that_was_changed_since_shows_no_light(study_folder, tmp_path):
     scene = study_folder.parent / "one & two.xml"
     before = scene.read_text()
@@ -222,7 +220,6 @@ def test_a_scene_that_was_changed_since_shows_no_light(study_folder, tmp_path):
     assert left_out.endswith("has been changed since.")
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_what_is_not_drawn_is_said(study_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(panels, "MOST_STEPS", 2)
     monkeypatch.setattr(study_page, "MOST_PANELS", 1)
@@ -232,7 +229,6 @@ def test_what_is_not_drawn_is_said(study_folder, tmp_path, monkeypatch):
     assert [step["words"] for step in panel["steps"]] == ["fz = 0 N", "fz = -1 N"]
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_long_tables_are_cut(study_folder, monkeypatch):
     study = open_study(study_folder)
     monkeypatch.setattr(sections, "MOST_ROWS", 3)
@@ -242,7 +238,6 @@ def test_long_tables_are_cut(study_folder, monkeypatch):
         assert all(one.split("</table>")[0].count("<tr>") <= 4 for one in tables)
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_pads_that_failed_take_no_place(study_folder, tmp_path, monkeypatch):
     monkeypatch.setattr(study_page, "MOST_PANELS", 1)
     study = open_study(study_folder)
@@ -252,7 +247,6 @@ def test_pads_that_failed_take_no_place(study_folder, tmp_path, monkeypatch):
     assert [panel["name"] for panel in solids(tmp_path / "page.html")] == ["cell = cylindrical"]
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_no_displacement_is_stated_between_different_pads(study_folder, tmp_path):
     from mitsuba_taxel import sweep
 
@@ -268,7 +262,6 @@ def test_no_displacement_is_stated_between_different_pads(study_folder, tmp_path
     assert [step["largest"] for step in panel["steps"]] == ["0", None] and panel["most"] == 0
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_a_step_without_light_paths_says_why(study_folder, tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise InputError("no light today.")
@@ -298,7 +291,6 @@ def test_meshes_beside_the_pad_fit_into_16_bits(tmp_path, llvm_mono):
     )
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_a_study_without_a_pad_has_no_viewer(tmp_path):
     from mitsuba_taxel import sweep
 

@@ -32,6 +32,7 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
     )
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_the_page(tmp_path):
     shapes = {cell: (1e-5 * (5 - number), ["so so"] * bool(number)) for number, cell in enumerate(SHAPES["normal"])}
     found = {

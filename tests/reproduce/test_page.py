@@ -116,6 +116,7 @@ def holds(cell: str, expected: float) -> bool:
     return difference < 4 * float(error) * 10 ** int(power) + 1e-12 and difference < 0.1 * abs(expected)
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_the_whole_page(found, tmp_path):
     page = write_page(found, tmp_path, "taxel reproduce -o DIR --docs docs").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\((paper/\w+\.png)\)", page)
@@ -138,7 +139,6 @@ def test_the_whole_page(found, tmp_path):
     assert "parallelepiped, along x: fx=9: gone" in page
 
 
-@pytest.mark.usefixtures("blank_figures")
 def test_only_parts_that_are_there_are_shown(found, tmp_path):
     page = write_page({"nominal": found["nominal"]}, tmp_path, "").read_text(encoding="utf-8")
     assert "Table 1" in page and "Fig. 4" not in page and "unstated" not in page

@@ -179,6 +179,7 @@ def picture_of(html: str) -> tuple[str, bytes]:
     return kind, base64.b64decode(content)
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_study():
     html = show(a_study())._repr_html_()
     kind, picture = picture_of(html)
@@ -197,6 +198,7 @@ def test_study_of_several_scenes_with_failures():
     assert words.count("it broke") == 10 and "failed: 4 more" in words
 
 
+@pytest.mark.usefixtures("painted_figures")
 def test_large_study_is_no_svg():
     kind, picture = picture_of(show(a_study(np.linspace(0, -2, 3000)))._repr_html_())
     assert kind == "png" and picture.startswith(b"\x89PNG")

@@ -11,6 +11,7 @@ from mitsuba_taxel.sensing import RayPaths, sample_paths
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 
+@pytest.mark.usefixtures("painted_figures")
 @pytest.mark.parametrize("suffix, start", [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_picture_by_suffix(llvm_mono, tmp_path, suffix, start):
     live = Scene.from_file("plate.xml").load()
