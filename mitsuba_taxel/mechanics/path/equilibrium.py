@@ -209,7 +209,7 @@ class LoadedPad:
         linearised = found.linearised
         largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
         if linearised is None or found.distance > NEAR * largest:
-            linearised = self._linearised(self._entries(found, value), found.unknowns, value)
+            linearised = self._linearised(self._entries(found, value), found.unknowns, value, linearised)
         return self._accepted(found, self._is_stable(linearised)), linearised
 
     def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:

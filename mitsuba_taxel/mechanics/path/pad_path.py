@@ -47,6 +47,8 @@ LEAST_RATIO = 1.2
 MOST_ELEMENTS_COMPARED = 250_000
 """A finer second mesh of more is not tried."""
 
+LONGER_PRESSED = 2.0
+"""Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
 SECOND_MESH = "a second mesh"
 LOCK = threading.RLock()
 
@@ -378,7 +380,10 @@ class PadPath:
     def _segment(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
         index = (*origin, *direction)
         if index not in self._segments:
-            segment = self._segments[index] = LoadSegment(origin, direction, self._step, self.judged)
+            step = self._step
+            if not (self.judged or direction[:-1].any() or self._pad_for(origin, direction).solves_between):
+                step *= LONGER_PRESSED
+            segment = self._segments[index] = LoadSegment(origin, direction, step, self.judged)
             self._take_stored(segment)
         return self._segments[index]
 

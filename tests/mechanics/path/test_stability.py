@@ -12,8 +12,8 @@ from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, PlateForce, P
 from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, natural_step
+from mitsuba_taxel.mechanics.path.pad_path import LONGER_PRESSED, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
 
@@ -138,7 +138,8 @@ def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
 def test_a_path_may_be_judged_on_larger_elements(fresh, monkeypatch):
     """The same states at less cost, compared with those of the judge; and judged itself where the judge's path ends."""
     pad = Pad("hemispheric", rows=1, columns=1)
-    asked = {"values": [(0, 0, -1.0)], "mesh_size": 1.25}
+    node = LONGER_PRESSED * natural_step(pad.mesh(1.25), LAW, SpreadForce())  # of all paths, whatever their steps
+    asked = {"values": [(0, 0, -node)], "mesh_size": 1.25}
     (by_itself,), (by_larger,) = load_path(pad, LAW, **asked), load_path(pad, LAW, judged_on=2.5, **asked)
     np.testing.assert_allclose(by_larger.displacement, by_itself.displacement, rtol=0, atol=1e-8)
     assert astuple(by_larger.error) == pytest.approx(astuple(by_itself.error), rel=1e-4)  # 2.5 mm is twice 1.25 mm
