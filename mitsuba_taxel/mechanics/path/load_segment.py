@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Reje
 
 INTERPOLATION_TOLERANCE = 1e-5
 """Root mean square error of interpolated displacements, relative to the largest displacement there. The largest error
-is beside singular edges, larger on smaller elements, and moves no wall."""
+is that of few nodes beside singular edges, and is larger on smaller elements."""
 TICKS = 64
 """Smallest fraction of a whole step."""
 CONTACT_RESOLUTION = 1e-3
