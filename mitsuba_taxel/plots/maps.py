@@ -68,6 +68,9 @@ def plot_resolution(found: xr.Dataset, narrow: bool = False) -> Figure:
     for ax, name, unit in zip(axes, found.parameter.values.tolist(), found.unit.values.tolist(), strict=True):
         values = shown.resolution.sel(parameter=name).transpose(plane[1], plane[0]).values
         values, unit = (1e-3 * values, "m") if unit == "mm" else (values, unit)
+        if not np.isfinite(values).any():
+            ax.set_title(f"{name}: not told by the readings", fontsize="medium")
+            continue
         factor, unit = prefixed(float(np.min(values, initial=np.inf, where=np.isfinite(values))), unit)
         values = np.ma.masked_invalid(values / factor)
         picture = ax.pcolormesh(shown[plane[0]], shown[plane[1]], values, shading="nearest", norm=LogNorm())

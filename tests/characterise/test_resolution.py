@@ -9,6 +9,7 @@ import xarray as xr
 from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.characterise import resolution
 from mitsuba_taxel.electronics import respond, total_noise
+from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import plot_resolution
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
@@ -79,3 +80,10 @@ def test_its_map():
     drawn = np.asarray(panels[1].collections[0].get_array()).reshape(3, 2)
     np.testing.assert_allclose(drawn, 1e3 * found.resolution[..., 1].T)
     assert [ax.get_ylabel() for ax in figure.axes][2:] == ["1 sigma [mN]", "1 sigma [µm]"]
+
+
+def test_a_map_of_what_readings_do_not_tell(tmp_path, painted_figures):
+    """One taxel for two unknowns, as where a small sensor is read."""
+    figure = plot_resolution(resolution(study([[3, 4]]), noise=0.1))
+    save_figure(figure, tmp_path, "resolution")
+    assert [ax.get_title() for ax in figure.axes] == [f"{name}: not told by the readings" for name in ("fz", "patch_x")]
