@@ -14,6 +14,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.run.dataset import stage_totals
+from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
 
 class MissingStudy(LookupError):
@@ -72,7 +73,7 @@ class PaperStudies:
             add_seconds(self.seconds, stage_totals(study))
         make_folder(file.parent)
         with replacing(file) as temporary:
-            study.to_netcdf(temporary, engine="scipy")
+            write_netcdf(study, temporary)
         return study
 
 

@@ -16,6 +16,7 @@ from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import plane_of, plot_map, plot_resolution
+from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
 if TYPE_CHECKING:
     import pandas
@@ -28,7 +29,7 @@ def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> No
     """
     table = _readings(study)
     with replacing(folder / "readings.nc") as file:
-        study.to_netcdf(file, engine="scipy")
+        write_netcdf(study, file)
     with replacing(folder / "readings.csv") as file:
         file.write_text("\n".join(_head(study)) + "\n" + table.to_csv(index=False), encoding="utf-8")
     if parquet:
