@@ -41,8 +41,8 @@ def pad_scene(wall=None, led=None, sensor=None, board=None, **pad):
     return Scene(scene | ({} if board is None else {"board": board}))
 
 
-def derivatives(scene, *names):
-    return derivatives_by([rates(scene, name) for name in names], scene.load())
+def derivatives(scene, *names, with_errors=False):
+    return derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors)
 
 
 @pytest.mark.parametrize("cell", ["hemispheric", "spherical", "cylindrical", "parallelepiped"])
@@ -128,7 +128,8 @@ def at(name, change, **pad):
 @pytest.fixture(scope="module")
 def found():
     scene = pad_scene()
-    return derivatives(scene, *STEPS, "annular_led.power", "cell_size", "height", "wall", "cell_height")
+    names = (*STEPS, "annular_led.power", "cell_size", "height", "wall", "cell_height")
+    return derivatives(scene, *names, with_errors=True)
 
 
 def by(derivatives, name):
@@ -207,7 +208,7 @@ def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
     scene = pad_scene(cell="profile", profile="0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97", wall={"scattering": "lambertian"})
     names = ["profile_r1", "profile_z1", "profile_r2", "profile_z2", "profile_r3", "profile_z3", "profile_z4"]
     amounts = dict(zip(names, (0.5, -0.1, 0.6, 1.0, 1.1, -0.7, 0.9), strict=True))
-    found = derivatives_by([rates(scene, name) for name in names], scene.load(), with_errors=False)
+    found = derivatives(scene, *names)
     expected = difference_on_morphed_meshes(scene, amounts)
     assert [*amounts.values()] @ np.column_stack([found.values[0], found.strain_rates]) == pytest.approx(
         expected, rel=3e-3
