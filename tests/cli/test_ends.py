@@ -70,7 +70,7 @@ def test_what_was_started_to_outlast_its_terminal_does(program, tmp_path):
     assert run.returncode == 128 + signal.SIGTERM
 
 
-def test_a_killed_run_leaves_no_temporary_files_for_ever(program, tmp_path):
+def test_a_killed_run_leaves_no_temporary_files_for_ever(taxel, tmp_path):
     """One that is killed while it draws, and the same command once more."""
     code = (
         "import os, signal, sys, matplotlib.figure as f\n"
@@ -80,8 +80,7 @@ def test_a_killed_run_leaves_no_temporary_files_for_ever(program, tmp_path):
     words = ["sweep", "plate.xml", "--vary", "z=0.6,0.7", "--points", "16", "-o", "out"]
     killed = subprocess.run([sys.executable, "-c", code, *words], cwd=tmp_path, capture_output=True)
     assert killed.returncode == -signal.SIGKILL and list(tmp_path.glob("out/.taxel-*.png"))
-    done = subprocess.run([program, *words], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0 and not list(tmp_path.glob("out/.taxel-*"))
+    assert taxel(*words).returncode == 0 and not list(tmp_path.glob("out/.taxel-*"))
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from edited_pad import TWO_CELLS, edited
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.kernels.guide import guide_for
@@ -184,14 +185,14 @@ def test_face_to_face(llvm_mono, agree, reflectance):
 @pytest.mark.parametrize(
     "scattering, fz, others",
     [
-        ("lambertian", -10, ("connections", *WITH_MIRRORS)),
-        ("isotropic", -10, ("connections", *FROM_LED)),
+        ("lambertian", -2.5, ("connections", *WITH_MIRRORS)),
+        ("isotropic", -2.5, ("connections", *FROM_LED)),
     ],
 )
-def test_hemispheric_pad(llvm_mono, agree, scattering, fz, others):
+def test_hemispheric_pad(llvm_mono, agree, tmp_path, scattering, fz, others):
     """Paths guided between the triangles of a dome, and paths that know of no guide."""
     values = {"cell": "hemispheric", "scattering": scattering, "law": "lambertian", "fz": fz}
-    live = Scene.from_file("pad.xml", **values).load()
+    live = Scene.from_file(edited(tmp_path, "two.xml", *TWO_CELLS), **values).load()
     assert guide_for(live, taxels_of(live)[0]) is not None
     shapes = dict(zip("abc", live.shapes(), strict=True))
     points = {"all": 256, "connections": 256, "taxel_path": 512, "path": 128}
