@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import tomli_w
 
 from mitsuba_taxel import InputError
+from mitsuba_taxel.studies.plan.batch import batch_from, read_study
 from mitsuba_taxel.tolerances.plan import read_plan
 
 HEAD = 'scene = "plate.xml"\npoints = 64\n'
@@ -36,6 +38,15 @@ def test_samples_lie_one_in_each_stratum(plan, sampling):
     assert np.array_equal(np.sort(np.floor(32 * share)), np.tile(np.arange(32.0), (2, 1)))
     assert one.batch.axes[-1].values == {"z": ["0.7"], "spacing": ["0.89"]} and one.force == "" and batch.bare
     np.testing.assert_allclose(one.standardised[:, 0], (values["z"] - 0.7) / 0.01)
+
+
+@pytest.mark.parametrize("points", [0, 64])
+def test_samples_are_a_study_of_their_own(plan, tmp_path, points):
+    """Also those that are read without random numbers."""
+    samples = plan(f"{HEAD}[tolerance]\nsamples = 8\n{LAWS}").samples(points, None)
+    (tmp_path / "again.toml").write_text(tomli_w.dumps(samples.as_toml()))
+    again = batch_from(read_study(tmp_path / "again.toml"), 0, tmp_path)
+    assert again.axes == samples.axes and again.points == (points or None)
 
 
 def test_the_seed_decides(plan):

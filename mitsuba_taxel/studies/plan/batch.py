@@ -56,7 +56,8 @@ class Batch:
     axes : tuple[Axis, ...]
         Dimensions, at least one.
     target_error, points, time_budget, mesh_size, seed : float or None and int or None and int
-        As for ``sweep``; common to all scenes.
+        As for ``sweep``; common to all scenes. With 0 points, which no file states, light is computed without random
+        numbers.
     maps : bool
         Whether irradiance maps are stored as well.
     derivatives : tuple[str, ...]
@@ -102,13 +103,13 @@ class Batch:
         together = {
             name: words for axis in self.axes if axis.dim not in axis.values for name, words in axis.values.items()
         }
-        chosen = {name: getattr(self, name) for name in CHOSEN}
+        chosen = {name: getattr(self, name) for name in CHOSEN}  # points = 0: a study finds out that it needs none
         circuit = self.circuit.as_table() if self.circuit else {}
         tables = {"circuit": circuit, "define": self.defines, "vary": vary, "together": together}
         return {
             "scene": self.file.name if self.file.parent == shipped_scenes() else str(self.file),
             "seed": self.seed,
-            **{name: value for name, value in chosen.items() if value is not None},
+            **{name: value for name, value in chosen.items() if value},
             **({"maps": True} if self.maps else {}),
             **({"meshes": self.meshes} if self.meshes != "all" else {}),
             **({"derivatives": list(self.derivatives)} if self.derivatives else {}),
