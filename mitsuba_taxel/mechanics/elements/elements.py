@@ -77,12 +77,23 @@ class Elements:
         self.material = material
         order = np.argsort(mesh.tets, axis=1)
         self.nodes, self.corners = np.take_along_axis(mesh.tets, order, axis=1), mesh.tets[:, :4]
-        reference = shape_gradients(QUADRATURE_POINTS)
-        jacobian = np.einsum("qai,maj->mqji", reference, mesh.points[mesh.tets])
-        self.weight = np.linalg.det(jacobian) * QUADRATURE_WEIGHTS
-        gradients = np.einsum("qai,mqij->mqaj", reference, np.linalg.inv(jacobian))
-        self.gradients = np.take_along_axis(gradients, order[:, None, :, None], axis=2)
-        self._by_node = np.swapaxes(self.gradients, 1, 2).reshape(len(order), 10, -1)
+        reference, count = shape_gradients(QUADRATURE_POINTS), len(order)
+        self.weight = np.empty((count, len(reference)))
+        self.gradients = np.empty((count, *reference.shape))
+
+        def fill(start: int) -> None:
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            x = mesh.points[mesh.tets[here]]
+            along = np.moveaxis(np.tensordot(x, reference, (1, 1)), 1, -1)
+            cofactor = cofactors(along)
+            determinant = (along[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
+            self.weight[here] = determinant * QUADRATURE_WEIGHTS
+            inverse = np.moveaxis(cofactor / determinant[..., None, None], 0, 2).reshape(len(reference), 3, -1)
+            gradients = (reference @ inverse).reshape(len(reference), 10, len(x), 3)
+            self.gradients[here] = np.take_along_axis(np.moveaxis(gradients, 2, 0), order[here, None, :, None], axis=2)
+
+        in_turns(fill, count)
+        self._by_node = np.swapaxes(self.gradients, 1, 2).reshape(count, 10, -1)
 
     def evaluate(
         self, displacement: np.ndarray, pressure: np.ndarray, with_matrices: bool, past: Past | None = None
