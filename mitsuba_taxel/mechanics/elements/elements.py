@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -71,6 +72,11 @@ class Elements:
         Volume of each quadrature point in mm³.
     gradients : (m, q, 10, 3) ndarray
         Of the shape functions of ``nodes``, 1/mm.
+
+    Raises
+    ------
+    ComputationError
+        if an element is flat.
     """
 
     def __init__(self, mesh: VolumeMesh, material: Material) -> None:
@@ -87,6 +93,8 @@ class Elements:
             along = np.moveaxis(np.tensordot(x, reference, (1, 1)), 1, -1)
             cofactor = cofactors(along)
             determinant = (along[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
+            if not determinant.all():
+                raise ComputationError("a finite element of the pad at rest is flat: another mesh_size is needed.")
             self.weight[here] = determinant * QUADRATURE_WEIGHTS
             inverse = np.moveaxis(cofactor / determinant[..., None, None], 0, 2).reshape(len(reference), 3, -1)
             gradients = (reference @ inverse).reshape(len(reference), 10, len(x), 3)
