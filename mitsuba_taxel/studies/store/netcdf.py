@@ -9,6 +9,14 @@ from xarray.backends import ScipyDataStore
 
 
 def write_netcdf(study: xr.Dataset, file: Path) -> None:
-    """Write what ``study.to_netcdf`` writes, which imports all of Dask's scheduler where that is installed."""
+    """Write a study to a NetCDF 3 file, byte for byte as ``study.to_netcdf`` does.
+
+    That method imports all of Dask's scheduler where it is installed, which takes most of a second.
+
+    Raises
+    ------
+    OSError
+        if the file cannot be written.
+    """
     with ScipyDataStore(str(file), mode="w", lock=False) as store:
         study.dump_to_store(store)
