@@ -44,3 +44,16 @@ def control_points(nodes: np.ndarray) -> np.ndarray:
     i, j = np.array(edges).T
     corners = nodes.shape[1] - len(edges)
     return np.concatenate([nodes[:, :corners], 2 * nodes[:, corners:] - (nodes[:, i] + nodes[:, j]) / 2], axis=1)
+
+
+def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corners (M, 3) of boxes around the control points of triangles (M, 6) or tetrahedra (M, 10)
+    of ``nodes``, which are not all in memory at once."""
+    edges = FACE_EDGES if nodes.shape[1] == 6 else TET_EDGES
+    corners = [points[nodes[:, k]] for k in range(nodes.shape[1] - len(edges))]
+    low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
+    for k, (i, j) in enumerate(edges, start=len(corners)):
+        control = 2 * points[nodes[:, k]] - (corners[i] + corners[j]) / 2
+        np.minimum(low, control, out=low)
+        np.maximum(high, control, out=high)
+    return low, high

@@ -11,8 +11,15 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.box_tree import BoxTree
 from mitsuba_taxel.geometry.point_tree import PointTree
-from mitsuba_taxel.geometry.quadratic_shapes import control_points, shape_functions, shape_gradients, tet_coordinates
+from mitsuba_taxel.geometry.quadratic_shapes import (
+    control_points,
+    hull_boxes,
+    shape_functions,
+    shape_gradients,
+    tet_coordinates,
+)
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, VolumeMesh
 
 SLACK = 1e-9
@@ -24,8 +31,6 @@ ROUNDING = 1e-14
 """Tolerance of Newton's method, relative to the largest coordinate."""
 MOST_ITERATIONS = 30
 POINTS_AT_ONCE = 16384
-FIRST_NEIGHBOURS = 16
-"""Elements examined around each point; four times as many, repeatedly, while others could contain it."""
 
 _SIDES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
 
@@ -110,17 +115,12 @@ class PointLocator:
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self.mesh = mesh
-        hull = control_points(mesh.points[mesh.tets])
-        self._low, self._high = hull.min(axis=1), hull.max(axis=1)
         self._size = float(np.abs(mesh.points).max())
-        corner = mesh.points[mesh.tets[:, :4]]
-        self._centroid = corner.mean(axis=1)
-        self._to_straight = np.linalg.inv(np.swapaxes(corner[:, 1:] - corner[:, :1], 1, 2))
-        self._radius = np.linalg.norm(hull - self._centroid[:, None], axis=2).max()
-        straight = tet_coordinates((hull - corner[:, :1]) @ np.swapaxes(self._to_straight, 1, 2))
-        self._least, self._most = straight.min(axis=1) - ROOM, straight.max(axis=1) + ROOM
-        self._tree = PointTree(self._centroid)
-        self._boundary = _Boundary(mesh)
+        self._boxes = _Boxes(mesh.points, mesh.tets)
+
+    @cached_property
+    def _boundary(self) -> _Boundary:
+        return _Boundary(self.mesh)
 
     def locate(self, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0) -> Location:
         """Elements and reference coordinates of ``points`` (P, 3) in mm, undeformed.
@@ -147,40 +147,40 @@ class PointLocator:
         return Location(self.mesh, element, reference, offset)
 
     def _find(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element, -1 if none contains the point, and reference coordinates, for points (P, 3)."""
-        element, reference = np.full(len(x), -1), np.zeros(x.shape)
-        sought, neighbours = np.arange(len(x)), FIRST_NEIGHBOURS
-        while len(sought):
-            ranks = np.arange(1, min(neighbours, len(self._centroid)) + 1)
-            distance, near = self._tree.query(x[sought], k=ranks)
-            self._try(x, sought, near, element, reference)
-            unseen = (distance[:, -1] <= self._radius) & (near.shape[1] < len(self._centroid))
-            sought = sought[unseen & (element[sought] < 0)]
-            neighbours *= 4
-        return element, reference
+        """Element, -1 if none contains the point, and reference coordinates, for points (P, 3).
 
-    def _try(
-        self, x: np.ndarray, sought: np.ndarray, near: np.ndarray, element: np.ndarray, reference: np.ndarray
-    ) -> None:
-        """Locate points in the elements ``near`` (len(sought), K) them, the most likely first."""
-        slack = SLACK * self._size
-        place = x[sought, None]
-        row, column = np.nonzero(np.all((place > self._low[near] - slack) & (place < self._high[near] + slack), axis=2))
-        candidate = near[row, column]
-        offset = x[sought[row]] - self.mesh.points[self.mesh.tets[candidate, 0]]
-        start = np.einsum("kij,kj->ki", self._to_straight[candidate], offset)
-        coordinates = tet_coordinates(start)
-        within = np.all((coordinates >= self._least[candidate]) & (coordinates <= self._most[candidate]), axis=1)
-        row, candidate, start = row[within], candidate[within], start[within]
+        Of the elements whose boxes hold a point, the most likely one is tried first.
+        """
+        element, reference = np.full(len(x), -1), np.zeros(x.shape)
+        row, candidate, start = self._likely(x, *self._boxes.overlapping(x, x))
         order = np.lexsort((_violation(start), row))
         row, candidate, start = row[order], candidate[order], start[order]
         rank = np.arange(len(row)) - np.searchsorted(row, row)
         for turn in range(int(rank.max(initial=-1)) + 1):
-            now = np.flatnonzero((rank == turn) & (element[sought[row]] < 0))
-            where = sought[row[now]]
-            xi = self._inverted(x[where], candidate[now], start[now])
+            now = np.flatnonzero((rank == turn) & (element[row] < 0))
+            xi = self._inverted(x[row[now]], candidate[now], start[now])
             found = _violation(xi) <= SLACK
-            element[where[found]], reference[where[found]] = candidate[now][found], xi[found]
+            element[row[now][found]], reference[row[now][found]] = candidate[now][found], xi[found]
+        return element, reference
+
+    def _likely(
+        self, x: np.ndarray, row: np.ndarray, candidate: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The pairs of a point and an element that may hold it, with the point's reference coordinates (K, 3) in the
+        element with straight edges between its corners.
+
+        Those of a point in a curved element lie within the range of those of its hull.
+        """
+        used, number = np.unique(candidate, return_inverse=True)
+        nodes = self.mesh.points[self.mesh.tets[used]]
+        first, sides = nodes[:, :1], nodes[:, 1:4] - nodes[:, :1]
+        to_straight = np.linalg.inv(np.swapaxes(sides, 1, 2))
+        hull = tet_coordinates((control_points(nodes) - first) @ np.swapaxes(to_straight, 1, 2))
+        least, most = hull.min(axis=1) - ROOM, hull.max(axis=1) + ROOM
+        start = np.einsum("kij,kj->ki", to_straight[number], x[row] - first[number, 0])
+        coordinates = tet_coordinates(start)
+        within = np.all((coordinates >= least[number]) & (coordinates <= most[number]), axis=1)
+        return row[within], candidate[within], start[within]
 
     def _inverted(self, x: np.ndarray, element: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Reference coordinates (K, 3) of points (K, 3) by Newton's method, infinite where it fails.
@@ -205,7 +205,7 @@ class PointLocator:
         """Element, reference coordinates of the nearest point of the silicone, and offset of points (P, 3) outside."""
         if not len(x):
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
-        far = self._tree.query(x)[0] > self._radius + tolerance
+        far = self._boundary.are_beyond(x, tolerance)
         x = x[: int(np.argmax(far)) + 1] if far.any() else x  # the first suffices to raise
         element, reference = self._boundary.nearest(x)
         nodes = self.mesh.points[self.mesh.tets[element]]
@@ -221,24 +221,43 @@ class PointLocator:
         )
 
 
+class _Boxes:
+    """Boxes of curved elements or faces with ``nodes`` (n, 10) or (n, 6), a little larger than their hulls."""
+
+    def __init__(self, points: np.ndarray, nodes: np.ndarray) -> None:
+        slack = SLACK * float(np.abs(points).max())
+        low, high = hull_boxes(points, nodes)
+        self.low, self.high = low - slack, high + slack
+        self._tree = BoxTree(self.low + self.high)
+        self._levels = self._tree.levels(self.low, self.high)
+
+    def overlapping(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (K,), (K,) of the pairs of a box with corners ``low`` and ``high`` (P, 3), and one of these."""
+        others = BoxTree(low + high)
+        return others.overlapping_with(others.levels(low, high), self._tree, self._levels)
+
+
 class _Boundary:
     """The curved triangles of a mesh's surface, for finding nearest points."""
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self._nodes = mesh.points[mesh.faces]
-        self._centroid = self._nodes[:, :3].mean(axis=1)
-        hull = control_points(self._nodes)
-        self._radius = (1 + SLACK) * np.linalg.norm(hull - self._centroid[:, None], axis=2).max(axis=1)
-        self._tree, self._node_tree = PointTree(self._centroid), PointTree(self._nodes.reshape(-1, 3))
+        self._boxes = _Boxes(mesh.points, mesh.faces)
+        self._largest = float(np.linalg.norm(self._boxes.high - self._boxes.low, axis=1).max())
+        self._tree = PointTree(mesh.points[np.unique(mesh.faces)])
         self._owner = _owners(mesh)
         self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
 
+    def are_beyond(self, x: np.ndarray, distance: float) -> np.ndarray:
+        """(P,) whether points are certainly farther from the surface: their nearest node is by more than a face."""
+        return self._tree.query(x)[0] > distance + self._largest
+
     def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Element and reference coordinates in it of the point of the surface nearest to each of points (P, 3)."""
-        bound = self._node_tree.query(x)[0]
-        near = self._tree.query_ball_point(x, bound + self._radius.max())
-        row, face = np.repeat(np.arange(len(x)), [len(faces) for faces in near]), np.concatenate(near).astype(np.int64)
-        kept = np.linalg.norm(x[row] - self._centroid[face], axis=1) <= bound[row] + self._radius[face]
+        bound = self._tree.query(x)[0]
+        row, face = self._boxes.overlapping(x - bound[:, None], x + bound[:, None])
+        beside = np.maximum(self._boxes.low[face] - x[row], x[row] - self._boxes.high[face])
+        kept = np.linalg.norm(np.maximum(beside, 0), axis=1) <= bound[row]
         row, face = row[kept], face[kept]
         foot, distance = self._feet(x[row], face)
         order = np.lexsort((distance, row))
