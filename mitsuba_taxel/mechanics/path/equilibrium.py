@@ -35,7 +35,9 @@ MOST_ITERATIONS = 20
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that inverts an element."""
 SLOW = 0.1
-"""A factored tangent is reused while each iteration reduces the error below this fraction."""
+"""A factored tangent is reused while each iteration reduces the error below this fraction, ..."""
+FEW_ITERATIONS = 3
+"""... or so many more of the same effect will do: they cost less than factorising another."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 REFINED = 1e-9
@@ -264,7 +266,7 @@ class LoadedPad:
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
                 return Balance(unknowns, state, error, iteration, linearised, distance)
-            if error > SLOW * last and state.entries is None:
+            if state.entries is None and _slow(error, last):
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
@@ -416,6 +418,12 @@ class Balance:
     iterations: int
     linearised: Linearised | None
     distance: float
+
+
+def _slow(error: float, last: float) -> bool:
+    """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
+    share = error / last
+    return share > SLOW and error * share**FEW_ITERATIONS > RESIDUAL_TOLERANCE
 
 
 def _singular(failure: RuntimeError) -> Rejected:

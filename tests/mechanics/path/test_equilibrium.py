@@ -182,6 +182,24 @@ def test_a_factor_of_a_state_near_by_gives_the_rate_of_another(load, small_mesh)
         np.testing.assert_allclose(rate, exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize(("shift", "factors"), [(1e-8, 0), (1e-2, 1)])
+def test_a_slow_factor_serves_where_little_is_left(shift, factors, small_mesh, monkeypatch):
+    """That of the pad at rest reduces errors by less than ten in each iteration; either way balance is the same."""
+    pad = LoadedPad(small_mesh, NeoHookean())
+    value = np.array([0.0, 0.0, -2 * pad.step])
+    _, at_rest = pad.solve(np.zeros(pad.unknowns), np.zeros(3))
+    solution, own = pad.solve(np.zeros(pad.unknowns), value)
+    made = []
+    factored = pad._factored
+    monkeypatch.setattr(pad, "_factored", lambda lower: made.append(lower) or factored(lower))
+
+    start = solution.unknowns + shift * pad.rate(own, solution.unknowns, 2 * pad.step * np.array([0.3, 0.2, -1.0]))
+    found = pad._balanced(start, value, at_rest)
+    assert found.iterations > 1 and min(len(made), 1) == factors
+    largest = np.abs(solution.unknowns).max()
+    np.testing.assert_allclose(found.unknowns, solution.unknowns, rtol=0, atol=1e-8 * largest)
+
+
 def test_an_unstable_equilibrium_is_rejected(block):
     """A slender column beyond Euler's load: the straight state is in balance, but must not be accepted."""
     mesh = block((1.0, 1.0, 12.0), (1, 1, 12))
