@@ -56,7 +56,7 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
     state, loaded = cells.pad.state, cells.pad.is_loaded
     deviations = state.deviations if mechanics_error and loaded else None
     known = () if deviations is None else tuple(deviations)
-    first = equal_cells(cells, [state.displacement], known)
+    first = equal_cells(cells, state, [state.displacement], known)
     alone = sorted(set(first))
     # Many small matrix products: each would start and wait for its own threads.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:

@@ -189,9 +189,11 @@ class DiffuseCells:
             hidden &= ~np.array(hit.shape == mi.ShapePtr(package))
         return float(share[hidden].sum())
 
-    def patches(self, number: int) -> WallPatches:
-        """The undeformed walls of a cell, with their dependence on displacement."""
-        return _patches(self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist()))
+    def patches(self, number: int, elements: VolumeMesh | None = None) -> WallPatches:
+        """The undeformed walls of a cell, with their dependence on the displacement of the pad's elements or others."""
+        return _patches(
+            elements or self.pad.state.mesh, self._mesh, self.pad.pad, tuple(self.cells[number].faces.tolist())
+        )
 
     def light_mesh(self, number: int, degree: int) -> Mesh:
         """The quadrature on the walls of a cell."""

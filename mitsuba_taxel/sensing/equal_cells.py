@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,21 +12,28 @@ from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
 
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import State
+
 EQUAL, ALIKE = 1e-7, 1e-2
 """Largest difference, relative to the maximum, of nodal fields from their mirror images; the same for their errors."""
 
 
-def equal_cells(cells: DiffuseCells, fields: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> list[int]:
+def equal_cells(
+    cells: DiffuseCells, state: State, fields: Sequence[np.ndarray], errors: Sequence[np.ndarray] = ()
+) -> list[int]:
     """The number of the first cell that each cell is equal to, its own if there is none.
 
     Parameters
     ----------
+    state : State
+        Of the pad, on any elements.
     fields, errors : Sequence[ndarray]
-        Vectors (N, 3) at the nodes of the pad, on which the results of cells, and their errors, depend.
+        Vectors (N, 3) at its nodes, on which the results of cells, and their errors, depend.
     """
     from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 
-    state, first = cells.pad.state, list(range(len(cells.taxels)))
+    first = list(range(len(cells.taxels)))
     for mirror, image in mirror_images(state.mesh, state.load).items():
         bounds = [(field, EQUAL) for field in fields] + [(field, ALIKE) for field in errors]
         if not all(_close(mirror.image(field[image]), field, bound) for field, bound in bounds):

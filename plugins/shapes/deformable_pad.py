@@ -204,6 +204,12 @@ class DeformablePad(mi.Mesh):
         material, when = (Viscoelastic(self.material, self.prony), times) if self.prony else (self.material, None)
         return state_after(self.pad, material, [*values[:-1], value], when, obstacles=obstacles, **self._how)
 
+    def second_state(self):
+        """The state on elements of another size, with which derivatives are compared; see `second_state`."""
+        from mitsuba_taxel.mechanics import second_state
+
+        return second_state(self.pad, self.material, self.value, judged_on=self.judged_on, **self._how)
+
     @property
     def _how(self) -> dict[str, Any]:
         return {"load": self.load, "mesh_size": self.mesh_size, "mesh_tolerance": self.mesh_tolerance}

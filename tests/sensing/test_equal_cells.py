@@ -28,7 +28,7 @@ def pair(rows, columns, force):
 def test_cells_are_equal_where_pad_load_and_ends_are(rows, columns, force, first):
     cells = DiffuseCells(pair(rows, columns, force).load())
     state = cells.pad.state
-    assert equal_cells(cells, [state.displacement], list(state.deviations)) == first
+    assert equal_cells(cells, state, [state.displacement], list(state.deviations)) == first
 
 
 def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):
@@ -38,7 +38,7 @@ def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):
         return derivatives.derivatives_by([rates(scene, name) for name in ("fz", "fx", "youngs_modulus")], scene.load())
 
     copied = found()
-    monkeypatch.setattr(derivatives, "equal_cells", lambda cells, fields, errors: list(range(len(cells.taxels))))
+    monkeypatch.setattr(derivatives, "equal_cells", lambda cells, state, fields: list(range(len(cells.taxels))))
     alone = found()
     assert np.array_equal(copied.values[0], copied.values[1])
     assert np.all(abs(copied.values - alone.values) < 0.1 * alone.standard_errors)

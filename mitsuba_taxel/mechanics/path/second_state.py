@@ -1,0 +1,65 @@
+"""A state on elements of another size, with which its derivatives are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import COARSENING, ORDER, SLOPE_ORDER, TYPICAL_SLOPE_ERROR
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, SECOND_MESH, pad_path
+from mitsuba_taxel.mechanics.path.state import State
+from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.pad_file import PadFile
+
+
+class SecondState(NamedTuple):
+    """A state on elements of another size.
+
+    Attributes
+    ----------
+    state : State
+    share : float
+        Error of a derivative on the elements of the first state, relative to its difference from that on these.
+    least : float
+        Least relative error of a rate of the displacement on the elements of the first state.
+    """
+
+    state: State
+    share: float
+    least: float
+
+
+def second_state(
+    pad: Pad | PadFile,
+    material: Material,
+    value: Sequence[float],
+    *,
+    load: Load = SPREAD_FORCE,
+    mesh_size: float | None = None,
+    mesh_tolerance: float | None = None,
+    judged_on: float | None = None,
+) -> SecondState | None:
+    """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
+    with LOCK:
+        judge = {} if judged_on is None else {"judged_on": judged_on}
+        path = pad_path(pad, material, load, chosen_size(pad, material, load, mesh_size, mesh_tolerance), **judge)
+        for second, _ in path.comparisons():
+            try:
+                with memory_for(SECOND_MESH):
+                    state = second.state(np.array(value, dtype=float))
+            except ComputationError:  # its path ends before this load, or memory does
+                if second.mesh_size < path.mesh_size:
+                    break  # and so would those of finer ones, after much more time
+            else:
+                share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
+                relative_size = min(path.mesh_size / pad.default_mesh_size, COARSENING)
+                return SecondState(state, share, TYPICAL_SLOPE_ERROR * relative_size**ORDER)
+    return None
