@@ -1,0 +1,65 @@
+"""The second state: that of the path on other elements, and its weights by the actual ratio of their sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.base.convergence import TYPICAL_SLOPE_ERROR
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics import NeoHookean, load_path, second_state
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.path.pad_path import PadPath
+from mitsuba_taxel.pads import Pad
+
+PAD = Pad("parallelepiped", rows=1, columns=1)
+FORCE = (0.0, 0.0, -0.8)
+
+
+def size_of_elements(mesh):
+    """Mean of those of the solid and of the cells' walls, in mm, up to a factor."""
+    return len(mesh.tets) ** (-1 / 6) * np.count_nonzero(mesh.face_cell) ** (-1 / 4)
+
+
+def test_it_is_the_state_of_the_path_on_larger_elements(fresh):
+    (first,) = load_path(PAD, NeoHookean(), np.array([FORCE]), mesh_size=2.0)
+    second = second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0)
+    (alone,) = load_path(PAD, NeoHookean(), np.array([FORCE]), mesh_size=4.0)
+    assert len(second.state.mesh.tets) < len(first.mesh.tets)
+    np.testing.assert_array_equal(second.state.mesh.points, alone.mesh.points)
+    apart = np.sqrt(np.mean((second.state.displacement - alone.displacement) ** 2))  # steps differ; both interpolate
+    assert apart <= 2 * INTERPOLATION_TOLERANCE * np.abs(alone.displacement).max()
+
+
+def test_a_difference_counts_as_that_of_a_quadratic_error(fresh):
+    """A quantity d(h) = d + c h^2 on both meshes: share |d(h') - d(h)| is its error c h^2."""
+    (first,) = load_path(PAD, NeoHookean(), np.array([FORCE]), mesh_size=2.0)
+    second = second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0)
+    here, there = (3.0 * size_of_elements(mesh) ** 2 for mesh in (first.mesh, second.state.mesh))
+    assert second.share * abs(there - here) == pytest.approx(here)
+
+
+def test_the_least_error_goes_with_the_size_to_the_power_of_one_and_a_half(fresh):
+    default = PAD.default_mesh_size
+    for size in (0.8 * default, default):
+        least = second_state(PAD, NeoHookean(), FORCE, mesh_size=size).least
+        assert least == pytest.approx(TYPICAL_SLOPE_ERROR * (size / default) ** 1.5)
+
+
+def test_no_second_mesh_is_none_rather_than_no_error(fresh, monkeypatch):
+    monkeypatch.setattr(PadPath, "comparisons", lambda self: iter(()))
+    assert second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0) is None
+
+
+def test_where_the_path_on_larger_elements_ends_the_next_finer_one_tells(fresh, monkeypatch):
+    state = PadPath.state
+
+    def ends(self, value, obstacles=None):
+        if self.mesh_size > 2.0:
+            raise ComputationError("the path ends")
+        return state(self, value, obstacles)
+
+    monkeypatch.setattr(PadPath, "state", ends)
+    second = second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0)
+    (first,) = load_path(PAD, NeoHookean(), np.array([FORCE]), mesh_size=2.0)
+    assert len(second.state.mesh.tets) > len(first.mesh.tets)
