@@ -7,10 +7,10 @@ import pytest
 
 from mitsuba_taxel.base.convergence import TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.mechanics import NeoHookean, load_path, second_state
+from mitsuba_taxel.mechanics import NeoHookean, State, linearise, load_path, second_state
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
 PAD = Pad("parallelepiped", rows=1, columns=1)
 FORCE = (0.0, 0.0, -0.8)
@@ -19,6 +19,15 @@ FORCE = (0.0, 0.0, -0.8)
 def size_of_elements(mesh):
     """Mean of those of the solid and of the cells' walls, in mm, up to a factor."""
     return len(mesh.tets) ** (-1 / 6) * np.count_nonzero(mesh.face_cell) ** (-1 / 4)
+
+
+def roof_rate(state: State) -> float:
+    """Mean rate of the roofs' sinking by the normal force, in mm/N."""
+    roof = state.mesh.faces[state.mesh.face_region == REGIONS["roof"]]
+    corners = state.mesh.points[roof[:, :3]]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rate = linearise(state).by_value((0.0, 0.0, 1.0))[:, 2]
+    return area @ rate[roof[:, 3:]].mean(axis=1) / area.sum()
 
 
 def test_it_is_the_state_of_the_path_on_larger_elements(fresh):
@@ -37,6 +46,19 @@ def test_a_difference_counts_as_that_of_a_quadratic_error(fresh):
     second = second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0)
     here, there = (3.0 * size_of_elements(mesh) ** 2 for mesh in (first.mesh, second.state.mesh))
     assert second.share * abs(there - here) == pytest.approx(here)
+
+
+@pytest.mark.parametrize("cell", CELL_SHAPES)
+def test_the_share_of_the_difference_bounds_the_error_of_a_rate(cell, fresh):
+    """Against elements of a third of the size."""
+    pad = Pad(cell, rows=1, columns=1)
+    (state,), (fine,) = (
+        load_path(pad, NeoHookean(), np.array([FORCE]), mesh_size=part * pad.default_mesh_size) for part in (1, 1 / 3)
+    )
+    second = second_state(pad, NeoHookean(), FORCE)
+    stated = second.share * abs(roof_rate(second.state) - roof_rate(state))
+    stated = max(stated, second.least * abs(roof_rate(state)))
+    assert abs(roof_rate(fine) - roof_rate(state)) < 2 * stated
 
 
 def test_the_least_error_goes_with_the_size_to_the_power_of_one_and_a_half(fresh):
