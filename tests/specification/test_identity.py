@@ -13,6 +13,10 @@ from mitsuba_taxel.sensing.scene import parser_config
 from mitsuba_taxel.specification import specification_of
 
 LIMIT = 10.0
+FEW = (Choice, Switch)
+"""Parameters that are always drawn, as others depend on them; ..."""
+SELDOM = st.sampled_from([False, False, False, True])
+"""... and whether another is: objects with all of them at random values would nearly all be refused."""
 
 
 def values(parameter):
@@ -46,7 +50,9 @@ def objects(draw, specification):
         word, *allowed = parameter.when or ("",)
         if word and (chosen.get(word) or stated[word].default) not in allowed:
             continue
-        if not any(other and chosen.get(other) is not None for other in (parameter.without, parameter.needs)):
+        if any(other and chosen.get(other) is not None for other in (parameter.without, parameter.needs)):
+            continue
+        if isinstance(parameter, FEW) or parameter.default is REQUIRED or draw(SELDOM):
             chosen[name] = draw(values(parameter))
     try:
         return specification(**{name: value for name, value in chosen.items() if value is not None})
