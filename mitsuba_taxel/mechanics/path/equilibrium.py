@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,7 +13,6 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.loads import (
     SPREAD_FORCE,
     IndenterDisplacement,
@@ -24,9 +23,10 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.past import Past
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, symmetric_product
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.stability import Stability
 
 RESIDUAL_TOLERANCE = 1e-9
@@ -40,11 +40,6 @@ FEW_ITERATIONS = 3
 """... or so many more of the same effect will do: they cost less than factorising another."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
-REFINED = 1e-9
-"""Relative last change at which iterative refinement has converged."""
-SLOW_REFINEMENT = 0.3
-"""A factor of a nearby state is used while each refinement is less than this fraction of the one before."""
-MOST_REFINEMENTS = 20
 THIN_STEP = 0.125
 """Largest step of an indenter, relative to its thickness: one that moves through the surface at once is not felt."""
 NATURAL_STRAIN = 0.02
@@ -433,76 +428,3 @@ def _singular(failure: RuntimeError) -> Rejected:
 def _refuse_surplus(surplus: int) -> None:
     if surplus:
         raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
-
-
-class Linearised:
-    """The tangent of a pad at a state, from its ``entries``, and a factor: its own, or that of a state ``near`` by.
-
-    Parameters
-    ----------
-    lower : sparse.csc_matrix
-        Lower triangle of the tangent.
-    factored : Callable[[sparse.csc_matrix], Factorisation]
-        Factorises such a triangle.
-    held : Held
-        Constraints of the load.
-    displacements : int
-        Number of displacements among the unknowns; they come first.
-    """
-
-    def __init__(
-        self,
-        entries: np.ndarray,
-        lower: sparse.csc_matrix,
-        factored: Callable[[sparse.csc_matrix], Factorisation],
-        held: Held,
-        displacements: int,
-        near: Linearised | None = None,
-    ) -> None:
-        self.entries, self._lower, self._factored, self.held = entries, lower, factored, held
-        self._displacements, self._own = slice(displacements), near is None
-        self.factor: Factorisation = near.factor if near else factored(lower)
-
-    @cached_property
-    def _flexibility(self) -> np.ndarray:
-        """(k, k) response of the constrained sums to the constraint forces."""
-        return self.held.flexibility(self.factor)
-
-    def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """As :meth:`correction`, to the accuracy of the factor, for use in an iteration."""
-        return self._answer(residual, gap)[0]
-
-    def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """The same, and the constraint forces."""
-        free = self.factor.solve_roughly(residual)
-        if not len(self.held.slack):
-            return free, np.zeros(0)
-        short = -(self.held.rows @ free) if gap is None else gap - self.held.rows @ free
-        holding = np.linalg.solve(self._flexibility, short)
-        return free + self.factor.solve_roughly(self.held.rows.T @ holding), holding
-
-    def correction(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a ``residual``, with constrained sums changing by ``gap``, by nothing if
-        None."""
-        rows, slack, last = self.held.rows, self.held.slack, math.inf
-        gap = np.zeros(len(slack)) if gap is None else gap
-        found, holding = self._answer(residual, gap)
-        for _ in range(MOST_REFINEMENTS):
-            left = residual + rows.T @ holding - symmetric_product(self._lower, found)
-            change, more = self._answer(left, gap - rows @ found - slack * holding)
-            size = float(np.abs(change[self._displacements]).max())
-            if not size < last and not self._own:
-                self.factor, self._own = self._factored(self._lower), True
-                self.__dict__.pop("_flexibility", None)
-                return self.correction(residual, gap)
-            found, holding, last = found + change, holding + more, SLOW_REFINEMENT * size
-            if size <= REFINED * np.abs(found[self._displacements]).max():
-                break
-        return found
-
-    @cached_property
-    def negative(self) -> int | None:
-        """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968); None if unknown."""
-        if self.factor.negative_pivots is None:
-            return None
-        return self.factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._flexibility) < 0))

@@ -27,11 +27,11 @@ from mitsuba_taxel.mechanics.path.equilibrium import (
     RESIDUAL_TOLERANCE,
     SLOW,
     Balance,
-    Linearised,
     LoadedPad,
     Rejected,
     Solution,
 )
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""

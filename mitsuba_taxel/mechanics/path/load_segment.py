@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected, Solution
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected, Solution
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 INTERPOLATION_TOLERANCE = 1e-5
 """Root mean square error of interpolated displacements, relative to the largest displacement there. The largest error

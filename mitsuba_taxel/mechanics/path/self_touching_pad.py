@@ -12,14 +12,8 @@ import scipy.sparse as sparse
 from mitsuba_taxel.mechanics.contact.barrier import Barrier
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
-from mitsuba_taxel.mechanics.path.equilibrium import (
-    MOST_ITERATIONS,
-    RESIDUAL_TOLERANCE,
-    Balance,
-    Linearised,
-    LoadedPad,
-    Rejected,
-)
+from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that does not bring the pad closer to balance."""

@@ -31,7 +31,8 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.material_rates import material_rate
 from mitsuba_taxel.mechanics.path.state import State

@@ -20,7 +20,8 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
-from mitsuba_taxel.mechanics.path.equilibrium import Linearised, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 Signs = tuple[tuple[Mirror, int], ...]
 """Mirrors, in an order in which successive averages give the average over the group; 1 for symmetric, -1 for

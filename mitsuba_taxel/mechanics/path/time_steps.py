@@ -12,8 +12,9 @@ from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.past import Relaxing
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, Linearised, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
