@@ -15,10 +15,10 @@ TYPICAL_ERROR = 0.01
 """Relative error of the roofs' displacement on elements of the default size: the median over shapes, walls and loads,
 with four in five between 0.006 and 0.023."""
 SLOPE_ORDER = 2.0
-"""Order p for derivatives of readings, of four shapes on elements of 0.4 to 2.5 mm: with that of averages, half of the
-slopes of nine taxels would be off by less than a third of what is stated."""
+"""Order p for derivatives of readings, chosen on four shapes of one cell with elements of 0.4 to 2.5 mm: with that of
+averages, half of the slopes of nine taxels would be off by less than a third of what is stated."""
 TYPICAL_SLOPE_ERROR = 0.015
-"""Least relative error of a derivative through the displacement on elements of the default size."""
+"""Least relative error of a derivative through the displacement on elements of the default size; chosen on the same."""
 
 ERROR_SHARE = 1 / (COARSENING**ORDER - 1)
 """Error of an average, relative to its change on elements of twice the size."""

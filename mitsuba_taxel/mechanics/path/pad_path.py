@@ -341,8 +341,12 @@ class PadPath:
             return None
         if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
             return None
+        return second, RoofComparison(self.mesh, second.mesh, self.typical(TYPICAL_ERROR))
+
+    def typical(self, error: float) -> float:
+        """An error that is typical of elements of the default size, on those of this path."""
         relative_size = min(self.mesh_size / self.pad.default_mesh_size, COARSENING)  # or all are as coarse as can be
-        return second, RoofComparison(self.mesh, second.mesh, TYPICAL_ERROR * relative_size**ORDER)
+        return error * relative_size**ORDER
 
     @property
     def small_load_error(self) -> float:

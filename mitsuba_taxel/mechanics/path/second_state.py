@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base.convergence import COARSENING, ORDER, SLOPE_ORDER, TYPICAL_SLOPE_ERROR
+from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
@@ -60,6 +60,5 @@ def second_state(
                     break  # and so would those of finer ones, after much more time
             else:
                 share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
-                relative_size = min(path.mesh_size / pad.default_mesh_size, COARSENING)
-                return SecondState(state, share, TYPICAL_SLOPE_ERROR * relative_size**ORDER)
+                return SecondState(state, share, path.typical(TYPICAL_SLOPE_ERROR))
     return None
