@@ -84,7 +84,8 @@ class _Linearised:
     def by(self, changes: list[Rates], with_errors: bool) -> Derivatives:
         nodal = [self.nodal(change) for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
-        second = self._second(changes) if with_errors else None
+        displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
+        second = self._second(changes) if with_errors and displaced else None
         first = self._equal(nodal, others, second)
         alone = sorted(set(first))
 
@@ -106,7 +107,9 @@ class _Linearised:
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)
         light = np.array([each.light_errors for each in solved])
-        mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
+        mechanics, of_reading = np.zeros(len(changes)), np.zeros_like(reading)
+        if displaced:
+            mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
         strain, strain_rates = self._strain(nodal)

@@ -10,6 +10,7 @@ import pytest
 from mitsuba_taxel import ComputationError, InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
@@ -228,6 +229,18 @@ def test_every_derivative_has_an_error(found):
     table = found.to_xarray()
     assert table.value.sel(taxel=1, parameter="fz") == found.values[0, 0]
     assert dict(zip(found.parameters, found.units, strict=True))["fz"] == "W/N"
+
+
+def test_a_pad_at_rest_has_an_error_of_the_elements_only_where_a_load_comes(monkeypatch):
+    scene = pad_scene(force=[0.0, 0.0, 0.0])
+    asked = []
+    comparisons = PadPath.comparisons
+    monkeypatch.setattr(PadPath, "comparisons", lambda path: asked.append(path) or comparisons(path))
+    still = derivatives(scene, "cell_size", "spacing", with_errors=True)
+    assert not asked and np.all(still.standard_errors > 0)
+    pressed = derivatives(scene, "cell_size", "fz", with_errors=True)
+    assert asked and np.all(pressed.standard_errors > 0)
+    np.testing.assert_array_equal(still.values[:, 0], pressed.values[:, 0])
 
 
 @pytest.mark.parametrize("cell", ["hemispheric", "parallelepiped"])
