@@ -51,7 +51,7 @@ class NominalRow:
 
     cell: str
     forces: list[int]
-    mesh_size: float
+    mesh_size: float | None
     error: list[float]
     slope: list[float]
     steepest: list[float]
@@ -107,11 +107,12 @@ def nominal_cells(row: NominalRow) -> list[list[str]]:
     """The row as lines of text, below `HEADINGS`."""
     if row.failure:
         return [[row.cell, row.failure, *[""] * (len(HEADINGS) - 2)]]
+    elements = "default" if row.mesh_size is None else f"{row.mesh_size:.2g}"
     lines = []
     for k, force in enumerate(PATHS):
         shares = f"{row.error[k]:.2%}", f"{row.slope[k]:.2%}"
         figures = f"{row.steepest[k] * 1e6:.4g}", f"{row.seconds[k]:.0f}"
-        lines.append([row.cell, force, str(row.forces[k]), f"{row.mesh_size:.2g}", *shares, *figures])
+        lines.append([row.cell, force, str(row.forces[k]), elements, *shares, *figures])
     return lines
 
 

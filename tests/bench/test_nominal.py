@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -39,3 +41,5 @@ def test_rows_and_page(monkeypatch, tmp_path):
     nominal.write_page([*rows, nominal.NominalShape("spherical").failed("out of memory")], tmp_path / "a.md", "it")
     page = (tmp_path / "a.md").read_text()
     assert page.count("| hemispheric") == 2 and "out of memory" in page
+    by_default = nominal.nominal_cells(replace(row, mesh_size=None))
+    assert [line[3] for line in by_default] == ["default", "default"]
