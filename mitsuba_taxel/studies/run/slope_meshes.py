@@ -18,7 +18,8 @@ from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
 
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, whose last scenes are examined."""
+"""Number of curves, spread evenly over a study, of which the first and the last scene are examined: the elements of a pad
+at rest are larger by default."""
 
 
 @in_turn
@@ -33,14 +34,15 @@ def mesh_size_for_slopes(batch: Batch, mesh_size: float | None) -> float | None:
     assert batch.target_slope is not None
     forces = [name for name in batch.derivatives if name in FORCES]
     curve = next(axis for axis in batch.axes if axis.dim == curve_dimension(batch.axes))
-    last = {name: words[-1] for name, words in curve.values.items()}
+    ends = [{name: words[end] for name, words in curve.values.items()} for end in (0, -1)]
     others = [values for _, values in combinations([axis for axis in batch.axes if axis is not curve])]
     for number in np.unique(np.linspace(0, len(others) - 1, MOST_CURVES).round().astype(int)):
-        values = {**others[number], **last}
-        try:
-            mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
-        except (InputError, ComputationError) as error:
-            raise type(error)(f"{describe(values)}: {error}") from error
+        for end in ends:
+            values = {**others[number], **end}
+            try:
+                mesh_size = _mesh_size(batch.scene(values).with_mesh_size(mesh_size), forces, batch.target_slope)
+            except (InputError, ComputationError) as error:
+                raise type(error)(f"{describe(values)}: {error}") from error
     return mesh_size
 
 

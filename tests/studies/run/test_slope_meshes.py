@@ -82,6 +82,20 @@ def test_a_target_that_is_reached_is_not(pad):
     assert study.attrs["target_slope"] == 0.5
 
 
+def test_the_first_and_the_last_scene_of_a_curve_are_examined(pad, monkeypatch):
+    """The last one on the mesh that the first one needs; the study takes the finer of both."""
+    examined, sizes = [], iter([1.5, 1.4])
+
+    def mesh_size(scene, forces, target):
+        examined.append((float(scene.parameters["fz"]), scene.mesh_size))
+        return next(sizes)
+
+    monkeypatch.setattr(slope_meshes, "_mesh_size", mesh_size)
+    study = sweep(pad, {"fz": "0:-0.4:-0.2"}, points=16, target_slope=0.5)
+    assert [force for force, _ in examined] == [0, -0.4]
+    assert examined[1][1] == 1.5 and study.attrs["mesh_size"] == 1.4
+
+
 @pytest.mark.parametrize(
     ("vary", "target"), [({"fz": "0:-1:-1"}, 2), ({"fz": "0:-1:-1"}, "1%"), ({"size": "1,2"}, 0.1)]
 )
