@@ -18,8 +18,8 @@ from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
 
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, of which the first and the last scene are examined: the elements of a pad
-at rest are larger by default."""
+"""Number of curves, spread evenly over a study, of which the first and the last scene are examined: the elements of a
+pad at rest are larger by default."""
 
 
 @in_turn
