@@ -16,6 +16,9 @@ RANK = 1e-7
 """Singular value, relative to the largest, below which a direction is undetermined."""
 CONFIDENCE = 0.95
 MOST_STEPS = 25
+EXACT = 1e-7
+"""Residual, relative to the largest reading, below which nothing is left to fit: along undetermined directions steps
+may go on, depending on rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,8 @@ def solve(
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(deviation, deviation)
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
-    warnings = [*_doubts(found, unknowns), *_alike(correlation, silent, names)]
+    exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
+    warnings = [*_doubts(found, found.success or exact, unknowns), *_alike(correlation, silent, names)]
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
     return Solution(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
 
@@ -125,8 +129,8 @@ def _covariance(jacobian: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndar
     return covariance, silent
 
 
-def _doubts(found: Any, unknowns: Sequence[Unknown]) -> list[str]:
-    warnings = [] if found.success else ["the fit has not converged: begin nearer by, or leave unknowns out"]
+def _doubts(found: Any, converged: bool, unknowns: Sequence[Unknown]) -> list[str]:
+    warnings = [] if converged else ["the fit has not converged: begin nearer by, or leave unknowns out"]
     for unknown, value, active in zip(unknowns, found.x, found.active_mask, strict=True):
         if active:
             bound = unknown.high if active > 0 else unknown.low
