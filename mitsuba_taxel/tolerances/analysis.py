@@ -1,0 +1,194 @@
+"""What the samples of a tolerance study say: spread of each figure, linear estimate, shares of the parameters."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.electronics import in_volts
+from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
+from mitsuba_taxel.tolerances.plan import FEWEST, Plan
+from mitsuba_taxel.tolerances.shares import fitted, indices
+
+if TYPE_CHECKING:
+    import pandas
+
+NOISY = "samples are read with random numbers, whose noise is part of the spread: what is not explained may be that"
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance:
+    """Result of a tolerance study.
+
+    Attributes
+    ----------
+    spread : DataFrame
+        One row per figure (``rest``, ``sensitivity``, ``crosstalk``) and taxel: ``unit``; ``nominal``, with all
+        parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
+        samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
+        prediction over the samples, relative to ``sd``; ``explained``, the cross-validated share of the variance
+        predicted by the polynomial behind the indices.
+    shares : DataFrame
+        One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
+        the variance; the ``first`` and ``total`` Sobol' indices.
+    parameters : DataFrame
+        One row per parameter: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the mean of
+        all taxels, weighted by their variances.
+    samples : DataFrame
+        One row per sample: its parameters, and the figures of all taxels.
+    notes : list[str]
+        Notes for the reader.
+    """
+
+    spread: pandas.DataFrame
+    shares: pandas.DataFrame
+    parameters: pandas.DataFrame
+    samples: pandas.DataFrame
+    notes: list[str]
+
+
+def analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
+    """The result, from the study of the mean sensor and that of the samples, with further notes.
+
+    Raises
+    ------
+    ComputationError
+        if too few samples could be read.
+    """
+    import pandas
+
+    force = np.array([0.0]) if not plan.force else mean[plan.force].values
+    name = "smooth_power" if "smooth_power" in samples else "replicate_power"
+    nominal, exact = _readings(plan, mean, name)[0], _readings(plan, samples, name)
+    if name != "smooth_power" and bool((samples.standard_error > 0).any()):
+        notes = [*notes, NOISY]
+    known = np.isfinite(exact).all(axis=(1, 2))
+    lost = int((~known).sum())
+    if lost:
+        notes = [*notes, f"samples without readings, left out: {lost} of {len(known)} (their reasons are in samples/)"]
+    if known.sum() < FEWEST:
+        raise ComputationError(f"only {known.sum()} of {len(known)} samples could be read: {FEWEST} are needed.")
+    loaded = loaded_taxel(nominal, force) if nominal.shape[1] > 1 else None
+    at_mean, found = figures(nominal, force, loaded), figures(exact[known], force, loaded)
+    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded)
+    z = plan.standardised[known]
+    notes = [*notes, *mean.attrs["notes"].splitlines()]
+    parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z) for name in found]
+    spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
+    shares = pandas.DataFrame([row for _, rows in parts for row in rows])
+    spread.insert(2, "unit", spread.figure.map(_units(plan)))
+    of_parameters = json.loads(mean.attrs["units"])
+    shares["unit"] = [
+        f"{_units(plan)[row.figure]} per {of_parameters.get(row.parameter, '1')}" for row in shares.itertuples()
+    ]
+    columns = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
+    taxels = range(1, nominal.shape[1] + 1)
+    columns |= {f"{name}_{taxel}": values[:, taxel - 1] for name, values in found.items() for taxel in taxels}
+    return Tolerance(spread, shares, _parameters(plan, spread, shares), pandas.DataFrame(columns), notes)
+
+
+def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
+    """(samples, forces, taxels) in W, or V with a circuit."""
+    readings = (study if plan.batch.circuit is None else in_volts(study, plan.batch.circuit))[name]
+    if "replicate" in readings.dims:
+        readings = readings.mean("replicate")
+    if not plan.force:
+        readings = readings.expand_dims("force")
+    return readings.transpose(STEP, plan.force or "force", "taxel").values
+
+
+def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
+    """(forces, taxels, parameters), NaN where there is no derivative."""
+    rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
+    if "derivative" in mean:
+        shown = mean if plan.batch.circuit is None else in_volts(mean, plan.batch.circuit)
+        derivative = shown.derivative.isel({STEP: 0})
+        if not plan.force:
+            derivative = derivative.expand_dims("force")
+        for number, law in enumerate(plan.laws):
+            if law.name in derivative.parameter.values:
+                one = derivative.sel(parameter=law.name)
+                rates[..., number] = one.transpose(plan.force or "force", "taxel").values
+    return rates
+
+
+def _of_figure(
+    plan: Plan, name: str, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T)."""
+    per_deviation = slopes * [law.deviation for law in plan.laws]
+    deviation, error = _deviations(exact)
+    linear = np.sqrt(np.square(per_deviation).sum(axis=1))
+    missed = exact - at_mean - z @ per_deviation.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        linear_error = np.sqrt(np.square(missed).mean(axis=0)) / deviation
+        linear_share = np.square(per_deviation / linear[:, None])
+    wanted = np.isfinite(exact).all(axis=0)
+    polynomial = fitted(z, np.where(wanted, exact, 0.0))
+    first, total = np.full((2, *slopes.shape), math.nan)
+    if polynomial is not None:
+        first, total = indices(polynomial, plan.laws, plan.batch.seed)
+    spread, shares = [], []
+    for taxel in np.flatnonzero(wanted):
+        where = {"figure": name, "taxel": int(taxel) + 1}
+        low, high = np.quantile(exact[:, taxel], (0.05, 0.95))
+        numbers = {
+            "nominal": at_mean[taxel], "mean": exact[:, taxel].mean(), "sd": deviation[taxel],
+            "sd_error": error[taxel], "low": low, "high": high, "linear_sd": linear[taxel],
+            "linear_error": linear_error[taxel],
+            "explained": math.nan if polynomial is None else polynomial.explained[taxel],
+        }  # fmt: skip
+        spread.append(where | {key: float(value) for key, value in numbers.items()})
+        for number, law in enumerate(plan.laws):
+            of_one = (slopes, linear_share, first, total)
+            values = (float(each[taxel, number]) for each in of_one)
+            named = zip(("rate", "linear", "first", "total"), values, strict=True)
+            shares.append({**where, "parameter": law.name, **dict(named)})
+    return spread, shares
+
+
+def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of samples (N, T), and their standard errors from the fourth moment, valid for random samples
+    and conservative for Latin hypercubes and Sobol' points."""
+    count = len(exact)
+    off = exact - exact.mean(axis=0)
+    variance = np.square(off).sum(axis=0) / (count - 1)
+    fourth = np.mean(off**4, axis=0)
+    of_variance = np.sqrt(np.maximum(fourth - variance**2 * (count - 3) / (count - 1), 0.0) / count)
+    deviation = np.sqrt(variance)
+    return deviation, np.divide(of_variance, 2 * deviation, out=np.zeros_like(deviation), where=deviation > 0)
+
+
+def _units(plan: Plan) -> dict[str, str]:
+    unit = "W" if plan.batch.circuit is None else "V"
+    return {"rest": unit, "sensitivity": f"{unit}/N", "crosstalk": "1"}
+
+
+def _parameters(plan: Plan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
+    import pandas
+
+    table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])
+    table["weight"] = table.sd**2 * table.total.notna()
+
+    def weighted(rows: pandas.DataFrame) -> float:
+        return float(np.average(rows.total.fillna(0.0), weights=rows.weight)) if rows.weight.sum() > 0 else math.nan
+
+    found = {key: weighted(rows) for key, rows in table.groupby(["figure", "parameter"])}
+    names = list(dict.fromkeys(spread.figure))
+    return pandas.DataFrame(
+        {
+            "parameter": law.name,
+            "law": law.words,
+            "mean": law.mean,
+            "sd": law.deviation,
+            **{f"total_{name}": found[name, law.name] for name in names},
+        }
+        for law in plan.laws
+    )
