@@ -13,9 +13,10 @@ import xarray as xr
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import in_volts
 from mitsuba_taxel.studies.plan.vary import STEP
+from mitsuba_taxel.tolerances.control import LITTLE, corrected
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
 from mitsuba_taxel.tolerances.plan import FEWEST, Plan
-from mitsuba_taxel.tolerances.shares import fitted, indices
+from mitsuba_taxel.tolerances.shares import fewest_of, fitted, indices
 
 if TYPE_CHECKING:
     import pandas
@@ -34,7 +35,10 @@ class Tolerance:
         parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
         samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
         prediction over the samples, relative to ``sd``; ``explained``, the cross-validated share of the variance
-        predicted by the polynomial behind the indices.
+        predicted by the polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``,
+        ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones, with ``mean_error``,
+        ``low_error`` and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact ones; and
+        ``linear_explained``, the share of their variance explained by their linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
         the variance; the ``first`` and ``total`` Sobol' indices.
@@ -42,7 +46,8 @@ class Tolerance:
         One row per parameter: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the mean of
         all taxels, weighted by their variances.
     samples : DataFrame
-        One row per sample: its parameters, and the figures of all taxels.
+        One row per sample: its parameters, and the figures of all taxels. With ``exact`` below the number of samples:
+        whether it is ``exact``, its figures if so, else NaN, and the linear answer, such as ``linear_rest_1``.
     notes : list[str]
         Notes for the reader.
     """
@@ -78,9 +83,9 @@ def analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]
     loaded = loaded_taxel(nominal, force) if nominal.shape[1] > 1 else None
     at_mean, found = figures(nominal, force, loaded), figures(exact[known], force, loaded)
     slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded)
-    z = plan.standardised[known]
+    z, others = plan.standardised[: plan.exact][known], plan.standardised[plan.exact :]
     notes = [*notes, *mean.attrs["notes"].splitlines()]
-    parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z) for name in found]
+    parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])
     spread.insert(2, "unit", spread.figure.map(_units(plan)))
@@ -88,10 +93,46 @@ def analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]
     shares["unit"] = [
         f"{_units(plan)[row.figure]} per {of_parameters.get(row.parameter, '1')}" for row in shares.itertuples()
     ]
+    if not len(others):
+        table = _samples(plan, found, z)
+    else:
+        notes += _notes_of_few(spread, len(z), len(others), len(plan.laws))
+        every = np.concatenate([z, others])
+        linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in found}
+        table = _samples(plan, {**found, **linear}, every)
+        table.insert(len(plan.laws), "exact", np.arange(len(every)) < len(z))
+    return Tolerance(spread, shares, _parameters(plan, spread, shares), table, notes)
+
+
+def _samples(plan: Plan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
+    """One row per sample: its parameters, and its figures (samples, taxels), of which there may be fewer."""
+    import pandas
+
     columns = {law.name: law.mean + z[:, number] * law.deviation for number, law in enumerate(plan.laws)}
-    taxels = range(1, nominal.shape[1] + 1)
-    columns |= {f"{name}_{taxel}": values[:, taxel - 1] for name, values in found.items() for taxel in taxels}
-    return Tolerance(spread, shares, _parameters(plan, spread, shares), pandas.DataFrame(columns), notes)
+    for name, values in found.items():
+        padded = np.full((len(z), values.shape[1]), math.nan)
+        padded[: len(values)] = values
+        columns |= {f"{name}_{taxel}": column for taxel, column in enumerate(padded.T, start=1)}
+    return pandas.DataFrame(columns)
+
+
+def _notes_of_few(spread: pandas.DataFrame, exact: int, others: int, parameters: int) -> list[str]:
+    """What a reader of results of few exact samples should know."""
+    notes = []
+    for name, rows in spread.groupby("figure", sort=False):
+        little = rows[rows.linear_explained < LITTLE]
+        if len(little):
+            worst = little.loc[little.linear_explained.idxmin()]
+            notes.append(
+                f"the linear answer explains little of {name}, {worst.linear_explained:.0%} of the variance of the "
+                f"{exact} exact samples (taxel {worst.taxel}): the other {others} samples tell hardly more"
+            )
+    if fewest_of(parameters) > exact:
+        notes.append(
+            f"Sobol' indices are shares of the linear answer: for a polynomial of {parameters} parameters "
+            f"exact = {fewest_of(parameters)} or more is needed"
+        )
+    return notes
 
 
 def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
@@ -120,9 +161,16 @@ def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
 
 
 def _of_figure(
-    plan: Plan, name: str, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray
+    plan: Plan,
+    name: str,
+    at_mean: np.ndarray,
+    exact: np.ndarray,
+    slopes: np.ndarray,
+    z: np.ndarray,
+    others: np.ndarray,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T)."""
+    """Rows of the two tables for one figure, of the mean sensor (T,) and of samples (N, T), the only ones unless there
+    are ``others`` (M, parameters)."""
     per_deviation = slopes * [law.deviation for law in plan.laws]
     deviation, error = _deviations(exact)
     linear = np.sqrt(np.square(per_deviation).sum(axis=1))
@@ -135,6 +183,11 @@ def _of_figure(
     first, total = np.full((2, *slopes.shape), math.nan)
     if polynomial is not None:
         first, total = indices(polynomial, plan.laws, plan.batch.seed)
+    elif len(others):
+        first = total = linear_share
+    few: dict[str, np.ndarray] = {}
+    if len(others):
+        few = _corrected(plan, at_mean, np.where(wanted, exact, 0.0), slopes, z, others)
     spread, shares = [], []
     for taxel in np.flatnonzero(wanted):
         where = {"figure": name, "taxel": int(taxel) + 1}
@@ -145,6 +198,7 @@ def _of_figure(
             "linear_error": linear_error[taxel],
             "explained": math.nan if polynomial is None else polynomial.explained[taxel],
         }  # fmt: skip
+        numbers |= {key: values[taxel] for key, values in few.items()}
         spread.append(where | {key: float(value) for key, value in numbers.items()})
         for number, law in enumerate(plan.laws):
             of_one = (slopes, linear_share, first, total)
@@ -152,6 +206,20 @@ def _of_figure(
             named = zip(("rate", "linear", "first", "total"), values, strict=True)
             shares.append({**where, "parameter": law.name, **dict(named)})
     return spread, shares
+
+
+def _corrected(
+    plan: Plan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, others: np.ndarray
+) -> dict[str, np.ndarray]:
+    """See :func:`corrected`; where there is no linear answer it is 0."""
+    linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, each)) for each in (z, others))
+    return corrected(exact, linear, of_others, plan.batch.seed)
+
+
+def _linear(plan: Plan, at_mean: np.ndarray, slopes: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Linear answer (samples, T) in the parameters that have a derivative."""
+    known = np.where(np.isfinite(slopes), slopes, 0.0)
+    return at_mean + z @ (known * [law.deviation for law in plan.laws]).T
 
 
 def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,6 +16,7 @@ from mitsuba_taxel.studies.plan.batch import Batch, batch_from, read_study_of
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.laws import Law, law_of
 
+KEYS = ("exact", "of", "samples", "sampling")
 SAMPLES = 64
 SAMPLINGS = ("latin_hypercube", "sobol")
 FEWEST, MOST = 8, 20_000
@@ -35,6 +36,8 @@ class Plan:
         The varied force; empty if none is.
     shares : (samples, parameters) ndarray
         Cumulative probabilities of the samples.
+    exact : int
+        Samples computed by the whole chain: the first ones.
     batch : Batch
         The sensor with all parameters at their mean.
     """
@@ -42,6 +45,7 @@ class Plan:
     laws: list[Law]
     force: str
     shares: np.ndarray
+    exact: int
     batch: Batch
 
     @property
@@ -51,8 +55,9 @@ class Plan:
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 
     def samples(self, points: int, mesh_size: float | None) -> Batch:
-        """The batch of the samples, with the points and the mesh of the mean sensor."""
-        axes = tuple(axis._replace(values=self._words()) if axis.dim == STEP else axis for axis in self.batch.axes)
+        """The batch of the samples to be computed, with the points and the mesh of the mean sensor."""
+        rows = {name: words[: self.exact] for name, words in self._words().items()}
+        axes = tuple(axis._replace(values=rows) if axis.dim == STEP else axis for axis in self.batch.axes)
         batch = replace(self.batch, name="samples", axes=axes, bare=True)
         return replace(batch, points=points, mesh_size=mesh_size, target_error=None, time_budget=None)
 
@@ -61,8 +66,8 @@ class Plan:
         return {law.name: [f"{v:.12g}" for v in column] for law, column in zip(self.laws, columns, strict=True)}
 
 
-def read_plan(file: Path) -> Plan:
-    """The plan in a study file with a table ``[tolerance]``.
+def read_plan(file: Path, exact: int | None = None) -> Plan:
+    """The plan in a study file with a table ``[tolerance]``, whose own ``exact`` counts if none is given here.
 
     Raises
     ------
@@ -74,8 +79,8 @@ def read_plan(file: Path) -> Plan:
     if not isinstance(table, dict) or not isinstance(table.get("of"), dict) or not table["of"]:
         raise InputError(f"study {file.name} has no tolerances: a table [tolerance.of] of distributions is needed.")
     for name in table:
-        if name not in ("samples", "sampling", "of"):
-            raise InputError(f"tolerance: {name} is not known: allowed are of, samples, sampling.")
+        if name not in KEYS:
+            raise InputError(f"tolerance: {name} is not known: allowed are {', '.join(KEYS)}.")
     for name in ("together", "steps", "derivatives", "target_slope"):
         if name in scene or name in content:
             raise InputError(f"{name} is not allowed in a tolerance study.")
@@ -83,7 +88,8 @@ def read_plan(file: Path) -> Plan:
     scene["together"] = {law.name: [f"{law.mean:.12g}"] for law in laws}
     batch = batch_from(content, 0, file.resolve().parent)
     shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(laws), batch.seed)
-    plan = Plan(laws, _force(batch), shares, replace(batch, name="nominal"))
+    count = _exact(table.get("exact", len(shares)) if exact is None else exact, len(shares))
+    plan = Plan(laws, _force(batch), shares, count, replace(batch, name="nominal"))
     for law in laws:
         _check_range(batch, law)
     return plan
@@ -100,6 +106,20 @@ def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarr
         raise InputError(f"samples = {samples} is not allowed with sampling sobol: a power of 2 is needed.")
     engine = {"latin_hypercube": qmc.LatinHypercube, "sobol": qmc.Sobol}[sampling]
     return engine(parameters, seed=np.random.default_rng(seed)).random(samples)
+
+
+def _exact(exact: Any, samples: int) -> int:
+    """The number of samples to be computed.
+
+    Those are the first ones, a fair part of all: rows of a Latin hypercube are in random order, and the beginning of a
+    scrambled Sobol' sequence is such a sequence itself.
+    """
+    if not (is_whole(exact) and FEWEST <= exact <= samples):
+        raise InputError(
+            f"exact = {exact!r} is not allowed: a whole number from {FEWEST} to {samples}, the number of samples, is "
+            "needed."
+        )
+    return exact
 
 
 def _force(batch: Batch) -> str:

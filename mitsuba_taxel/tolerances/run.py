@@ -17,6 +17,7 @@ from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.spreads import plot_spreads
 from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.studies.run.pool import open_pool
 from mitsuba_taxel.studies.run.study import Progress, run_batch
 from mitsuba_taxel.studies.store.folder import begin_tree
@@ -34,6 +35,7 @@ def run_tolerance(
     file: str | Path,
     output: str | Path,
     *,
+    exact: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
@@ -41,7 +43,8 @@ def run_tolerance(
 ) -> Tolerance:
     """Propagate distributions of parameters of a scene to its readings.
 
-    Every sample is a job of a study in ``output``: the same call resumes an interrupted one.
+    Every sample is a job of a study in ``output``: the same call resumes an interrupted one, and one with a larger
+    ``exact`` computes the missing ones.
 
     Parameters
     ----------
@@ -49,6 +52,10 @@ def run_tolerance(
         A study file of one scene with tables ``[tolerance]`` and ``[tolerance.of]``.
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
+    exact : int, optional
+        Number of samples computed by the whole chain, from 8 to all, instead of ``exact`` in the table
+        ``[tolerance]``, and of all if that says nothing. The others get the linear answer from derivatives, and mean,
+        spread and quantiles are those of the linear answer of all, corrected by the exact ones.
 
     The others are those of :func:`sweep`.
 
@@ -62,7 +69,7 @@ def run_tolerance(
     file, folder = path_of("file", file), path_of("output", output)
     check_flags(retry_failed=retry_failed)
     check_progress(progress)
-    plan = read_plan(file)
+    plan = read_plan(file, exact)
     with open_pool(workers, scheduler) as pool:
         nominal, notes = _with_derivatives(plan)
         begin_tree(folder, _as_tree(plan))
@@ -70,7 +77,7 @@ def run_tolerance(
         if mean.attrs["failures"]:
             raise ComputationError(f"the sensor with parameters at their mean cannot be read: {mean.attrs['failures']}")
         samples = run_batch(_like(mean, plan), pool, folder / "samples", retry_failed, False, progress)
-    result = analysed(plan, mean, samples, notes)
+    result = analysed(plan, mean, samples.isel({STEP: slice(plan.exact)}), notes)
     _write(result, folder)
     return result
 

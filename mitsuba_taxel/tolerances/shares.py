@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -43,6 +44,11 @@ def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
     with squares, or of second degree. None if there are too few samples."""
     found = [_least_squares(z, outputs, powers) for powers in _degrees(z.shape[1]) if len(z) >= SPARE * len(powers)]
     return max(found, key=lambda one: float(np.mean(one.explained)), default=None)
+
+
+def fewest_of(parameters: int) -> int:
+    """The fewest samples through which a polynomial is fitted."""
+    return math.ceil(SPARE * (1 + parameters))
 
 
 def indices(polynomial: ResponseSurface, laws: Sequence[Law], seed: int) -> tuple[np.ndarray, np.ndarray]:
