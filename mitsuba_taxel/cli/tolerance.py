@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -19,8 +20,9 @@ def command(
     """Propagate the distributions of parameters in the table [tolerance] of STUDY.toml to the readings.
 
     Each sample is computed by the whole chain, and stored in DIR as soon as it is ready; the same command resumes an
-    interrupted run. Tables and a plot show the spread of the reading at rest, sensitivity and cross-talk, its linear
-    estimate from derivatives, and the share of each tolerance.
+    interrupted run. With exact = N in the table, N samples are, all have the linear answer from derivatives, and these
+    N correct it; a larger N continues a run. Tables and a plot show the spread of the reading at rest, sensitivity and
+    cross-talk, its linear estimate from derivatives, and the share of each tolerance.
     """
     from mitsuba_taxel.tolerances import run_tolerance
 
@@ -41,9 +43,16 @@ def command(
     print(f"Results: {folder}")
 
 
-def _as_json(result) -> dict[str, list[dict]]:
+def _as_json(result) -> dict[str, Any]:
     tables = {"spread": result.spread, "shares": result.shares, "parameters": result.parameters}
-    return {name: table.astype(object).where(table.notna(), None).to_dict("records") for name, table in tables.items()}
+    found = {name: table.astype(object).where(table.notna(), None).to_dict("records") for name, table in tables.items()}
+    return found | _counts(result)
+
+
+def _counts(result) -> dict[str, int]:
+    """How many samples there are, and how many of them are exact, if those are fewer."""
+    samples = result.samples
+    return {"samples": len(samples), "exact": int(samples.exact.sum())} if "exact" in samples else {}
 
 
 def _show(result) -> None:
@@ -52,7 +61,12 @@ def _show(result) -> None:
     def share(value: float) -> str:
         return "-" if math.isnan(value) else f"{value:.1%}"
 
-    print(f"{len(result.samples)} samples; spreads are one standard deviation, relative to the nominal value:")
+    def with_error(value: float, error: float) -> str:
+        return share(value) if math.isnan(error) else f"{share(value)} ± {share(error)}"
+
+    counts = _counts(result)
+    few = f", {counts['exact']} of them exact, all linear" if counts else ""
+    print(f"{len(result.samples)} samples{few}; spreads are one standard deviation, relative to the nominal value:")
     print_table(
         ("figure", "taxel", "unit", "nominal", "mean", "spread", "linear", "not linear", "explained"),
         (
@@ -61,8 +75,8 @@ def _show(result) -> None:
                 str(row.taxel),
                 row.unit,
                 f"{row.nominal:.4g}",
-                share(row.mean / row.nominal - 1),
-                f"{share(row.sd / abs(row.nominal))} ± {share(row.sd_error / abs(row.nominal))}",
+                with_error(row.mean / row.nominal - 1, getattr(row, "mean_error", math.nan) / abs(row.nominal)),
+                with_error(row.sd / abs(row.nominal), row.sd_error / abs(row.nominal)),
                 share(row.linear_sd / abs(row.nominal)),
                 share(row.linear_error),
                 share(row.explained),

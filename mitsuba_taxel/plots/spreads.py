@@ -19,7 +19,8 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     """A tolerance study, a row for each figure.
 
     Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
-    standard deviation of the samples and from derivatives. Right: total Sobol' indices of the parameters.
+    standard deviation of the samples and from derivatives; where few of the samples are exact, the standard errors of
+    the bar's ends. Right: total Sobol' indices of the parameters.
 
     Parameters
     ----------
@@ -44,6 +45,9 @@ def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
     low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
     ax.use_sticky_edges = False
     ax.bar(place, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")
+    if "low_error" in rows:
+        for end, error, label in ((low, rows.low_error, "standard error of these ends"), (high, rows.high_error, None)):
+            ax.errorbar(place, end, error * abs(unit), fmt="none", ecolor="grey", capsize=4, label=label)
     ax.errorbar(
         place - 0.12, mean, rows.sd * abs(unit), fmt="o", color=COLOURS[0], markersize=4, label="mean and 1 sigma"
     )

@@ -124,8 +124,8 @@ def _notes_of_few(spread: pandas.DataFrame, exact: int, others: int, parameters:
         if len(little):
             worst = little.loc[little.linear_explained.idxmin()]
             notes.append(
-                f"the linear answer explains little of {name}, {worst.linear_explained:.0%} of the variance of the "
-                f"{exact} exact samples (taxel {worst.taxel}): the other {others} samples tell hardly more"
+                f"the linear answer explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
+                f"{worst.taxel}) over the exact samples: there the other {others} add little to these {exact}"
             )
     if fewest_of(parameters) > exact:
         notes.append(

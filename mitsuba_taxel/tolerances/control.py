@@ -75,5 +75,5 @@ def _coefficient(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
 def _explained(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
     missed = exact - _coefficient(exact, linear) * linear
     variance = exact.var(axis=0)
-    varies = variance > 0
+    varies = variance > 1e-20 * np.mean(exact**2, axis=0)
     return 1 - np.divide(missed.var(axis=0), variance, out=np.full_like(variance, math.nan), where=varies)

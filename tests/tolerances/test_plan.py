@@ -54,6 +54,22 @@ def test_the_seed_decides(plan):
     assert np.array_equal(shares[0], shares[1]) and not np.array_equal(shares[0], shares[2])
 
 
+@pytest.mark.parametrize("sampling", ["latin_hypercube", "sobol"])
+def test_the_first_samples_are_exact(plan, tmp_path, sampling):
+    head = f'{HEAD}[tolerance]\nsamples = 32\nsampling = "{sampling}"\n'
+    whole, part = plan(head + LAWS), plan(head + "exact = 9\n" + LAWS)
+    assert (whole.exact, part.exact) == (32, 9) and np.array_equal(whole.shares, part.shares)
+    every, first = (one.samples(64, None).axes[-1].values for one in (whole, part))
+    assert first == {name: words[:9] for name, words in every.items()} and len(every["z"]) == 32
+    assert read_plan(tmp_path / "study.toml", exact=10).exact == 10
+
+
+def test_few_sobol_points_are_balanced_and_can_be_continued(plan):
+    shares = [plan(f'{HEAD}[tolerance]\nsamples = {n}\nsampling = "sobol"\n{LAWS}').shares for n in (16, 64)]
+    np.testing.assert_array_equal(shares[0], shares[1][:16])
+    assert np.array_equal(np.sort(np.floor(16 * shares[0]), axis=0), np.tile(np.arange(16.0)[:, None], (1, 2)))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -62,6 +78,10 @@ def test_the_seed_decides(plan):
         (HEAD + "tolerance = 5\n", "has no tolerances"),
         (HEAD + "[tolerance]\nnumber = 3\n" + LAWS, "tolerance: number is not known"),
         (HEAD + "[tolerance]\nsamples = 3\n" + LAWS, "samples = 3"),
+        (HEAD + "[tolerance]\nexact = 7\n" + LAWS, "exact = 7 is not allowed: a whole number from 8 to 64"),
+        (HEAD + "[tolerance]\nexact = 65\n" + LAWS, "exact = 65 is not allowed: a whole number from 8 to 64"),
+        (HEAD + "[tolerance]\nexact = 8.5\n" + LAWS, "exact = 8.5"),
+        (HEAD + "[tolerance]\nexact = true\n" + LAWS, "exact = True"),
         (HEAD + '[tolerance]\nsamples = 20\nsampling = "sobol"\n' + LAWS, "a power of 2"),
         (HEAD + '[tolerance]\nsampling = "grid"\n' + LAWS, "sampling = 'grid'"),
         (HEAD + "[vary]\noffset_x = [0, 1]\n" + LAWS, "vary = offset_x"),

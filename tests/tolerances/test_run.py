@@ -6,10 +6,12 @@ import json
 import shutil
 
 import numpy as np
+import pandas
 import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, open_study
+from mitsuba_taxel.studies.run import job
 from mitsuba_taxel.tolerances import run_tolerance
 
 CELL = one_cell(scattering="isotropic", fz=0, youngs_modulus=4, led_power=1)
@@ -24,6 +26,15 @@ samples = 8
 [tolerance.of]
 led_power = {{ law = "normal", mean = 1, sd = 0.1 }}
 youngs_modulus = {{ law = "uniform", low = 3.8, high = 4.2 }}
+"""
+PLATE = """
+scene = "plate.xml"
+points = 64
+define = { scattering = "lambertian" }
+[tolerance]
+samples = 16
+[tolerance.of]
+z = { law = "normal", mean = 0.7, sd = 0.01 }
 """
 CIRCUIT = "circuit = { supply = 3.3, load_resistance = 1e4, transfer = 5e-3, saturation_voltage = 0 }"
 
@@ -85,6 +96,56 @@ def test_a_plate_has_no_derivatives_but_spreads(tmp_path):
     assert result.notes[0].startswith("no linear answer for z:")
     (row,) = result.spread.itertuples()
     assert row.figure == "rest" and row.sd > 0 and np.isnan(row.linear_sd) and row.explained > 0.95
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A tolerance study of a plate with some number of exact samples, and the places of the plate then computed."""
+    calls, really = [], job.measure
+    (tmp_path / "study.toml").write_text(PLATE)
+
+    def run(output, exact=None, most=None):
+        def measure(ready, **how):
+            if len(calls) == most:
+                raise KeyboardInterrupt
+            calls.append(ready.parameters["z"])
+            return really(ready, **how)
+
+        del calls[:]
+        monkeypatch.setattr(job, "measure", measure)
+        try:
+            return run_tolerance(tmp_path / "study.toml", tmp_path / output, exact=exact), list(calls)
+        except KeyboardInterrupt:
+            return None, list(calls)
+
+    return run
+
+
+def assert_same(one, other):
+    for name in ("spread", "shares", "parameters", "samples"):
+        pandas.testing.assert_frame_equal(getattr(one, name), getattr(other, name), check_exact=True)
+    assert one.notes == other.notes
+
+
+def test_few_exact_samples_are_resumed_and_raised(run):
+    """Nothing is computed twice, and what was computed before makes no difference, to the bit. With all samples exact,
+    it is a study without that number."""
+    whole, (nominal, *places) = run("whole")
+    assert len(places) == 16 and "exact" not in whole.samples and "mean_error" not in whole.spread
+    assert run("out", exact=8, most=5) == (None, [nominal, *places[:4]])
+    few, computed = run("out", exact=8)
+    assert computed == places[4:8] and few.samples.exact.sum() == 8 and len(few.samples) == 16
+    raised, computed = run("out", exact=12)
+    assert computed == places[8:12]
+    fresh, computed = run("fresh", exact=12)
+    assert computed == [nominal, *places[:12]]
+    assert_same(raised, fresh)
+    lowered, computed = run("out", exact=8)
+    assert not computed
+    assert_same(lowered, few)
+    completed, computed = run("out", exact=16)
+    assert computed == places[12:]
+    assert_same(completed, whole)
 
 
 def test_what_fails(folder):

@@ -1,0 +1,80 @@
+"""Few exact samples of a cell beside the study of all its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+import pytest
+from one_cell import one_cell
+
+from mitsuba_taxel.tolerances import run_tolerance
+from mitsuba_taxel.tolerances.analysis import _notes_of_few
+
+CELL = one_cell(scattering="isotropic", fz=0, led_power=1, spacing=0.8).replace(
+    '<emitter type="annular_led">', '<float name="spacing" value="$spacing"/> <emitter type="annular_led">'
+)
+STUDY = """
+scene = "cell.xml"
+points = 64
+[tolerance]
+samples = 32
+[tolerance.of]
+led_power = { law = "normal", mean = 1, sd = 0.15 }
+spacing = { law = "uniform", low = 0.67, high = 0.93 }
+"""
+EXACT = 8
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory):
+    """The study of all samples, and that of few, with no further computation."""
+    folder = tmp_path_factory.mktemp("few")
+    (folder / "cell.xml").write_text(CELL)
+    (folder / "study.toml").write_text(STUDY)
+    whole = run_tolerance(folder / "study.toml", folder / "out")
+    few = run_tolerance(folder / "study.toml", folder / "out", exact=EXACT)
+    return whole, few, folder / "out"
+
+
+def test_few_exact_samples_tell_what_all_do(both):
+    """Within 5 of the stated errors: by Student, with 7 degrees of freedom, each is missed with probability 1.6e-3.
+    Closer than the exact samples alone, and with little more than half the error of as many."""
+    whole, few, _ = both
+    (all_of_them,), (row,) = whole.spread.itertuples(), few.spread.itertuples()
+    alone = whole.samples.rest_1[:EXACT]
+    for name in ("mean", "sd", "low", "high"):
+        error = getattr(row, f"{name}_error")
+        assert abs(getattr(row, name) - getattr(all_of_them, name)) < 5 * error
+    assert row.mean_error < 0.6 * all_of_them.sd / np.sqrt(EXACT) and row.linear_explained > 0.95
+    assert abs(row.mean - all_of_them.mean) < abs(alone.mean() - all_of_them.mean)
+    assert abs(row.sd - all_of_them.sd) < abs(alone.std() - all_of_them.sd)
+    for name in ("nominal", "linear_sd"):
+        assert getattr(row, name) == getattr(all_of_them, name)
+
+
+def test_shares_of_few_are_those_of_all(both):
+    whole, few, _ = both
+    np.testing.assert_allclose(few.shares.total, whole.shares.total, atol=0.03)
+    assert few.spread.explained[0] > 0.99 and not few.notes[1:]
+
+
+def test_the_table_of_samples_tells_which_are_exact(both):
+    whole, few, folder = both
+    samples = pandas.read_csv(folder / "samples.csv")
+    pandas.testing.assert_frame_equal(samples, few.samples)
+    assert list(samples) == ["led_power", "spacing", "exact", "rest_1", "linear_rest_1"]
+    assert list(np.flatnonzero(samples.exact)) == list(range(EXACT))
+    np.testing.assert_array_equal(samples.rest_1[:EXACT], whole.samples.rest_1[:EXACT])
+    assert samples.rest_1[EXACT:].isna().all()
+    missed = samples.linear_rest_1 - whole.samples.rest_1
+    assert np.sqrt(np.mean(missed**2)) == pytest.approx(whole.spread.linear_error[0] * whole.spread.sd[0], rel=0.05)
+
+
+def test_the_reader_is_told_what_few_samples_cannot_tell():
+    spread = pandas.DataFrame(
+        {"figure": ["rest", "rest", "sensitivity"], "taxel": [1, 2, 1], "linear_explained": [0.4, 0.3, 0.99]}
+    )
+    (note,) = _notes_of_few(spread, exact=9, others=91, parameters=5)
+    assert "explains only 30% of the variance of rest (taxel 2)" in note and "other 91 add little to these 9" in note
+    (note,) = _notes_of_few(spread[2:], exact=8, others=92, parameters=5)
+    assert "Sobol' indices are shares of the linear answer" in note and "exact = 9 or more" in note
