@@ -96,7 +96,7 @@ def test_stock_path_agrees_on_lambertian_walls(llvm_mono, agree, tmp_path, cell,
     agree(theirs.power, theirs.standard_error, ours.power, ours.standard_error)
 
 
-@pytest.mark.parametrize("cell", ["parallelepiped", "spherical"])
+@pytest.mark.parametrize("cell", ["parallelepiped", "hemispheric"])
 def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path, agree, cell):
     """To the bit where paths are not guided; those in domes are, after the pad at rest, which a mesh does not know."""
     mi = llvm_mono

@@ -57,7 +57,7 @@ def job_of(file, points, seed):
 def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     """Meshing, solving and tracing, each time from nothing: by one thread, by two, and by as many as there are."""
     reflectors = PhotoReflector(rows=1, columns=1)
-    sensor = PadSensor(pad=Pad("cylindrical", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
+    sensor = PadSensor(pad=Pad("parallelepiped", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
     write_xml(sensor.scene(), tmp_path / "pad.xml")
     job = job_of(tmp_path / "pad.xml", points=64, seed=1)
     monkeypatch.setattr(processes, "_begin", _take_threads)
