@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.sensing.left_out import used_by
 from mitsuba_taxel.sensing.scene import DEEPEST, is_file
 
 KINDS = (
@@ -107,6 +108,26 @@ def _included(element: Element, around: tuple[Path, ...]) -> Element:
     if inner.resolve() in around:
         raise Unreadable(element.finding("error", f"filename = {name!r} is not allowed: the file includes itself."))
     return read_document(inner, around)
+
+
+def leave_out(element: Element, absent: set[str]) -> None:
+    """Take out nested elements that use one of these parameters, and then ``<default>``s that are used no more."""
+    before = used_names(element)
+    _take_out(element, absent)
+    unused = before - used_names(element)
+    for inner in element.walk():
+        inner.children = [c for c in inner.children if c.tag != "default" or c.attributes.get("name") not in unused]
+
+
+def _take_out(element: Element, absent: set[str]) -> None:
+    element.children = [child for child in element.children if not used_by(child.attributes) & absent]
+    for child in element.children:
+        _take_out(child, absent)
+
+
+def used_names(root: Element) -> set[str]:
+    """The names used as ``$name`` anywhere in a file."""
+    return set().union(*(used_by(element.attributes) for element in root.walk()))
 
 
 def filled_in(value: str, parameters: Mapping[str, str]) -> str:

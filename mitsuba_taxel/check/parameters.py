@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
@@ -11,8 +10,9 @@ from pathlib import Path
 import mitsuba as mi
 
 from mitsuba_taxel.backend import plugin_kind
-from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in
+from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
 from mitsuba_taxel.check.finding import Finding
+from mitsuba_taxel.sensing.left_out import used_by
 from mitsuba_taxel.specification import Specification, specifications
 
 _VALUES = ("integer", "float", "string", "boolean", "point", "vector", "rgb", "spectrum", "transform")
@@ -35,12 +35,11 @@ def check_names(root: Element, parameters: Mapping[str, str]) -> Iterator[Findin
 
 def _references(element: Element, parameters: Mapping[str, str]) -> Iterator[Finding]:
     """References without a value."""
-    for value in element.attributes.values():
-        for name in re.findall(r"\$(\w+)", value):
-            if name not in parameters:
-                yield element.finding(
-                    "error", f"${name} has no value{_meant(name, parameters)}: a <default> of that name is needed."
-                )
+    for name in sorted(used_by(element.attributes)):
+        if name not in parameters:
+            yield element.finding(
+                "error", f"${name} has no value{_meant(name, parameters)}: a <default> of that name is needed."
+            )
 
 
 def defaults_given_twice(root: Element) -> Iterator[Finding]:
@@ -62,11 +61,6 @@ def _unused_defaults(root: Element, parameters: Mapping[str, str]) -> Iterator[F
         if element.tag == "default" and name not in used:
             message = f"the <default> {name} is used nowhere: take it out, or write ${name} where it belongs."
             yield element.finding("error", message)
-
-
-def used_names(root: Element) -> set[str]:
-    """The names used as ``$name`` anywhere in a file."""
-    return {name for e in root.walk() for value in e.attributes.values() for name in re.findall(r"\$(\w+)", value)}
 
 
 def _given_twice(element: Element) -> Iterator[Finding]:

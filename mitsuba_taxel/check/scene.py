@@ -10,14 +10,15 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.check.document import Element, Unreadable, read_document
+from mitsuba_taxel.check.document import Element, Unreadable, leave_out, read_document, used_names
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
 from mitsuba_taxel.check.light import check_light, check_modelled, check_prepared
-from mitsuba_taxel.check.parameters import check_names, defaults_given_twice, used_names
+from mitsuba_taxel.check.parameters import check_names, defaults_given_twice
 from mitsuba_taxel.check.parts import make_parts
 from mitsuba_taxel.check.units import check_units
 from mitsuba_taxel.check.values import refused_values
+from mitsuba_taxel.sensing.left_out import left_out, parse_scene
 from mitsuba_taxel.sensing.scene import Scene, find_scene, parser_config
 
 
@@ -55,6 +56,7 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
     if twice:
         return twice
     scene = Scene(path, parameters)
+    leave_out(root, left_out(scene.parameters))
     activate_variant()
     findings = list(check_names(root, scene.parameters))
     with scene.files_beside_it():
@@ -75,10 +77,11 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
     """The scene parsed by Mitsuba; None, and findings, if that fails."""
     used = used_names(root)
     # Mitsuba stops at an unused parameter, which `check_names` has reported already.
-    given = {name: value for name, value in scene.parameters.items() if name in used}
+    absent = left_out(scene.parameters)
+    given = {name: value for name, value in scene.parameters.items() if name in used | absent}
     config = parser_config(mi.variant())
     try:
-        state = mi.parser.parse_file(config, str(path), **given)
+        state = parse_scene(config, path, given)
         mi.parser.transform_all(config, state)
         return state
     except RuntimeError as error:

@@ -17,6 +17,7 @@ from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, t
 from mitsuba_taxel.base.atomic import WriteError, replacing
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.sensing.left_out import parse_scene, used_by
 
 FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
@@ -39,7 +40,7 @@ class Scene(Displayed):
     source : str or Path or dict[str, Any]
         Path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``).
     parameters : Mapping[str, object], optional
-        Values for the ``<default>``s of the file, by name.
+        Values for the ``<default>``s of the file, by name; ``none`` leaves out the elements that use a parameter.
     mesh_size : float, optional
         Size in mm of the finite elements of pads without a mesh size or tolerance in the description; None for the
         default.
@@ -182,7 +183,7 @@ class Scene(Displayed):
         if isinstance(self.source, dict):
             state = mi.parser.parse_dict(config, self.source)
         else:
-            state = mi.parser.parse_file(config, str(self.source), **self.parameters)
+            state = parse_scene(config, self.source, self.parameters)
         if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
             raise InputError(f"{self.name}: {NESTED_SCENE}")
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
@@ -287,7 +288,7 @@ def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dic
         if name in defaults:
             raise InputError(f"{path.name}: the <default> {name} is given twice: take one of them out.")
         defaults[name] = element.get("value", "")
-    used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
+    used = set().union(*(used_by(element.attrib) for element in root.iter()))
     for include in root.iter("include"):
         inner = path.parent / include.get("filename", "")
         inner_defaults, inner_used = _declared_parameters(inner, (*around, path.resolve()))

@@ -20,6 +20,7 @@ from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.parameters import Number, Parameter, parameters_of
+from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.specification import Specification, specifications
@@ -113,12 +114,14 @@ class _Parameter:
 def _found(scene: Scene, name: str, config: Any) -> _Parameter:
     if name in scene.parameters:
         text = scene.parameters[name]
+        assert isinstance(scene.source, Path)
+        unit = units_of_parameters(scene.source).get(name, "1")
+        if text == NONE:  # nothing depends on it
+            return _Parameter(name, unit, 0.0, lambda _: scene.parsed(config))
         try:
             value = float(text)
         except ValueError:
             raise InputError(f"{name} = {text!r} has no derivative: it is not a number.") from None
-        assert isinstance(scene.source, Path)
-        unit = units_of_parameters(scene.source).get(name, "1")
         return _Parameter(name, unit, value, lambda other: _parsed(scene, config, {name: repr(other)}))
     plugin, _, own = name.rpartition(".")
     found: tuple[str, int | str | None] = COMPONENTS.get(own, (own, None))

@@ -1,0 +1,68 @@
+"""Parameters of a scene without a value: the elements that use them are left out."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+
+NONE = "none"
+"""Value of a parameter that leaves out what uses it."""
+
+
+def left_out(parameters: Mapping[str, str]) -> set[str]:
+    """Names of the parameters without a value."""
+    return {name for name, value in parameters.items() if value == NONE}
+
+
+def used_by(attributes: Mapping[str, str]) -> set[str]:
+    """The names used as ``$name`` by an element with these attributes."""
+    return {name for value in attributes.values() for name in re.findall(r"\$(\w+)", value)}
+
+
+def parse_scene(config: Any, path: Path, parameters: Mapping[str, str]) -> Any:
+    """Mitsuba's ``ParserState`` of an XML scene, without the elements that use a parameter without a value.
+
+    Raises
+    ------
+    InputError
+        if an included file uses such a parameter.
+    """
+    import mitsuba as mi
+
+    absent = left_out(parameters)
+    if not absent:
+        return mi.parser.parse_file(config, str(path), **parameters)
+    root = ElementTree.parse(path).getroot()
+    before = _used(root)
+    _leave_out(root, absent)
+    used = _used(root).union(*(_used_within(path.parent / one.get("filename", "")) for one in root.iter("include")))
+    for name in sorted(absent & used):
+        raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it.")
+    unused = before - used
+    for element in root.iter():
+        for default in [one for one in element.findall("default") if one.get("name") in unused]:
+            element.remove(default)
+    kept = {name: value for name, value in parameters.items() if name not in unused}
+    return mi.parser.parse_string(config, ElementTree.tostring(root, encoding="unicode"), **kept)
+
+
+def _leave_out(element: ElementTree.Element, absent: set[str]) -> None:
+    for child in list(element):
+        if used_by(child.attrib) & absent:
+            element.remove(child)
+        else:
+            _leave_out(child, absent)
+
+
+def _used(root: ElementTree.Element) -> set[str]:
+    return set().union(*(used_by(element.attrib) for element in root.iter()))
+
+
+def _used_within(path: Path) -> set[str]:
+    root = ElementTree.parse(path).getroot()
+    return _used(root).union(*(_used_within(path.parent / one.get("filename", "")) for one in root.iter("include")))
