@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -67,8 +68,9 @@ class Course:
 
     @property
     def before(self) -> Design:
-        """The first design that could be read."""
-        return next(design for design in self.history if self._read[design] is not None)
+        """The original scene, or the first design that could be read."""
+        readable = [design for design in self.history if self._read[design] is not None]
+        return next((design for design in readable if design == self.plan.before), readable[0])
 
     def read(self, design: Design) -> Read:
         """A design that was read."""
@@ -107,7 +109,7 @@ class Course:
         def at(x: np.ndarray) -> Judged | None:
             if len(self.history) - before >= self.plan.evaluations:
                 raise Enough
-            (read,) = self.look([self._alike(Design(start.choice, tuple(x.tolist())))])
+            (read,) = self.look([self._alike(self.plan.design(start.choice, x.tolist()))])
             return None if read is None else self._judge(read, self.read(start), goal, limits)
 
         for _ in range(ROUNDS if self.plan.tolerances else 1):
@@ -117,7 +119,7 @@ class Course:
                 found = descend(at, np.array(start.x))
             except Enough:
                 return
-            end = self._alike(Design(start.choice, tuple(np.clip(found.x[: len(start.x)], 0.0, 1.0).tolist())))
+            end = self._alike(self.plan.design(start.choice, np.clip(found.x[: len(start.x)], 0.0, 1.0).tolist()))
             if self._read.get(end) is None or end == start:
                 return
             start = end
@@ -167,8 +169,10 @@ def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:
 
 
 def worst_of(asked: Goal | Limit, read: Read) -> float:
-    """The worst component of a figure, with tolerances: the largest of what should be small, else the least."""
-    return asked.sign * float(_loss(asked, read, read)[0].max())
+    """The worst component of a figure, with tolerances: the largest of what should be small, else the least; NaN if the
+    design has none, such as a flat roof of radii."""
+    losses = _loss(asked, read, read)[0]
+    return asked.sign * float(losses.max()) if losses.size else math.nan
 
 
 def _loss(asked: Goal | Limit, read: Read, spread: Read) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,8 @@ class Read:
     ----------
     values : Seen
     by : list[Seen]
-        The same with derivatives with respect to each variable, in the unit cube, times `TINY` as imaginary parts.
+        The same with derivatives with respect to each variable, in the unit cube, times `TINY` as imaginary parts; 0
+        for variables that the design does not have.
     off : list[Seen]
         The same for each parameter with a tolerance, per standard deviation. Variation of the shape is neglected.
     """
@@ -68,8 +70,16 @@ class Designs:
         self._batch = replace(batch or plan.batch, bare=True)
         self._names = [one.name for one in plan.variables]
         others = [name for name in plan.tolerances if name not in self._names]
-        refused = without_derivative(plan.scene(plan.before), [*self._names, *others])
+        first = {design.choice: design for design in reversed(plan.begun())}
+        refused: dict[str, str] = {}
+        for design in first.values():
+            refused |= without_derivative(plan.scene(design), [*self._names, *others])
         self.notes = [
+            f"not tried, as no sensor within the bounds is possible: {', '.join(choice)}"
+            for choice in product(*plan.choices.values())
+            if choice not in first
+        ]
+        self.notes += [
             f"by differences of readings: {name} ({refused[name]})" for name in self._names if name in refused
         ]
         for name in others:
@@ -128,10 +138,13 @@ class Designs:
         """Neighbours of a design for differences, by the number of the variable without derivative, and the sign."""
         found = {}
         for number, name in enumerate(self._names):
-            for sign in (1, -1) if name not in self._by else ():
+            for sign in (1, -1) if name not in self._by and self._has(design)[number] else ():
                 other = _moved(design, number, sign * SHIFT)
                 found[number, sign] = design if self._plan.refusal(other) else other
         return found
+
+    def _has(self, design: Design) -> list[bool]:
+        return self._plan.has(design.choice)
 
     def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, list[int]]]:
         """The study with these designs, and the rows of each design's loads."""
@@ -163,6 +176,8 @@ class Designs:
         """(variables, loads, taxels + 1), derivatives with respect to variables in the unit cube."""
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, one in enumerate(self._plan.variables):
+            if not self._has(design)[number]:
+                continue
             if one.name in self._by:
                 rates[number] = (one.high - one.low) * _derivative(study, one.name, rows)
             else:
@@ -202,6 +217,9 @@ class Designs:
         """Figures of the pads alone, and their derivatives with respect to each variable."""
         rates = []
         for number in range(len(self._names)):
+            if not self._has(design)[number]:
+                rates.append({name: np.zeros(1) for name in SHAPE})
+                continue
             ends = [_moved(design, number, sign * SMALL) for sign in (1, -1)]
             ahead, behind = (design if self._plan.refusal(end) else end for end in ends)
             width, pair = ahead.x[number] - behind.x[number], (self._shape_of(ahead), self._shape_of(behind))

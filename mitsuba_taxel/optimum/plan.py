@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.optimum.figures import KINDS, Figure
 from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study_of
@@ -44,12 +45,18 @@ AT_REST = ""
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of the scene, its bounds, and its initial value."""
+    """A number of the scene, its bounds, its initial value, and the words of choices that have it, if not all."""
 
     name: str
     low: float
     high: float
     start: float
+    only: Mapping[str, tuple[str, ...]]
+
+    @property
+    def begins(self) -> float:
+        """The initial value, relative to the bounds."""
+        return (self.start - self.low) / (self.high - self.low)
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,8 @@ class Limit:
 
 @dataclass(frozen=True)
 class Design:
-    """Words of the choices, and the variables in the unit cube of their bounds."""
+    """Words of the choices, and the variables in the unit cube of their bounds; those that do not apply are at their
+    initial values."""
 
     choice: tuple[str, ...]
     x: tuple[float, ...]
@@ -149,17 +157,28 @@ class Plan:
         """The original scene, or the first choices if its own are not among them."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
-        return Design(choice, tuple((one.start - one.low) / (one.high - one.low) for one in self.variables))
+        return Design(choice, tuple(one.begins for one in self.variables))
+
+    def has(self, choice: tuple[str, ...]) -> list[bool]:
+        """Which variables a choice has."""
+        words = dict(zip(self.choices, choice, strict=True))
+        return [all(words[name] in of for name, of in one.only.items()) for one in self.variables]
+
+    def design(self, choice: tuple[str, ...], x: Sequence[float]) -> Design:
+        """The design with these words and variables, as far as they apply."""
+        pairs = zip(self.variables, x, self.has(choice), strict=True)
+        return Design(choice, tuple(at if there else one.begins for one, at, there in pairs))
 
     def values(self, design: Design) -> dict[str, float]:
-        """The variables of a design, rounded as written."""
-        pairs = zip(self.variables, design.x, strict=True)
-        return {one.name: float(f"{one.low + x * (one.high - one.low):.12g}") for one, x in pairs}
+        """The variables that a design has, rounded as written."""
+        pairs = zip(self.variables, design.x, self.has(design.choice), strict=True)
+        return {one.name: float(f"{one.low + x * (one.high - one.low):.12g}") for one, x, there in pairs if there}
 
     def parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design."""
+        """Parameters of the scene of a design; what uses variables that it does not have is left out."""
         numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
-        return {**dict(zip(self.choices, design.choice, strict=True)), **numbers}
+        words = dict(zip(self.choices, design.choice, strict=True))
+        return {**words, **{one.name: numbers.get(one.name, NONE) for one in self.variables}}
 
     def refusal(self, design: Design) -> InputError | None:
         """Why a design is invalid, as far as its description tells; None if it is valid."""
@@ -175,16 +194,27 @@ class Plan:
         Raises
         ------
         InputError
-            if no point within the bounds is valid, with the reason for one of them.
+            if no point within the bounds is valid for any choice, or for one of its words, with a reason.
         """
-        found: list[Design] = []
+        found: dict[Design, None] = {}
         for choice in product(*self.choices.values()):
             places = chain([self.before.x], _spread(len(self.variables), self.batch.seed))
-            allowed = (one for x in places if self.refusal(one := Design(choice, x)) is None)
-            found += [design for design, _ in zip(allowed, range(self.starts), strict=False)]
+            distinct = dict.fromkeys(self.design(choice, x) for x in places)
+            found |= dict.fromkeys(islice((one for one in distinct if self.refusal(one) is None), self.starts))
         if not found:
-            raise InputError(f"no sensor within the bounds of variables is possible: {self.refusal(self.before)}")
-        return found
+            first = self.design(self.before.choice, self.before.x)
+            raise InputError(f"no sensor within the bounds of variables is possible: {self.refusal(first)}")
+        self._refuse_words_without(list(found))
+        return list(found)
+
+    def _refuse_words_without(self, found: Sequence[Design]) -> None:
+        for place, (name, words) in enumerate(self.choices.items()):
+            for word in words:
+                if not any(design.choice[place] == word for design in found):
+                    choice = list(found[0].choice)
+                    choice[place] = word
+                    refused = self.refusal(self.design(tuple(choice), self.before.x))
+                    raise InputError(f"{name} = {word} is no choice within the bounds of variables: {refused}")
 
 
 def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:
@@ -218,8 +248,8 @@ def read_plan(file: Path) -> Plan:
     first = next(iter(table["variables"]))
     batch = make_batch(source, {}, defines, together={first: ["0"]}, folder=folder, **reading)
     base = batch.scene({}).parameters
-    variables = [_variable(name, given, base) for name, given in table["variables"].items()]
     choices = {name: _words(name, given, base) for name, given in _table(table, "choices").items()}
+    variables = [_variable(name, given, base, choices) for name, given in table["variables"].items()]
     lines = {name: _line(name, given, base) for name, given in _table(table, "loads").items()} or {AT_REST: ("", [{}])}
     _refuse_twice(variables, choices, lines, defines)
     asked = _Asked(lines, circuit, units_of_parameters(batch.file))
@@ -243,12 +273,12 @@ def _count(table: Mapping[str, Any], name: str, default: int) -> int:
     return count
 
 
-def _variable(name: str, given: Any, base: Mapping[str, str]) -> Variable:
+def _variable(name: str, given: Any, base: Mapping[str, str], choices: Mapping[str, list[str]]) -> Variable:
     table = {"low": given[0], "high": given[1]} if is_row(given, is_number) and len(given) == 2 else given
-    allowed = isinstance(table, Mapping) and {"low", "high"} <= set(table) <= {"low", "high", "start"}
-    if not allowed or not all(map(is_number, table.values())):
+    allowed = isinstance(table, Mapping) and {"low", "high"} <= set(table) <= {"low", "high", "start", "only"}
+    if not allowed or not all(is_number(value) for key, value in table.items() if key != "only"):
         raise InputError(
-            f"variable {name} = {given!r} is not allowed: [low, high], or low, high and start, are needed."
+            f"variable {name} = {given!r} is not allowed: [low, high], or low, high, start and only, are needed."
         )
     word = table.get("start", _known(name, base))
     try:
@@ -259,7 +289,22 @@ def _variable(name: str, given: Any, base: Mapping[str, str]) -> Variable:
         raise InputError(f"variable {name}: low = {table['low']:g} must be below high = {table['high']:g}.")
     if not table["low"] <= start <= table["high"]:
         raise InputError(f"variable {name}: start = {start:g} must lie from {table['low']:g} to {table['high']:g}.")
-    return Variable(name, float(table["low"]), float(table["high"]), start)
+    return Variable(name, float(table["low"]), float(table["high"]), start, _only(name, table.get("only", {}), choices))
+
+
+def _only(name: str, given: Any, choices: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
+    """The words of choices that have a variable."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"variable {name}: only = {given!r} is not allowed: choices and their words are needed.")
+    only = {choice: [str(word) for word in (of if isinstance(of, list) else [of])] for choice, of in given.items()}
+    for choice, words in only.items():
+        if choice not in choices:
+            known = ", ".join(choices) or "none"
+            raise InputError(f"variable {name}: only.{choice} is not allowed: it is no choice, these are {known}.")
+        if not words or not set(words) <= set(choices[choice]):
+            known = ", ".join(choices[choice])
+            raise InputError(f"variable {name}: only.{choice} = {given[choice]!r} is not allowed: some of {known}.")
+    return {choice: tuple(words) for choice, words in only.items()}
 
 
 def _known(name: str, base: Mapping[str, str]) -> str:

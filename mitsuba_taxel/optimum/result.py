@@ -30,9 +30,10 @@ class Optimum:
         ``before_finer`` and ``best_finer``, the same on a finer mesh; ``multiplier``, the relative gain of the
         objective if the bound were relaxed by its own size: above 0 if the constraint binds.
     variables : DataFrame
-        One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``.
+        One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN where a design
+        does not have it.
     slopes : DataFrame
-        Derivatives of the worst components at the best design, one row per figure and variable.
+        Derivatives of the worst components at the best design, one row per figure and variable that it has.
     history : DataFrame
         One row per design, in order, with the number of the ``descent`` that looked at it first, 0 for the initial
         designs, and the ``best`` value of the objective so far.
@@ -106,7 +107,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         {**base, **plan.parameters(best)},
         figures,
         _variables(plan, before, best, held),
-        _slopes(plan, reads["best"]),
+        _slopes(plan, best, reads["best"]),
         pandas.DataFrame(course.rows()),
         pandas.DataFrame() if trade_offs is None else trade_offs,
         gain,
@@ -142,24 +143,29 @@ def _variables(plan: Plan, before: Design, best: Design, held: Balance) -> panda
             "variable": [one.name for one in plan.variables],
             "low": [one.low for one in plan.variables],
             "high": [one.high for one in plan.variables],
-            "before": list(plan.values(before).values()),
-            "best": list(plan.values(best).values()),
+            **{
+                when: [plan.values(design).get(one.name, math.nan) for one in plan.variables]
+                for when, design in (("before", before), ("best", best))
+            },
             "at": at,
         }
     )
 
 
-def _slopes(plan: Plan, read: Any) -> pandas.DataFrame:
+def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
     import pandas
 
     rows = []
     for asked in plan.asked:
         values, rates = with_rates(asked.figure, read)
+        if not values.size:
+            continue
         place = int((asked.sign * values).argmax())
-        for variable, rate in zip(plan.variables, rates[place], strict=True):
-            slope = rate / (variable.high - variable.low)
-            rows.append({"figure": asked.words, "variable": variable.name, "slope": slope, "over_the_bounds": rate})
-    return pandas.DataFrame(rows)
+        for variable, rate, there in zip(plan.variables, rates[place], plan.has(best.choice), strict=True):
+            if there:
+                slope = rate / (variable.high - variable.low)
+                rows.append({"figure": asked.words, "variable": variable.name, "slope": slope, "over_the_bounds": rate})
+    return pandas.DataFrame(rows, columns=["figure", "variable", "slope", "over_the_bounds"])
 
 
 def _doubts(course: Course, held: Balance, probability: float) -> list[str]:

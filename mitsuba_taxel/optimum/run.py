@@ -17,7 +17,7 @@ from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
 from mitsuba_taxel.optimum.figures import Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
-from mitsuba_taxel.optimum.plan import Design, Limit, Plan, read_plan
+from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan, read_plan
 from mitsuba_taxel.optimum.result import Optimum, told
 from mitsuba_taxel.optimum.search import in_conflict
 from mitsuba_taxel.pads import Pad
@@ -71,7 +71,7 @@ def optimise(
     check_progress(progress)
     plan = read_plan(file)
     begun = plan.begun()
-    plan = _in_view(plan, begun[0])
+    plan = _in_view(plan, begun)
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
@@ -88,27 +88,29 @@ def optimise(
     return result
 
 
-def _in_view(plan: Plan, design: Design) -> Plan:
+def _in_view(plan: Plan, designs: list[Design]) -> Plan:
     """The plan with a constraint that keeps profiles off those that are refused, unless it has one."""
     stated = any(limit.figure.kind == "view_angle" for limit in plan.limits)
-    if stated or not any(pad.profile for pad in pads_of(plan.scene(design))):
+    if stated or not any(pad.profile for one in designs for pad in pads_of(plan.scene(one))):
         return plan
     return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
 
 
 def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:
     """Evaluate the initial designs, and raise if a figure of the study cannot be computed for this scene."""
-    first = next((read for read in course.look(begun) if read is not None), None)
-    if first is None:
+    reads = [read for read in course.look(begun) if read is not None]
+    if not reads:
         raise ComputationError(f"no design can be read to begin with: {next(iter(course.designs.failures.values()))}")
     for asked in [*course.plan.asked, *([course.plan.front[0]] if course.plan.front else [])]:
         try:
-            components = asked.figure.components(first.values)
+            found = [asked.figure.components(read.values) for read in reads]
         except IndexError:
             raise InputError(f"{asked.figure.words} cannot be told: there is no such taxel.") from None
         except np.linalg.LinAlgError:
-            components = np.array([math.nan])
-        if not (components.size and np.isfinite(components).all()):
+            found = [np.array([math.nan])]
+        there = [each.size > 0 for each in found]  # a constraint may apply to some choices only
+        needed = all(there) if isinstance(asked, Goal) else any(there)
+        if not (needed and all(np.isfinite(each).all() for each in found)):
             raise InputError(f"{asked.figure.words} cannot be told of this scene: it is not a number there.")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from one_cell import one_cell
 
 from mitsuba_taxel import InputError
 from mitsuba_taxel.optimum.plan import Design, read_plan
@@ -69,6 +70,12 @@ def test_starts_are_where_a_sensor_is_possible(plan):
         (WHOLE.replace("youngs_modulus", "cell_size"), "cell_size is no <default>"),
         ("define = { spacing = 0.9 }\n" + WHOLE, "spacing is both varied and given a value"),
         (WHOLE + "[optimise.choices]\ncell = 3\n", "choice cell = 3"),
+        (WHOLE.replace("start = 3", "start = 3, only = 2"), "variable youngs_modulus: only = 2"),
+        (WHOLE.replace("start = 3", 'only = { law = "a" }'), "only.law is not allowed: it is no choice"),
+        (
+            WHOLE.replace("start = 3", 'only = { cell = "cube" }') + '[optimise.choices]\ncell = ["spherical"]\n',
+            "only.cell = 'cube' is not allowed: some of spherical",
+        ),
         (WHOLE.replace("[0, -1, -2]", "[0, -1, -1]"), "must rise or fall"),
         (WHOLE.replace("[0, -1, -2]", "-2"), "one list of two numbers"),
         (WHOLE.replace("fx = ", "fw = "), "fw is no <default>"),
@@ -98,3 +105,31 @@ def test_what_is_no_optimisation_is_refused(plan, text, said):
 def test_a_circuit_makes_volts(plan):
     one = plan(CIRCUIT + WHOLE + CONSTRAINT + 'figure = "saturation"\nmost = 1\n')
     assert one.goal.figure.unit == "V/N" and one.limits[0].figure.unit == "1"
+
+
+def test_variables_that_some_choices_have(plan, tmp_path):
+    """Others leave out what uses them; what is left out nowhere is refused for the choice that cannot have it."""
+    cell = one_cell(cell="$shape", shape="profile", r2=0.7, z2=0.8, led_power=1, fz=0)
+    roof = '<string name="profile" value="1 0.6; $r2 $z2; 0 1"/> <vector'
+    (tmp_path / "cell.xml").write_text(cell.replace("<vector", roof, 1))
+    only = 'r2 = { low = 0.6, high = 0.8, only = { shape = "profile" } }\n'
+    text = (
+        'scene = "cell.xml"\n[optimise]\nmaximise = "rest"\nstarts = 2\n[optimise.variables]\nled_power = [0.5, 2]\n'
+        + only
+        + '[optimise.choices]\nshape = ["cylindrical", "profile"]\n'
+    )
+    one = plan(text)
+    begun = one.begun()
+    assert [design.choice[0] for design in begun] == ["cylindrical"] * 2 + ["profile"] * 2
+    assert [design.x[1] for design in begun[:2]] == [pytest.approx(0.5)] * 2 and begun[2] == one.before
+    assert begun[0].x[0] == begun[2].x[0] and begun[1].x[0] == begun[3].x[0]
+    assert one.parameters(begun[0]) == {"shape": "cylindrical", "led_power": "1", "r2": "none"}
+    assert one.values(begun[0]) == {"led_power": 1} and one.has(("profile",)) == [True, True]
+    with pytest.raises(InputError) as refused:
+        plan(text.replace(', only = { shape = "profile" }', "")).begun()
+    assert str(refused.value) == (
+        "shape = cylindrical is no choice within the bounds of variables: profile is not allowed for cell = "
+        "'cylindrical', only for 'profile'."
+    )
+    alone = text.replace("led_power = [0.5, 2]\n", "")
+    assert len(plan(alone).begun()) == 3  # there is one cylinder

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from one_cell import one_cell
 from plate_reference import plate_power
 from scipy.optimize import minimize_scalar
 from taxel_program import run_program
 
-from mitsuba_taxel import InputError, Scene, open_study
+from mitsuba_taxel import InputError, Pad, PadSensor, Scene, Wall, measure, open_study
 from mitsuba_taxel.optimum import optimise
 from mitsuba_taxel.optimum.designs import pads_of, parts_of
 
@@ -213,3 +214,39 @@ def test_the_profile_of_a_cell_within_what_its_mould_allows(tmp_path):
     assert view.figure == "view angle >= 2" and view.best > 20 and view.multiplier == 0
     assert list(found.variables["at"]) == ["low", "", ""]
     assert found.unbalanced < 0.05
+
+
+SHAPES = """
+scene = "cell.xml"
+[optimise]
+minimise = "rest"
+evaluations = 2
+[optimise.variables]
+h = [1.45, 1.6]
+r2 = { low = 0.3, high = 0.6, only = { shape = "profile" } }
+[optimise.choices]
+shape = ["cylindrical", "profile"]
+[[optimise.constraints]]
+figure = "least_radius"
+least = 0.5
+"""
+
+
+def test_shapes_of_which_one_has_a_profile(tmp_path):
+    """Each is what it is by itself; constraints of profiles leave cylinders alone."""
+    text = one_cell(cell="$shape", scattering="isotropic", shape="profile", r2=0.5, h=1.5)
+    parts = '<string name="profile" value="1 0.8; $r2 0.8; 0 1"/> <float name="cell_height" value="$h"/> <vector'
+    (tmp_path / "cell.xml").write_text(text.replace("<vector", parts, 1))
+    (tmp_path / "study.toml").write_text(SHAPES)
+    found = optimise(tmp_path / "study.toml", tmp_path / "out")
+    rows = found.history.set_index("shape")
+    assert rows.loc["cylindrical"].r2.isna().all() and rows.loc["profile"].r2.notna().all()
+    for shape, profile in (("cylindrical", None), ("profile", "1 0.8; 0.5 0.8; 0 1")):
+        pad = Pad(shape, rows=1, columns=1, cell_height=1.5, profile=profile)
+        alone = measure(Scene(PadSensor(pad, roof=Wall(scattering="isotropic")).scene().source, mesh_size=2.5))
+        assert rows.loc[shape].rest.iloc[0] == pytest.approx(alone.power[0], rel=1e-6)
+    radius = found.figures.set_index("figure").loc["least radius >= 0.5"]
+    assert radius.before > 0.5 and np.isnan(radius.best)
+    assert found.before == {"shape": "profile", "h": "1.5", "r2": "0.5"} and found.best["shape"] == "cylindrical"
+    assert found.best["r2"] == "none" and found.variables.best.isna().tolist() == [False, True]
+    assert set(found.slopes.variable) == {"h"} and list(found.variables["at"]) == ["high", ""]
