@@ -90,11 +90,15 @@ def _panels(shown: xr.Dataset, plane: tuple[str, str], count: int, narrow: bool)
     for ax in axes.flat[count:]:
         ax.set_visible(False)
     labels = [" ".join(f"{name} [{shown[name].attrs.get('units', '')}]".replace("[]", "").split()) for name in plane]
-    for ax in axes.flat[:count]:
+    below = 1 if narrow else across
+    for number, ax in enumerate(axes.flat[:count]):
         ax.grid(visible=False)
         ax.set_aspect("equal")
         ax.set(xlabel=labels[0], ylabel=labels[1])
         ax.label_outer()
+        if number + below >= count:  # there is no panel below
+            ax.set_xlabel(labels[0])
+            ax.tick_params(labelbottom=True)
     return list(axes.flat[:count])
 
 

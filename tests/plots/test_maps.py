@@ -51,3 +51,11 @@ def test_each_taxel_has_its_map():
 
 def test_taxels_that_find_no_place_are_told():
     assert plot_map(study(taxels=16, dx=X, dy=Y), narrow=True).get_suptitle() == "4 taxels are not shown"
+
+
+@pytest.mark.parametrize(("narrow", "labelled"), [(False, [2, 3, 4]), (True, [4])])
+def test_panels_with_none_below_have_labels(narrow, labelled):
+    """Also those above a place that stays empty."""
+    panels = plot_map(study(taxels=5, dx=X, dy=Y), narrow=narrow).axes[:5]
+    assert [number for number, ax in enumerate(panels) if ax.get_xlabel() == "dx [mm]"] == labelled
+    assert [number for number, ax in enumerate(panels) if ax.xaxis.get_tick_params()["labelbottom"]] == labelled

@@ -180,7 +180,13 @@ def run_batch(
     origin = provenance(batch)
     if folder is None:
         return _dataset(batch, origin, _compute(batch, pool, None, progress))
-    from mitsuba_taxel.studies.store.tables import check_parquet, draw_results, write_readings, write_summary
+    from mitsuba_taxel.studies.store.tables import (
+        check_parquet,
+        draw_results,
+        write_readings,
+        write_resolution,
+        write_summary,
+    )
 
     if parquet:
         check_parquet()
@@ -193,6 +199,7 @@ def run_batch(
         if not batch.bare:
             write_summary(study, folder)
             draw_results(study, folder)
+            write_resolution(study, folder)
     return study
 
 

@@ -38,27 +38,29 @@ def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> No
 
 
 def write_summary(study: xr.Dataset, folder: Path) -> None:
-    """Write ``summary.csv`` if a force is varied, and ``resolution.csv`` where :func:`draw_results` draws it."""
+    """Write ``summary.csv`` if a force is varied."""
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
             slopes.to_csv(file, index=False)
-    if _tells_resolution(study):
-        with replacing(folder / "resolution.csv") as file:
-            resolution(study).resolution.to_dataframe().reset_index().to_csv(file, index=False)
 
 
-def _tells_resolution(study: xr.Dataset) -> bool:
-    """Whether it has derivatives and a circuit at places in x and y."""
-    return plane_of(study) is not None and "derivative" in study and circuit_of_study(study) is not None
+def write_resolution(study: xr.Dataset, folder: Path) -> None:
+    """Write ``resolution.csv``, ``resolution.png`` and ``resolution.svg`` if it has derivatives and a circuit at places
+    in x and y."""
+    if plane_of(study) is None or "derivative" not in study or circuit_of_study(study) is None:
+        return
+    found = resolution(study)
+    with replacing(folder / "resolution.csv") as file:
+        found.resolution.to_dataframe().reset_index().to_csv(file, index=False)
+    save_figure(plot_resolution(found), folder, "resolution")
 
 
 def draw_results(study: xr.Dataset, folder: Path) -> None:
     """Draw the readings, as ``power.png`` and ``power.svg``.
 
     Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``; where a place in x
-    and y is varied, ``map.png`` and ``map.svg``, and, with derivatives and a circuit, ``resolution.png`` and
-    ``resolution.svg``.
+    and y is varied, ``map.png`` and ``map.svg``.
     """
     plots: dict[str, Callable] = {
         "power": plot_curves,
@@ -66,8 +68,6 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
     }
     if plane_of(study):
         plots["map"] = plot_map
-    if _tells_resolution(study):
-        plots["resolution"] = lambda found: plot_resolution(resolution(found))
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)
 
