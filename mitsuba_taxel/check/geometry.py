@@ -166,6 +166,7 @@ def _nearest_cell(pad: Pad, places: np.ndarray) -> np.ndarray:
 def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
     """(N,) whether all of some points (N, M, 3), relative to the centre of a cell's opening, lie in the cell."""
     slack = _ROUNDING * pad.cell_size
+    points = points - points[..., 2:] * [*pad.slope, 0.0]
     radius = 0.5 * pad.cell_size - slack
     across = np.hypot(points[..., 0], points[..., 1])
     if pad.cell == "parallelepiped":

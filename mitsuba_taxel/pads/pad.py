@@ -19,7 +19,7 @@ CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 """The shapes of the paper."""
 PROFILE = "profile"
 """Shape of a cell of revolution with any smooth roof."""
-LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height")
+LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 
 REGIONS = {"roof": 1, "side": 2, "bottom": 3, "top": 4, "outer": 5}
@@ -32,6 +32,8 @@ TYPICAL_CELL, TYPICAL_THICKNESS = 2.55, 1.0
 
 MIN_THICKNESS = 0.01
 """Least thickness of a wall or roof, relative to the cell size."""
+LARGEST_LEAN = 0.5
+"""Largest shift of a roof, relative to the wall: elements beside it that are squeezed further may fold."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Pad(Checked, Displayed):
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
     from 1, row by row, beginning at (-x, +y). A spherical cell is a cylinder closed by the cap of a sphere of radius
     `cell_size`, a hemispheric one a cylinder closed by half a sphere. A cell with a profile is a solid of revolution,
-    of a straight side wall and any smooth roof.
+    of a straight side wall and any smooth roof. All may lean, with their roofs off the axes.
 
     Raises
     ------
@@ -82,6 +84,13 @@ class Pad(Checked, Displayed):
             when=("cell", PROFILE),
         )
     )
+    top_x: float = number(
+        0.0,
+        "mm",
+        "How far all cells lean along x: their walls are sheared, in proportion to the height, by this length at "
+        "`cell_height`; half of `wall` must be left beside their highest point.",
+    )
+    top_y: float = number(0.0, "mm", "The same along y.")
 
     _height_follows: ClassVar[bool] = False
     """Whether `cell_height` is the default."""
@@ -102,6 +111,14 @@ class Pad(Checked, Displayed):
                 f"wall = {self.wall:g} is not allowed: at least {thinnest:g} mm is needed, "
                 f"{MIN_THICKNESS:.0%} of cell_size."
             )
+        for name in ("top_x", "top_y"):
+            assert self.cell_height is not None
+            most = LARGEST_LEAN * self.wall * self.cell_height / self.top_of_cell
+            if abs(getattr(self, name)) > most:
+                raise InputError(
+                    f"{name} = {getattr(self, name):g} is not allowed: at most {most:.3g} mm to either side is needed, "
+                    f"so that {1 - LARGEST_LEAN:.0%} of wall = {self.wall:g} is left."
+                )
         if self.rows * self.columns > 1 and self.pitch < self.cell_size + thinnest:
             raise InputError(
                 f"pitch = {self.pitch:g} is not allowed: at least {self.cell_size + thinnest:g} mm is needed for "
@@ -168,6 +185,17 @@ class Pad(Checked, Displayed):
         return self.cell_height * (1.0 if self.profile is None else profiles.highest(self.profile))
 
     @property
+    def slope(self) -> tuple[float, float]:
+        """Shift of the cells along x and y per mm of height."""
+        assert self.cell_height is not None
+        return self.top_x / self.cell_height, self.top_y / self.cell_height
+
+    @property
+    def thinnest_wall(self) -> float:
+        """Least thickness of silicone between an outermost cell and the outside, mm, if their roofs were flat."""
+        return self.wall - max(map(abs, self.slope)) * self.top_of_cell
+
+    @property
     def dome_radius(self) -> float:
         """Radius of the sphere of a domed roof, mm; 0 for flat roofs."""
         return {"spherical": self.cell_size, "hemispheric": 0.5 * self.cell_size}.get(self.cell, 0.0)
@@ -196,15 +224,15 @@ class Pad(Checked, Displayed):
         elements may be longer than the thickness.
         """
         scale = self.cell_size / TYPICAL_CELL
-        thinnest = min(self.wall, self.height - self.top_of_cell, TYPICAL_THICKNESS * scale)
+        thinnest = min(self.thinnest_wall, self.height - self.top_of_cell, TYPICAL_THICKNESS * scale)
         if self.rows * self.columns > 1:
             thinnest = min(thinnest, self.pitch - self.cell_size)
         return float(f"{DEFAULT_MESH_SIZE * math.sqrt(scale * thinnest / TYPICAL_THICKNESS):.3g}")
 
     @property
     def identity(self) -> dict[str, object]:
-        """Values that identify the pad, fit for JSON."""
-        return asdict(self)
+        """Values that identify the pad, fit for JSON; cells that do not lean are not told by that."""
+        return {name: value for name, value in asdict(self).items() if value or name not in ("top_x", "top_y")}
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad`."""

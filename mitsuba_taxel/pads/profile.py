@@ -118,12 +118,20 @@ def side_of(pad: Pad) -> Meridian:
 
 
 def outline(pad: Pad) -> np.ndarray:
-    """(M, 2) places (r, z) in mm of the wall of a cell in section, from the middle of its roof to the board."""
+    """(M, 2) places (r, z) in mm of the wall of an upright cell, from the middle of its roof to the board."""
     if pad.cell == "parallelepiped":
         half, top = 0.5 * pad.cell_size, pad.top_of_cell
         return np.array([[0.0, top], [half, top], [half, 0.0]])
     pad = pad.as_profile()
     return np.concatenate([roof_of(pad).at(np.linspace(0, 1, SAMPLES))[0], [[0.5 * pad.cell_size, 0.0]]])
+
+
+def section(pad: Pad) -> np.ndarray:
+    """(M, 2) places (x, z) in mm of the wall of a cell, from the board to the board, in the plane along x in which it
+    leans, relative to the middle of its opening."""
+    right = outline(pad)
+    both = np.concatenate([right[::-1] * [-1, 1], right])
+    return both + both[:, 1:] * [pad.slope[0], 0.0]
 
 
 @lru_cache(maxsize=64)

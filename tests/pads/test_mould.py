@@ -48,3 +48,20 @@ def test_roofs_are_seen_at_the_angle_of_their_rays():
     dome = Pad("profile", cell_height=1.275, profile=[(0.8, 0.6), (math.sqrt(0.4), 0.8), (0, 1)])
     np.testing.assert_allclose(view_angles(dome), 90.0, atol=1e-4)
     assert view_angles(Pad("spherical")).size == 0
+
+
+def test_leaning_cells():
+    """A side of them hangs over, and domes become ellipsoids, of which the axes tell the least radius."""
+    box = Pad(top_x=0.31, top_y=-0.2)
+    np.testing.assert_allclose(thicknesses(box), [1 - 0.31, 3.0, 1.0])
+    assert draft_angles(box) == pytest.approx([-math.degrees(math.atan(0.2))])
+    assert draft_angles(Pad("cylindrical", top_x=0.31, top_y=0.31)) == pytest.approx(
+        [-math.degrees(math.atan(0.2 * math.sqrt(2)))]
+    )
+    cone = Pad("profile", profile="0.8 0.5; 0.5 1; 0 1", top_x=0.155)
+    assert draft_angles(cone)[0] == pytest.approx(math.degrees(math.atan2(0.2 * 1.275 - 0.1 * 0.775, 0.775)))
+    dome = Pad("hemispheric", wall=1.5, top_x=0.71)  # a slope of 0.4
+    values = np.linalg.svd([[1, 0.4], [0, 1]], compute_uv=False)
+    assert bend_radii(dome) == pytest.approx([1.275 * values[1] ** 2 / values[0]], rel=3e-3)
+    assert bend_radii(Pad("cylindrical", top_x=0.3)).size == 0
+    assert bend_radii(dome.as_profile()).size == bend_radii(Pad("hemispheric").as_profile()).size

@@ -182,6 +182,44 @@ def test_derivatives_by_dimensions_are_differences_on_morphed_meshes(name, found
     assert [by(found, name)[0], strain_rate(found, name)] == pytest.approx(expected, rel=3e-3)
 
 
+@pytest.mark.parametrize("cell", ["hemispheric", "parallelepiped"])
+def test_derivatives_of_leaning_cells_are_differences_on_morphed_meshes(cell):
+    """By how far they lean, and by others, of which one changes their slope; the step is so small because of the
+    strain, whose most strained elements change with it."""
+    scene = pad_scene(cell=cell, top_x=0.25, top_y=-0.1)
+    found = derivatives(scene, "top_x", "top_y", "cell_height", "cell_size")
+    for amounts in ({"top_x": 1.0, "top_y": 0.4}, {"cell_height": 1.0}, {"cell_size": 1.0}):
+        expected = difference_on_morphed_meshes(scene, amounts, step=3e-4)
+        columns = [found.parameters.index(name) for name in amounts]
+        rates = np.column_stack([found.values[0], found.strain_rates])[columns]
+        assert [*amounts.values()] @ rates == pytest.approx(expected, rel=3e-3)
+
+
+def test_the_derivative_by_a_lean_at_rest_is_the_difference_of_readings():
+    """Of upright cells, by steps of which the error is of second order."""
+    found = derivatives(pad_scene(force=[0.0, 0.0, 0.0]), "top_x").values[0, 0]
+    errors = []
+    for step in (0.1, 0.05):
+        ends = [pad_scene(force=[0.0, 0.0, 0.0], top_x=sign * step).load() for sign in (1, -1)]
+        ahead, behind = (deterministic_light(end, False).power[0] for end in ends)
+        errors.append(abs((ahead - behind) / (2 * step) - found))
+    assert errors[1] < 2e-3 * abs(found) and errors[1] < 0.5 * errors[0] + 1e-3 * abs(found)
+
+
+def test_cells_that_lean_to_the_other_side_read_as_their_mirror_images():
+    """The package is symmetric in y, and so is its image."""
+    one, other = (
+        deterministic_light(pad_scene(top_y=0.3 * sign, force=[0.05, 0.02 * sign, -0.8]).load(), False).power[0]
+        for sign in (1, -1)
+    )
+    upright, stated = (
+        deterministic_light(pad_scene(force=[0.05, 0.02, -0.8], **given).load(), False).power[0]
+        for given in ({}, {"top_x": 0.0, "top_y": 0.0})
+    )
+    assert stated == upright
+    assert one == pytest.approx(other, rel=1e-6) and abs(one / upright - 1) > 1e-3
+
+
 PATCH = {"load": "patch_force", "patch_width": 1.0, "patch_depth": 0.8, "patch_y": 0.1}
 
 

@@ -194,7 +194,7 @@ def check_finish(finish: Finish, pad: Pad, mesh: VolumeMesh, subdivision: int) -
     InputError
         naming the parameter to change.
     """
-    gaps = [pad.side_height, 0.5 * pad.cell_size, pad.wall, pad.height - pad.top_of_cell]
+    gaps = [pad.side_height, 0.5 * pad.cell_size, pad.thinnest_wall, pad.height - pad.top_of_cell]
     if pad.rows * pad.columns > 1:
         gaps.append(pad.pitch - pad.cell_size)
     allowed = LARGEST_AMPLITUDE * min(gaps)

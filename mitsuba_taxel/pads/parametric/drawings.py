@@ -7,6 +7,7 @@ from typing import Any
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.pads.pad import Pad
+from mitsuba_taxel.pads.parametric.lean import leans
 from mitsuba_taxel.pads.parametric.solid import cell_solid
 
 MOULD = 3.0
@@ -30,10 +31,17 @@ def solids(pad: Pad) -> dict[str, Any]:
     below = Box(Pnt(-x - MOULD, -y - MOULD, -MOULD - pad.cell_size), Pnt(x + MOULD, y + MOULD, 0))
     silicone, base = block, Box(Pnt(-x - MOULD, -y - MOULD, -MOULD), Pnt(x + MOULD, y + MOULD, 0))
     for centre in pad.cell_centres:
-        cell = cell_solid(pad, *centre)
+        cell = _leaning(cell_solid(pad, *centre), pad)
         silicone, base = silicone - cell, base + (cell - below)
     frame = Box(Pnt(-x - MOULD, -y - MOULD, 0), Pnt(x + MOULD, y + MOULD, height)) - block
     return {"pad": silicone, "mould_base": base, "mould_frame": frame}
+
+
+def _leaning(cell: Any, pad: Pad) -> Any:
+    from netgen.occ import gp_GTrsf
+
+    x, y = pad.slope
+    return gp_GTrsf([1, 0, x, 0, 1, y, 0, 0, 1])(cell) if leans(pad) else cell
 
 
 def write_drawings(pad: Pad, folder: Path) -> None:

@@ -14,6 +14,7 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, m
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
+from mitsuba_taxel.pads.parametric.lean import leaning, leans
 from mitsuba_taxel.pads.parametric.round_walls import is_round
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
@@ -63,8 +64,8 @@ MESHING_LOCK = threading.RLock()
 def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
     """Mesh a pad with elements of about ``mesh_size`` mm, finer round the cells, finest where the stress is singular.
 
-    An octant of a square pad, or a quadrant of another, is meshed and mirrored, so that the mesh has exactly the pad's
-    symmetry.
+    An octant of a square pad, or a quadrant of another, is meshed with upright cells and mirrored, so that the mesh has
+    exactly the pad's symmetry; where cells lean, it is then sheared.
 
     Raises
     ------
@@ -78,10 +79,17 @@ def mesh_pad(pad: Pad, mesh_size: float) -> VolumeMesh:
     for refinement in REFINEMENTS:
         mesh = _graded(_generated(pad, mesh_size, refinement), pad)
         quality, place = worst_element(mesh)
+        if quality < LEAST_QUALITY:
+            continue
+        for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
+            mesh = mirrored(mesh, mirror)
+        mesh = _numbered(mesh, pad)
+        if not leans(pad):
+            return mesh
+        mesh = leaning(pad, mesh)
+        quality, place = worst_element(mesh)
         if quality >= LEAST_QUALITY:
-            for mirror in (*([ACROSS_DIAGONAL] if is_square(pad) else []), ACROSS_X, ACROSS_Y):
-                mesh = mirrored(mesh, mirror)
-            return _numbered(mesh, pad)
+            return mesh
     x, y, z = place
     raise ComputationError(
         f"the mesh has a distorted element near ({x:.3g}, {y:.3g}, {z:.3g}) mm: choose another mesh_size than "
@@ -148,7 +156,7 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     sizes = finer * mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
     if pad.cell == "parallelepiped":
         return sizes
-    thinnest = min(pad.wall, pad.height - pad.top_of_cell)
+    thinnest = min(pad.thinnest_wall, pad.height - pad.top_of_cell)
     if pad.rows * pad.columns > 1:
         thinnest = min(thinnest, pad.pitch - pad.cell_size)
     largest = math.sqrt(pad.cell_size * thinnest)  # the sagitta of a chord s of a circle of diameter d is s^2 / (4 d)

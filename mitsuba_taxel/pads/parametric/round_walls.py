@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mitsuba_taxel.geometry.radial import put_radially
@@ -19,6 +21,8 @@ def onto_round_walls(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Project points of roofs and sides onto the nearest point of the sphere, cylinder or profile that they belong to.
 
+    Those of leaning cells are projected as if these were upright.
+
     Parameters
     ----------
     points : (N, 3) ndarray
@@ -33,6 +37,12 @@ def onto_round_walls(
     gradient : (N, 3, 3) ndarray
         Derivative of each projected point with respect to the point.
     """
+    if pad.top_x or pad.top_y:
+        shear = np.eye(3)
+        shear[:2, 2] = pad.slope
+        upright = replace(pad, top_x=0.0, top_y=0.0)
+        places, gradient = onto_round_walls(upright, points @ np.linalg.inv(shear).T, region, cell)
+        return places @ shear.T, shear @ gradient @ np.linalg.inv(shear)
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     centre = np.zeros_like(points)
     centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]

@@ -14,12 +14,14 @@ from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
-from mitsuba_taxel.pads.parametric.round_walls import is_round
+from mitsuba_taxel.pads.pad import PROFILE, Pad
+from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.profile import Meridian, roof_of, side_of
 
 STEP = 1e-3
 """Relative change of the difference quotient: positions are linear in each length."""
+LEAN_STEP = 1e-4
+"""The same of how far nodes lean, in mm."""
 PROFILE_STEP = 1e-5
 """Change of the difference quotient for points of a profile."""
 
@@ -30,14 +32,16 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     The other dimensions are held fixed; an unset height of cells is the default at any size. A node on a wall stays on
     it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid cells,
     and along the ray from the axis of a round cell, or the centre of the circle at the base of its dome, to the border
-    of its share of the pad. Midpoints of straight edges remain midpoints.
+    of its share of the pad. Midpoints of straight edges remain midpoints. Nodes of leaning cells move as they do in
+    upright ones, and with the change of their shift.
 
     Parameters
     ----------
     mesh : VolumeMesh
         Of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
-        One of pitch, wall, height, cell_size and cell_height, or of the points of a profile, ``profile_r1`` and so on.
+        One of pitch, wall, height, cell_size, cell_height, top_x and top_y, or of the points of a profile,
+        ``profile_r1`` and so on.
 
     Raises
     ------
@@ -50,12 +54,18 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
         whole = isinstance(parameter, str) and parameter in (field.name for field in fields(pad))
         reason = "it does not change continuously" if whole else f"one of {', '.join(pad.dimensions)} is needed"
         raise refusal("parameter", parameter, reason)
-    grid = _Grid(pad, *_changed(pad, parameter), parameter)
-    velocity = grid.at(mesh.points)
+    upright = upright_nodes(pad, mesh)
+    if parameter in AXES:
+        return lean_rate(pad, mesh, upright, parameter)
+    velocity = _Grid(pad, *_changed(pad, parameter), parameter).at(upright)
     middles = velocity[mesh.corner_count :]
-    straight = ~_on_round_walls(pad, mesh)[mesh.corner_count :]
+    straight = ~on_round_walls(pad, mesh)[mesh.corner_count :]
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
-    return velocity
+    if not leans(pad):
+        return velocity
+    return velocity + rate_by(
+        pad, parameter, LEAN_STEP, lambda changed, step: lean(changed, mesh, upright + step * velocity)
+    )
 
 
 def _changed(pad: Pad, parameter: str) -> tuple[Pad, float]:
@@ -86,13 +96,6 @@ def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np
             values = (w * at(changed, offset * step) for (w, offset), changed in zip(stencil, pads, strict=True))
             return sum(values, start=np.zeros(1)) / step
     raise refused
-
-
-def _on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
-    codes = [REGIONS[name] for name in ("roof", "side") if is_round(pad, name)]
-    on_wall = np.zeros(len(mesh.points), dtype=bool)
-    on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
-    return on_wall
 
 
 class _Grid:

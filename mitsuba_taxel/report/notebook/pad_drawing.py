@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from mitsuba_taxel.pads.pad import PROFILE, Pad
-from mitsuba_taxel.pads.profile import outline
+from mitsuba_taxel.pads.profile import section
 
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
 """Width of a view, margins beside and above it, and height of text, in pixels."""
@@ -117,10 +117,8 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _View) -> str:
     roof = f"A{sphere:.2f} {sphere:.2f} 0 0 1 " if sphere else "L"
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:
-        if pad.cell == PROFILE:
-            right = outline(pad)
-            places = np.concatenate([right[::-1] * [-1, 1], right])
-            path += "".join(f"L{_pair(view.at(x + r, z))}" for r, z in places.tolist())
+        if pad.cell == PROFILE or pad.top_x:
+            path += "".join(f"L{_pair(view.at(x + place, z))}" for place, z in section(pad).tolist())
             continue
         path += f"L{_pair(view.at(x - radius, 0))}L{_pair(view.at(x - radius, pad.side_height))}"
         path += f"{roof}{_pair(view.at(x + radius, pad.side_height))}L{_pair(view.at(x + radius, 0))}"

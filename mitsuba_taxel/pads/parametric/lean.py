@@ -1,0 +1,81 @@
+"""Cells that lean: their walls are sheared, and the silicone follows up to the top and the outside of the pad.
+
+A node of the upright pad moves in proportion to the height, by `top_x` and `top_y` at `cell_height`; above the cells,
+and from the outer cells to the outside, the shift falls linearly to 0. So a leaning pad has the mesh of an upright one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.second_order import edge_ends
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.pads.pad import REGIONS, Pad
+from mitsuba_taxel.pads.parametric.round_walls import is_round
+
+AXES = {"top_x": 0, "top_y": 1}
+"""The coordinate along which each shifts the tops."""
+
+
+def leans(pad: Pad) -> bool:
+    """Whether the tops of the cells are off their axes."""
+    return bool(pad.top_x or pad.top_y)
+
+
+def leaning(pad: Pad, mesh: VolumeMesh) -> VolumeMesh:
+    """The mesh of a pad, from that of the same pad with upright cells."""
+    return replace(mesh, points=mesh.points + lean(pad, mesh, mesh.points))
+
+
+def lean(pad: Pad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
+    """(N, 3) shifts in mm of the nodes of a mesh from where they are ``upright`` (N, 3) in the pad."""
+    return sum((getattr(pad, name) * lean_rate(pad, mesh, upright, name) for name in AXES), start=np.zeros(3))
+
+
+def lean_rate(pad: Pad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
+    """(N, 3) the same per mm of `top_x` or `top_y`.
+
+    Midpoints of straight edges remain midpoints.
+    """
+    axis, count = AXES[name], mesh.corner_count
+    within = np.minimum((0.5 * pad.extent[axis] - np.abs(upright[:, axis])) / pad.wall, 1.0)
+    rate = np.zeros_like(upright)
+    rate[:, axis] = _rise(pad, upright[:, 2]) * within
+    straight = ~on_round_walls(pad, mesh)[count:]
+    rate[count:][straight] = rate[edge_ends(mesh.tets)[straight]].mean(axis=1)
+    return rate
+
+
+def upright_nodes(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
+    """(N, 3) nodes of the pad with upright cells, from those of its mesh: the reverse of :func:`leaning`."""
+    if not leans(pad):
+        return mesh.points
+    upright, count = mesh.points.copy(), mesh.corner_count
+    for name, axis in AXES.items():
+        x, half, wall = mesh.points[:, axis], 0.5 * pad.extent[axis], pad.wall
+        shift = getattr(pad, name) * _rise(pad, mesh.points[:, 2])
+        inside = x - shift
+        low, high = (-half + (x + half) * wall / (wall + shift), half - (half - x) * wall / (wall - shift))
+        upright[:, axis] = np.where(inside < wall - half, low, np.where(inside > half - wall, high, inside))
+    straight = ~on_round_walls(pad, mesh)[count:]
+    ends = edge_ends(mesh.tets)[straight]
+    upright[count:][straight] = mesh.points[count:][straight] - (mesh.points - upright)[ends].mean(axis=1)
+    return upright
+
+
+def on_round_walls(pad: Pad, mesh: VolumeMesh) -> np.ndarray:
+    """(N,) which nodes lie on round walls."""
+    codes = [REGIONS[name] for name in ("roof", "side") if is_round(pad, name)]
+    on_wall = np.zeros(len(mesh.points), dtype=bool)
+    on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
+    return on_wall
+
+
+def _rise(pad: Pad, z: np.ndarray) -> np.ndarray:
+    """Shift at a height, relative to that at `cell_height`, to which it grows within the cells."""
+    assert pad.cell_height is not None
+    top = pad.top_of_cell
+    above = top / pad.cell_height * (pad.height - z) / (pad.height - top)
+    return np.where(z <= top, z / pad.cell_height, above)
