@@ -15,6 +15,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
+from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
@@ -26,6 +27,8 @@ LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 """A cell whose roof is 0.35 mm above the package."""
 ROUNDING = 1e-6
 """Relative rounding error of single precision, to which scaling laws hold."""
+OF_TIME_STEPS = 1e-4
+"""Relative error of readings by that of steps in time, and by what relaxes during a short rise."""
 POINTS_OF_A_BILLION = 1 << 20
 
 read = partial(measure, mechanics_error=False)
@@ -95,7 +98,7 @@ class ReadingCase:
 
 def reading_cases() -> list[ReadingCase]:
     """The rows of the table, in its order."""
-    return [case for kind in (_gaps, _walls, _little, _loads, _sizes, _numbers) for case in kind()]
+    return [case for kind in (_gaps, _walls, _little, _loads, _times, _sizes, _numbers) for case in kind()]
 
 
 def _gaps() -> Iterator[ReadingCase]:
@@ -134,6 +137,20 @@ def _loads() -> Iterator[ReadingCase]:
         yield ReadingCase(f"force of {force:g} N", partial(_next_to_nothing, force))
     yield ReadingCase("a million load steps asked of a study", _million_scenes, True)
     yield ReadingCase("a million load steps asked of a path", _million_states, True)
+
+
+def _times() -> Iterator[ReadingCase]:
+    far_apart, all_but_all = ((0.3, 1e-6), (0.3, 1e6)), ((1 - 1e-6, 1.0),)
+    words, soon = "relaxation times of 1e-6 and 1e6 s", 1e-9
+    for held, left in ((0.0, 1.0), (1.0, 0.7), (1e9, 0.4)):
+        yield ReadingCase(
+            f"{words}, {soon:g} s and {held:g} s more", partial(_relaxed, far_apart, -1.0, soon, held, left)
+        )
+    yield ReadingCase(f"{words}, loaded for 1e+09 s", partial(_relaxed, far_apart, -1.0, 1e9, 0.0, 0.4))
+    words = "a silicone of which 1e-6 remains"
+    yield ReadingCase(f"{words}, loaded for {soon:g} s", partial(_relaxed, all_but_all, -1.0, soon, 0.0, 1.0))
+    yield ReadingCase(f"{words}, 1e-6 N for 1e+09 s", partial(_relaxed, all_but_all, -1e-6, soon, 1e9, 1e-6))
+    yield ReadingCase(f"{words}, 1 N for 1e+09 s", partial(_relaxed, all_but_all, -1.0, soon, 1e9, 1e-6), True)
 
 
 def _sizes() -> Iterator[ReadingCase]:
@@ -205,6 +222,18 @@ def _next_to_nothing(force: float) -> Compared:
         read(PadSensor(pad=Pad("spherical", 1, 1), force=(0.0, 0.0, z)).scene(), points=4096) for z in (force, 0.0)
     )
     return _compared(loaded, unloaded, "the unloaded pad", rounding=ROUNDING)
+
+
+def _relaxed(prony: tuple[tuple[float, float], ...], force: float, rise: float, held: float, left: float) -> Compared:
+    """An incompressible pad, loaded within a time and held for another, of whose stiffness a share is left: that of an
+    elastic one."""
+    law, load = NeoHookean(poisson_ratio=0.5), (0.0, 0.0, force)
+    elastic = PadSensor(pad=Pad(rows=1, columns=1), material=NeoHookean(left * law.youngs_modulus, 0.5), force=load)
+    silicone = replace(
+        elastic, material=Viscoelastic(law, prony), time=rise + held, history=((rise, load),) if held else ()
+    )
+    ours, theirs = (read(sensor.scene(), points=4096) for sensor in (silicone, elastic))
+    return _compared(ours, theirs, "an elastic pad", rounding=OF_TIME_STEPS)
 
 
 def _million_scenes() -> Compared:

@@ -1,4 +1,4 @@
-"""The tables of extreme cases of mechanics and readings."""
+"""The tables of extreme cases of mechanics, readings and circuits."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from typing import Protocol, TypeVar
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import stability_cases
+from mitsuba_taxel.bench.circuit_cases import circuit_cases
 from mitsuba_taxel.bench.isolated_process import Measurable, measure_isolated
 from mitsuba_taxel.bench.reading_cases import reading_cases
-from mitsuba_taxel.bench.reading_row import ReadingRow
-from mitsuba_taxel.bench.row import Row
-from mitsuba_taxel.bench.tables import write_csv, write_markdown
+from mitsuba_taxel.bench.tables import AnyRow, write_csv, write_markdown
 from mitsuba_taxel.studies.plan.files import check_new_file
 
 
@@ -32,7 +31,7 @@ def stability(
     csv: Path | None = None,
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
-) -> Iterator[Row | ReadingRow]:
+) -> Iterator[AnyRow]:
     """Rows of the tables as they are measured, each in a process of its own; files hold those measured so far.
 
     Parameters
@@ -49,12 +48,12 @@ def stability(
     InputError
         if no case matches, or a file cannot be written.
     """
-    both: list[NamedCase] = [*stability_cases(), *reading_cases()]
-    cases = chosen(both, only)
+    every: list[NamedCase] = [*stability_cases(), *reading_cases(), *circuit_cases()]
+    cases = chosen(every, only)
     for file, suffix in ((csv, ".csv"), (markdown, ".md")):
         if file:
             check_new_file(file, suffix)
-    rows: list[Row | ReadingRow] = []
+    rows: list[AnyRow] = []
     for number, case in enumerate(cases, start=1):
         if starting:
             starting(number, len(cases), case.name)
@@ -74,7 +73,7 @@ def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
     return wanted
 
 
-def check(rows: Sequence[Row | ReadingRow]) -> None:
+def check(rows: Sequence[AnyRow]) -> None:
     """Raise `ComputationError` if a row is wrong or missing."""
     wrong = [row.case for row in rows if row.wrong]
     if wrong:

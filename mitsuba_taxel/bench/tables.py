@@ -10,11 +10,14 @@ from pathlib import Path
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.cases import MESH_SIZE
+from mitsuba_taxel.bench.circuit_cases import MOST_DIFFERENCE
+from mitsuba_taxel.bench.circuit_row import CIRCUIT_HEADINGS, CircuitRow, circuit_cells
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 from mitsuba_taxel.mechanics import NeoHookean
 
+AnyRow = Row | ReadingRow | CircuitRow
 LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
 """Headings of text columns."""
 
@@ -69,16 +72,30 @@ law. Some must be refused.
 """
 
 
-def write_csv(rows: Sequence[Row | ReadingRow], file: Path) -> None:
+_CIRCUITS = """
+## Circuits
+Unless stated otherwise, the circuit has 3.3 V, 10 kOhm, 8 mA/W and 12 bits. The reference is the root of Kirchhoff's
+current law at the emitter, in 60 decimal digits.
+
+{table}
+
+- **verdict**: `right` within {difference:g} of the reference. `WRONG` is another voltage, other counts, or a noise
+  that is no number or less than that of the converter.
+- **noise**: one standard deviation.
+- **CPU s**, **MB**: time of all processors, and peak memory of the process.
+"""
+
+
+def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
     """Write the rows with a heading, in full precision; columns that a row lacks are empty, missing numbers ``nan``."""
-    names = dict.fromkeys(field.name for kind in (Row, ReadingRow) for field in fields(kind))
+    names = dict.fromkeys(field.name for kind in (Row, ReadingRow, CircuitRow) for field in fields(kind))
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(names))
         writer.writeheader()
         writer.writerows(map(asdict, rows))
 
 
-def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -> None:
+def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
     """Write the rows as a page that names its ``command`` and explains its columns."""
     mechanics = [row for row in rows if isinstance(row, Row)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]
@@ -91,5 +108,9 @@ def write_markdown(rows: Sequence[Row | ReadingRow], file: Path, command: str) -
     if readings:
         table = markdown_table([*READING_HEADINGS.values()], map(reading_cells, readings), LEFT)
         text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
+    circuits = [row for row in rows if isinstance(row, CircuitRow)]
+    if circuits:
+        table = markdown_table([*CIRCUIT_HEADINGS.values()], map(circuit_cells, circuits), LEFT)
+        text += _CIRCUITS.format(difference=MOST_DIFFERENCE, table=table)
     with replacing(file) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -19,26 +19,28 @@ def command() -> None:
 command.add_command(peers)
 
 
-@command.command("stability", short_help="Pads, loads and readings at the extremes.")
+@command.command("stability", short_help="Pads, loads, readings and circuits at the extremes.")
 @click.option("--only", metavar="PATTERN", help="Only rows whose name contains this; * and ? are wildcards.")
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows, all digits.")
 @markdown_option
 @debug_option
 def stability_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Load pads and read sensors in extreme cases, and report the outcome of each.
+    """Load pads, read sensors and circuits in extreme cases, and report the outcome of each.
 
     Rows are measured one by one, each in its own process; files contain those measured so far.
     """
+    from mitsuba_taxel.bench.circuit_row import CIRCUIT_HEADINGS, CircuitRow, circuit_cells
     from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
     from mitsuba_taxel.bench.row import HEADINGS, Row, cells
     from mitsuba_taxel.bench.stability import check, stability
+    from mitsuba_taxel.bench.tables import AnyRow
 
     from .tables import print_text_table
 
     def starting(number: int, count: int, name: str) -> None:
         click.echo(f"{number}/{count} {name}: ", nl=False, err=True)
 
-    rows: list[Row | ReadingRow] = []
+    rows: list[AnyRow] = []
     try:
         for row in stability(only, csv, markdown, starting):
             rows.append(row)
@@ -46,7 +48,8 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     finally:
         mechanics = [cells(row) for row in rows if isinstance(row, Row)]
         readings = [reading_cells(row) for row in rows if isinstance(row, ReadingRow)]
-        for headings, table in ((HEADINGS, mechanics), (READING_HEADINGS, readings)):
+        circuits = [circuit_cells(row) for row in rows if isinstance(row, CircuitRow)]
+        for headings, table in ((HEADINGS, mechanics), (READING_HEADINGS, readings), (CIRCUIT_HEADINGS, circuits)):
             if table:
                 print_text_table(list(headings.values()), table)
     check(rows)

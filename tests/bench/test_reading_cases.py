@@ -56,6 +56,8 @@ def test_what_becomes_of_a_case(case, verdict, wrong):
         "force of 1e-09 N",
         "roof pressed onto",
         "million load steps",
+        "relaxation times of 1e-6 and 1e6 s",
+        "of which 1e-6 remains",
     ],
 )
 def test_rows_of_the_table_are_right(llvm_mono, tmp_path, monkeypatch, part):

@@ -48,6 +48,7 @@ def cases(monkeypatch):
     def put(*cases):
         monkeypatch.setattr(stability, "stability_cases", lambda: list(cases))
         monkeypatch.setattr(stability, "reading_cases", list)
+        monkeypatch.setattr(stability, "circuit_cases", list)
 
     return put
 
