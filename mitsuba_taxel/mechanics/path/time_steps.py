@@ -19,7 +19,8 @@ from mitsuba_taxel.mechanics.path.linearised import Linearised
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
 TICKS = 64
-"""Smallest fraction of a step without equilibrium."""
+"""Smallest fraction of a step without equilibrium; or of the time since the row before, or of the shortest relaxation
+time before that: in such a part no term of the series changes much."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
 """Limits of the factor between steps, according to the error of the one before."""
 SHORTEST = 1e-15
@@ -92,6 +93,7 @@ class Stretch:
         if isinstance(pad, IndentedPad) and pad.friction:
             steps = (2 * math.ceil(steps) if count is None else count) / coarsening
         self._longest = 1 / max(steps, 1.0)
+        self._quickest = min(material.times) / duration if material.prony and duration else math.inf
         self._near: Linearised | None = None
         self._judges = judges
 
@@ -115,7 +117,7 @@ class Stretch:
                 after = self._step(here, share)
             except Rejected as rejection:
                 length /= 2
-                if length < self._longest / TICKS:
+                if length < max(min(self._longest, max(here.share, self._quickest)) / TICKS, SHORTEST):
                     raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
                 continue
             error, judged = self._judged(before, here, after)

@@ -169,6 +169,16 @@ def test_a_path_that_ends_says_when():
         states([(0, 0, -4.5)], [1.0])
 
 
+def test_a_pad_that_gives_way_under_a_held_load_ends_when_it_does_however_long_it_is_to_be_held():
+    """Also where all that happens is a billionth of the way between two rows."""
+    ends = []
+    for held in (50.0, 1e9):
+        with pytest.raises(ComputationError, match="touches itself") as ended:
+            states([(0, 0, -0.3)] * 2, [1e-9, held], Viscoelastic(LAW, ((0.99, 1.0),)), SpreadForce())
+        ends.append(float(str(ended.value).split()[-2]))
+    assert 20 < ends[0] < 30 and ends[1] == pytest.approx(ends[0], rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("times", "words"),
     [
