@@ -91,7 +91,7 @@ class IndentedPad(LoadedPad):
         unknowns, first, last, distance = start, 0.0, math.inf, 0.0
         pushed_by = self._likely_pushes(unknowns, value)
         state = self._pushed(unknowns, value, pushed_by)
-        contact = _LinearContact(self, linearised.factor, _pressing_of(state)) if linearised else None
+        contact = self._contact(linearised.factor, state) if linearised else None
         for iteration in range(MOST_ITERATIONS):
             error = max(self._checked_error(state, unknowns, value, first), self._out_of_touch(state))
             settled = self._settled(state, unknowns, value)
@@ -104,9 +104,17 @@ class IndentedPad(LoadedPad):
                     state = self._pushed(unknowns, value, pushed_by)
                 assert state.entries is not None  # no element is inverted
                 linearised, distance = self._linearised(state.entries, unknowns, value), 0.0
-                contact = _LinearContact(self, linearised.factor, _pressing_of(state))
+                contact = self._contact(linearised.factor, state)
             first, last = first or error, error
-            step, further = contact.step(state, pushed_by, self._slip(state, unknowns, value))
+            slip = self._slip(state, unknowns, value)
+            change = contact.step(state, pushed_by, slip)
+            if change is None:
+                linearised = contact = None  # frees its memory for the next one
+                contact = _LinearContact(self, self._with_straight_pushes(unknowns, value), _pressing_of(state))
+                change = contact.step(state, pushed_by, slip)
+            if change is None:
+                raise Rejected("the contact with the indenter does not settle")
+            step, further = change
             for _ in range(MOST_HALVINGS):
                 state = self._pushed(unknowns + step, value, pushed_by + further, with_tangent=False)
                 if state.min_jacobian > 0:
@@ -115,6 +123,22 @@ class IndentedPad(LoadedPad):
             unknowns, pushed_by = unknowns + step, pushed_by + further
             distance += float(np.abs(step[: self.numbering.displacements]).max())
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
+        """The pad linearised at a state, by a factor of its tangent."""
+        negative = factor.negative_pivots
+        surplus = 0 if negative is None else negative - self.numbering.pressures
+        return _LinearContact(self, factor, _pressing_of(state), surplus)
+
+    def _with_straight_pushes(self, unknowns: np.ndarray, value: np.ndarray) -> Factorisation:
+        """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
+
+        Those that do push the pad off a sharply rounded body, so that the linear pad may be unstable although the pad
+        is not. Without, it is stable where the pad alone is, and steps are shorter.
+        """
+        inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, self.past)
+        assert inside.entries is not None  # no element is inverted
+        return self._linearised(inside.entries, unknowns, value).factor
 
     def _pushed(
         self, unknowns: np.ndarray, value: np.ndarray, pushed_by: np.ndarray, with_tangent: bool = True
@@ -180,10 +204,13 @@ class _LinearContact:
         Of the tangent at constant pressures.
     pressing : Pressing
         State of contact.
+    surplus : int
+        Number of negative eigenvalues of the tangent which pressures, without friction, have to remove.
     """
 
-    def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing) -> None:
+    def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing, surplus: int = 0) -> None:
         self._factor, self._may, self._friction = factor, pad.model.may_press, pad.friction
+        self._surplus = 0 if pad.friction else surplus
         rows = [pressing.rate]
         if pad.friction is not None:
             rows.append(pad.friction.rows(pad.friction.tangents(pressing)))
@@ -193,9 +220,11 @@ class _LinearContact:
         self._known = np.zeros(0, dtype=np.int64)
         self._answers = np.zeros((len(self._slack), 0))
 
-    def step(self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of the unknowns and of pressures and tractions (m, 3) to equilibrium of the linear pad and the
-        indenter."""
+    def step(
+        self, state: Configuration, pushed_by: np.ndarray, slip: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Changes of the unknowns and of pressures and tractions (m, 3) to a stable equilibrium of the linear pad and
+        the indenter; None if there is none, or it is not found."""
         before = pushed_by[:, : self._ways].T.ravel()
         free = -self._factor.solve_roughly(state.residual)
         offset = np.concatenate([_pressing_of(state).gap, slip.T.ravel()]) + self._rows @ free
@@ -207,10 +236,12 @@ class _LinearContact:
             matrix = self._answers[known] + np.diag(self._slack[known])
             found = self._settled(matrix, offset[known] - self._answers[known] @ before[known], before[known])
             if found is None:
-                raise Rejected("the contact with the indenter does not settle")
+                return None
             further[known] = found - before[known]
             asked = self._may & (offset[:count] + self._answers[:count] @ further[known] < 0)
             asked[self._known] = False
+        if self._surplus and not self._is_stable(before[:count] + further[:count] > 0):
+            return None
         pushed = np.zeros_like(pushed_by)
         pushed[:, : self._ways] = further.reshape(self._ways, count).T
         return free + self._factor.solve_roughly(self._rows.T @ further), pushed
@@ -220,6 +251,13 @@ class _LinearContact:
         if self._friction is None:
             return pressures(matrix, offset, before > 0)
         return tractions(matrix, offset, self._friction.coefficient, before)
+
+    def _is_stable(self, pressed: np.ndarray) -> bool:
+        """Whether the linear pad is, held at the nodes that are ``pressed`` (m,) (E. V. Haynsworth, 1968)."""
+        at = np.flatnonzero(pressed[self._known])
+        nodes = self._known[at]
+        flexibility = self._answers[np.ix_(nodes, at)] + np.diag(self._slack[nodes])
+        return int(np.count_nonzero(np.linalg.eigvalsh(flexibility) < 0)) == self._surplus
 
     def _learn(self, nodes: np.ndarray) -> None:
         """Compute the response of all nodes to pressures and tractions at these."""

@@ -68,6 +68,16 @@ class Pressed:
     def force(self):
         return -self.pad.part.copies * float(self.pressing.force[2])
 
+    @property
+    def energy(self):
+        """N mm, in the block, and in what the body sinks in."""
+        displacement, pressure = self.pad.numbering.split(self.unknowns)
+        elements, law, here = self.pad.model.assembly.elements, self.pad.material, slice(None)
+        density = law.energy(elements.gradient(here, displacement) + np.eye(3))
+        density = density + law.compressibility / 2 * elements.pressures(here, pressure) ** 2
+        sunk = self.pad.model.indentation.slack * self.pressing.pressure**2
+        return self.pad.part.copies * ((elements.weight * density).sum() + sunk.sum() / 2)
+
 
 def test_a_ball_presses_as_hertz_says(half_space):
     mesh = half_space(lambda places: 0.5 * np.maximum(1.0, np.linalg.norm(places, axis=1)), width=4.0)
@@ -152,6 +162,20 @@ def test_a_tilted_punch_is_turned_back_as_its_closed_form_says(half_space):
     expected = 4 / 3 * MODULUS * contact**3 * np.radians(tilt)
     assert [block.force, moment] == pytest.approx([force, expected], rel=3e-2)  # 1 % on elements of 0.7 times the size
     assert moment / block.force == pytest.approx(expected / force, rel=3e-3)
+
+
+@pytest.mark.parametrize(("tilt", "edge"), [(15.0, 0.05), (30.0, 0.1)])
+def test_a_body_presses_with_an_edge_that_is_sharper_than_elements(symmetric_block, tilt, edge):
+    """At once, to a stable state that stores what the body does; pressures that turn make its linear pad unstable."""
+    body = Indenter("punch", radius=1.0, edge_radius=edge, tilt=tilt)
+    mesh = symmetric_block((4.0, 4.0, 2.0), (4, 4, 2))
+    block, depths, energies, forces = Pressed(mesh, body, NeoHookean(), (ACROSS_Y,)), (0.1995, 0.2, 0.2005), [], []
+    for depth in depths:
+        block.to(depth)
+        energies.append(block.energy)
+        forces.append(block.force)
+    done = (depths[2] - depths[0]) * (forces[0] + 4 * forces[1] + forces[2]) / 6
+    assert energies[2] - energies[0] == pytest.approx(done, rel=1e-5)
 
 
 def test_a_plate_presses_evenly(block):
