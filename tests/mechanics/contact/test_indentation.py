@@ -218,17 +218,26 @@ class Rubbed(Pressed):
         return -self.pad.part.copies * self.pressing.force
 
 
-def test_a_ball_is_dragged_as_cattaneo_and_mindlin_say(half_space):
-    """R. D. Mindlin, J. Appl. Mech. 16, 1949; K. L. Johnson, Contact Mechanics, 1985, section 7.2."""
-    mesh = half_space(lambda places: 0.5 * np.maximum(1.0, np.linalg.norm(places, axis=1)), width=4.0)
-    friction, depth, shear_modulus = 0.3, 0.02, 1 / 2.98
-    block = Rubbed(mesh, Indenter("sphere", radius=RADIUS, friction=friction), mirrors=(ACROSS_Y,))
-    counted = block.pad._factored
+@pytest.mark.parametrize(
+    ("friction", "way", "depth"), [(0.3, (1, 0), 0.02), (0.6, (0.5**0.5, 0.5**0.5), 0.02), (0.1, (0, -1), 0.01)]
+)
+def test_a_ball_is_dragged_as_cattaneo_and_mindlin_say(half_space, friction, way, depth):
+    """There and back: R. D. Mindlin, J. Appl. Mech. 16, 1949, and with H. Deresiewicz, 20, 1953; K. L. Johnson, Contact
+    Mechanics, 1985, sections 7.2 and 7.4."""
+    radius = np.sqrt(RADIUS * depth)
+    mesh = half_space(lambda places: np.maximum(0.4 * radius, 0.6 * np.linalg.norm(places, axis=1)), width=4.0)
+    (mirror,) = (mirror for mirror in MIRRORS if mirror.side(np.array([*way, 0.0])) == 0)
+    block = Rubbed(mesh, Indenter("sphere", radius=RADIUS, friction=friction), mirrors=(mirror,))
+    counted, shear_modulus = block.pad._factored, 1 / 2.98
     block.pad._factored = lambda lower: setattr(block, "factored", block.factored + 1) or counted(lower)
     most = friction * block.drag(0, 0, -depth)[2]
-    slides = 3 * most * (2 - 0.49) / (16 * np.sqrt(RADIUS * depth) * shear_modulus)
-    for share, tolerance in ((0.5, 1e-2), (1.5, 1e-3)):
-        force = block.drag(share * slides, 0, -depth)
-        expected = 1 - max(0.0, 1 - share) ** 1.5
-        assert -force[0] / (friction * force[2]) == pytest.approx(expected, abs=tolerance)
+    slides = 3 * most * (2 - 0.49) / (16 * radius * shear_modulus)
+
+    def held(share):
+        return 1 - max(0.0, 1 - share) ** 1.5
+
+    there_and_back = held(0.8) - 2 * held(0.5)  # without memory, -held(0.2)
+    for share, expected, tolerance in ((0.8, held(0.8), 1e-2), (-0.2, there_and_back, 1e-2), (1.5, 1.0, 1e-3)):
+        force = block.drag(*(share * slides * np.array(way)), -depth)
+        assert -force[:2] @ way / (friction * force[2]) == pytest.approx(expected, abs=tolerance)
     assert block.factored <= 10
