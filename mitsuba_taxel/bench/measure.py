@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +54,12 @@ def measure(case: Case) -> Row:
     if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
         figures["finer_change"] = _finer_change(case, outcome.state)
     row = Row(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
-    return Row(**(vars(row) | {"wrong": flaw(row)}))
+    return with_flaw(row, case.refused)
+
+
+def with_flaw(row: Row, refused: bool) -> Row:
+    """A finished row that says what is wrong with it, if anything; its case must be ``refused``, or must not."""
+    return replace(row, wrong=flaw(row, refused))
 
 
 def peak_memory() -> float:
@@ -63,8 +68,10 @@ def peak_memory() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def flaw(row: Row) -> str:
-    """What is wrong with a finished row; empty if nothing."""
+def flaw(row: Row, refused: bool = False) -> str:
+    """What is wrong with a finished row of a case that must be ``refused``, or must not; empty if nothing."""
+    if row.verdict.startswith("refused") != refused:
+        return "it should be refused" if refused else "it should not be refused"
     numbers = (row.min_jacobian, row.residual, row.imbalance, row.roof)
     if row.verdict == CONVERGED and not all(map(math.isfinite, numbers)):
         return "not a number"

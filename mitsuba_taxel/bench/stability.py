@@ -12,6 +12,7 @@ from mitsuba_taxel.bench.cases import stability_cases
 from mitsuba_taxel.bench.circuit_cases import circuit_cases
 from mitsuba_taxel.bench.isolated_process import Measurable, measure_isolated
 from mitsuba_taxel.bench.reading_cases import reading_cases
+from mitsuba_taxel.bench.solid_cases import solid_cases
 from mitsuba_taxel.bench.tables import AnyRow, write_csv, write_markdown
 from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -48,7 +49,7 @@ def stability(
     InputError
         if no case matches, or a file cannot be written.
     """
-    every: list[NamedCase] = [*stability_cases(), *reading_cases(), *circuit_cases()]
+    every: list[NamedCase] = [*stability_cases(), *solid_cases(), *reading_cases(), *circuit_cases()]
     cases = chosen(every, only)
     for file, suffix in ((csv, ".csv"), (markdown, ".md")):
         if file:

@@ -39,9 +39,9 @@ bonded on top. For comparison: the paper's solver stopped at tangential forces o
 {table}
 
 - **verdict**: `converged`; `ends at` a load with the reason: the pad touches something there, or no stable state was
-  found beyond it; `refused` where a single Newton solve, without a check of contact, found no acceptable state.
-  `WRONG` is an accepted step with an inverted element, a NaN, forces out of balance, or a stated error less than half
-  of the change on the finer mesh.
+  found beyond it; `refused` with the message. `WRONG` is a case that should have been refused, a wrong refusal, an
+  accepted step with an inverted element, a NaN, forces out of balance, or a stated error less than half of the change
+  on the finer mesh.
 - **Newton**, **steps**, **cutbacks**: iterations over all accepted steps; accepted steps; number of steps halved, for
   lack of an acceptable state or for accuracy between steps, or given up.
 - **min J**, **min J at nodes**: smallest volume ratio at quadrature points and at the ten nodes of the elements, at any

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from mitsuba_taxel.bench.cases import Case, stability_cases
 from mitsuba_taxel.bench.measure import cutbacks, flaw, mean_roof, measure, node_jacobian
 from mitsuba_taxel.bench.row import HEADINGS, Row, cells
 from mitsuba_taxel.bench.slivers import FLATNESS, SliverPad
+from mitsuba_taxel.bench.solid_cases import solid_cases
 from mitsuba_taxel.bench.stability import check, chosen
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.geometry.element_maps import worst_element
@@ -47,6 +49,7 @@ def cases(monkeypatch):
 
     def put(*cases):
         monkeypatch.setattr(stability, "stability_cases", lambda: list(cases))
+        monkeypatch.setattr(stability, "solid_cases", list)
         monkeypatch.setattr(stability, "reading_cases", list)
         monkeypatch.setattr(stability, "circuit_cases", list)
 
@@ -99,7 +102,7 @@ def test_one_newton_solve_is_one_step_or_refused():
     along = measure(replace(SMALL, with_finer_mesh=False))
     assert (row.verdict, row.steps, row.cutbacks) == ("converged", 1, 0)
     assert row.roof == pytest.approx(along.roof, rel=1e-4)
-    refused = measure(replace(SOFT, in_one_step=True))
+    refused = measure(replace(SOFT, in_one_step=True, refused=True))
     assert refused.verdict.startswith("refused: ") and refused.wrong == "" and math.isnan(refused.roof)
 
 
@@ -109,7 +112,7 @@ def test_a_pad_without_a_mesh_is_refused(monkeypatch):
 
     monkeypatch.setattr(Pad, "mesh", failing)
     row = measure(replace(SMALL, mesh_size=1.9))
-    assert row.verdict == "refused: meshing the pad failed: so it is." and row.wrong == ""
+    assert row.verdict == "refused: meshing the pad failed: so it is." and row.wrong == "it should not be refused"
 
 
 @pytest.mark.parametrize(
@@ -150,12 +153,14 @@ def test_memory_beyond_the_limit_is_refused_to_the_process():
         ({"finer_change": 0.05}, "the stated error is too small"),
         ({"finer_change": 0.03}, ""),
         ({"stated_error": math.nan}, ""),
-        ({"verdict": "refused: no", "roof": math.nan, "min_jacobian": math.nan}, ""),
+        ({"verdict": "refused: no", "roof": math.nan, "min_jacobian": math.nan}, "it should not be refused"),
     ],
 )
 def test_what_is_wrong_with_a_row_is_seen(change, what):
     row = replace(RIGHT, **change)
     assert flaw(row) == what
+    refused = row.verdict.startswith("refused")
+    assert flaw(row, refused=True) == ("" if refused else "it should be refused")
     assert cells(replace(row, wrong=what))[1] == row.verdict + (f"; WRONG: {what}" if what else "")
 
 
@@ -208,8 +213,17 @@ def test_slivers_are_flat_and_not_inverted(cell):
     assert {REGIONS["roof"], REGIONS["side"]} <= set(mesh.face_region)
 
 
+def test_an_open_body_is_refused_by_the_name_of_its_file_alone():
+    (case,) = (case for case in solid_cases() if case.refused)
+    row = pickle.loads(pickle.dumps(case)).measured()
+    assert row.wrong == "" and re.match(
+        "refused: indenter_file = body.stl is not allowed: its surface is open", row.verdict
+    )
+    assert replace(case, refused=False).measured().wrong == "it should not be refused"
+
+
 def test_names_are_unique_and_choose_cases():
-    cases = stability_cases()
+    cases = [*stability_cases(), *solid_cases()]
     assert len({case.name for case in cases}) == len(cases) > 45
     assert [case.name for case in chosen(cases, "nu = 0.5, -20")] == ["nu = 0.5, -20 N"]
     assert len(chosen(cases, "*, 40 N along x at")) == 4
