@@ -78,13 +78,14 @@ class Package(Protocol):
 
 
 class PadShape(Protocol):
-    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load, and its ``state`` and ``surface`` under
-    load."""
+    """A `deformable_pad`: the solid ``pad``, the ``value`` of its load and its ``history`` (times and values, the last
+    ones at present), and its ``state`` and ``surface`` under load."""
 
     pad: Any
     material: Any
     load: Any
     value: Any
+    history: tuple[list[float], list[tuple[float, ...]]]
     prony: tuple[tuple[float, float], ...]
     mesh_size: float | None
     mesh_tolerance: float | None

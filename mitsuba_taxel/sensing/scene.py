@@ -133,10 +133,10 @@ class Scene(Displayed):
         state = self.parsed(config)
         mi.parser.transform_all(config, state)
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
-        values = [_take_load(pad) for pad in pads]
+        loads = [_take_load(pad) for pad in pads]
         at_rest = mi.parser.instantiate(config, state)
-        for pad, value in zip(deformed_pads(at_rest), values, strict=True):  # in the order of the scene
-            pad.value = value
+        for pad, (value, history) in zip(deformed_pads(at_rest), loads, strict=True):  # in the order of the scene
+            pad.value, pad.history = value, history
         refuse_contact(at_rest)
 
     @in_turn
@@ -203,15 +203,16 @@ def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
             _refuse_none(value, name)
 
 
-def _take_load(props: Any) -> tuple[float, ...]:
-    """Remove the load of a pad, and return its value."""
+def _take_load(props: Any) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
+    """Remove the load of a pad and its history, and return its value and the history."""
     from mitsuba_taxel.specification.deformable_pad import LOADS, DeformablePad
 
     stated = DeformablePad.read(props)
     quantity = LOADS[stated.load].quantity
-    if quantity in props:
-        del props[quantity]
-    return stated.load_value
+    for name in (quantity, "history"):
+        if name in props:
+            del props[name]
+    return stated.load_value, stated.build_history()
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:

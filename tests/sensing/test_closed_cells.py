@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plate_scenes import ABSORBING, BODY_TOP, WHITE, closed_cell, soft_sensor
@@ -62,3 +64,15 @@ def test_a_force_that_the_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
     for scene in (parts, {name: part for name, part in parts.items() if name != "photo_reflector"}):
         with pytest.raises(ComputationError, match=end):
             Scene(scene).load()
+
+
+def test_a_force_that_a_relaxing_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
+    """It was borne at first: the pad, asked where it touches the package, has that history too."""
+    from mitsuba_taxel.mechanics import Viscoelastic
+
+    sensor = soft_sensor(force=-0.5)
+    relaxing = Viscoelastic(sensor.material, [(0.99, 1.0)])
+    held = replace(sensor, material=relaxing, history=[(1e-3, sensor.force)], time=1e4)
+    end = r"^the pad [^\n]*: the load path ends at force = \(0, 0, -0\.5\) N, [^\n]* s\.$"
+    with pytest.raises(ComputationError, match=end):
+        held.scene().load()
