@@ -34,11 +34,11 @@ class Tolerance:
         One row per figure (``rest``, ``sensitivity``, ``crosstalk``) and taxel: ``unit``; ``nominal``, with all
         parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
         samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
-        prediction over the samples, relative to ``sd``; ``explained``, the cross-validated share of the variance
-        predicted by the polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``,
-        ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones, with ``mean_error``,
-        ``low_error`` and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact ones; and
-        ``linear_explained``, the share of their variance explained by their linear answer.
+        prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of
+        the variance predicted by the polynomial behind the indices. With ``exact`` below the number of samples:
+        ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones, with
+        ``mean_error``, ``low_error`` and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact
+        ones; and ``linear_explained``, the share of their variance explained by their linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
         the variance; the ``first`` and ``total`` Sobol' indices.
@@ -176,7 +176,7 @@ def _of_figure(
     linear = np.sqrt(np.square(per_deviation).sum(axis=1))
     missed = exact - at_mean - z @ per_deviation.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        linear_error = np.sqrt(np.square(missed).mean(axis=0)) / deviation
+        linear_error = np.where(deviation > 0, np.sqrt(np.square(missed).mean(axis=0)) / deviation, math.nan)
         linear_share = np.square(per_deviation / linear[:, None])
     wanted = np.isfinite(exact).all(axis=0)
     polynomial = fitted(z, np.where(wanted, exact, 0.0))

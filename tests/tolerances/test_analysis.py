@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pandas
 import pytest
 from one_cell import one_cell
 
-from mitsuba_taxel.tolerances import run_tolerance
-from mitsuba_taxel.tolerances.analysis import _notes_of_few
+from mitsuba_taxel.tolerances import law_of, run_tolerance
+from mitsuba_taxel.tolerances.analysis import _notes_of_few, _of_figure
 
 CELL = one_cell(scattering="isotropic", fz=0, led_power=1, spacing=0.8).replace(
     '<emitter type="annular_led">', '<float name="spacing" value="$spacing"/> <emitter type="annular_led">'
@@ -78,3 +81,12 @@ def test_the_reader_is_told_what_few_samples_cannot_tell():
     assert "explains only 30% of the variance of rest (taxel 2)" in note and "other 91 add little to these 9" in note
     (note,) = _notes_of_few(spread[2:], exact=8, others=92, parameters=5)
     assert "Sobol' indices are shares of the linear answer" in note and "exact = 9 or more" in note
+
+
+def test_the_relative_error_of_what_does_not_vary_is_missing():
+    """Such as the cross-talk of taxels that a symmetry makes equal."""
+    plan = SimpleNamespace(laws=[law_of("a", {"law": "normal", "mean": 1, "sd": 0.1})], batch=SimpleNamespace(seed=0))
+    z = np.random.default_rng(1).normal(size=(16, 1))
+    slopes, at_mean = np.array([[0.0], [2.0]]), np.array([3.0, 1.0])
+    (still, moved), _ = _of_figure(plan, "rest", at_mean, at_mean + 0.1 * z * [0, 2], slopes, z, z[:0])
+    assert math.isnan(still["linear_error"]) and moved["linear_error"] == pytest.approx(0, abs=1e-12)
