@@ -169,7 +169,7 @@ def _inside(pad: Pad, points: np.ndarray) -> np.ndarray:
     points = points - points[..., 2:] * [*pad.slope, 0.0]
     radius = 0.5 * pad.cell_size - slack
     across = np.hypot(points[..., 0], points[..., 1])
-    if pad.cell == "parallelepiped":
+    if pad.is_square:
         across = np.abs(points[..., :2]).max(axis=-1)
     roof = np.full(across.shape, pad.top_of_cell)
     if pad.cell == PROFILE:  # seen from the middle, directions and distances of its wall are unique

@@ -31,7 +31,7 @@ def draft_angles(pad: Pad) -> np.ndarray:
         along = np.concatenate([side_of(pad).at(np.zeros(1))[1], roof_of(pad).at(np.linspace(0, 1, PLACES))[1]])
     else:
         along = np.array([[0.0, -1.0]])
-    slope = max(map(abs, pad.slope)) if pad.cell == "parallelepiped" else math.hypot(*pad.slope)
+    slope = max(map(abs, pad.slope)) if pad.is_square else math.hypot(*pad.slope)
     inwards, down = np.stack([_leaning(along, side * slope) for side in SIDES], axis=-1).swapaxes(0, 1)
     return np.degrees(np.arctan2(inwards, -down).min(axis=1))
 

@@ -43,7 +43,8 @@ class Pad(Checked, Displayed):
     The bottom is z = 0 and the centre x = y = 0. Columns run along +x, rows from +y to -y; cells are numbered
     from 1, row by row, beginning at (-x, +y). A spherical cell is a cylinder closed by the cap of a sphere of radius
     `cell_size`, a hemispheric one a cylinder closed by half a sphere. A cell with a profile is a solid of revolution,
-    of a straight side wall and any smooth roof. All may lean, with their roofs off the axes.
+    of a straight side wall and any smooth roof, or has such walls on the four sides of a square section. All may lean,
+    with their roofs off the axes.
 
     Raises
     ------
@@ -83,6 +84,12 @@ class Pad(Checked, Displayed):
             "as 1 0.28; 1 0.64; 0 1, a hemisphere. The whole roof must be seen from the middle of the cell's opening.",
             when=("cell", PROFILE),
         )
+    )
+    section: str | None = choice(
+        "round",
+        {"round": "a solid of revolution", "square": "r is half its side, and walls are cylinders that meet at edges"},
+        "Horizontal section of a cell with a profile.",
+        when=("cell", PROFILE),
     )
     top_x: float = number(
         0.0,
@@ -151,10 +158,8 @@ class Pad(Checked, Displayed):
         return replace(self, **follows | dimensions)
 
     def as_profile(self, points: int = 4) -> Pad:
-        """The same pad with its round cells given by a profile of some points, from 3 on; raises `InputError` for
-        parallelepipeds."""
-        if self.cell == "parallelepiped":
-            raise InputError("cell = 'parallelepiped' is not allowed: it has no profile, as no solid of revolution.")
+        """The same pad with its cells given by a profile of some points, from 3 on; parallelepipeds have a square
+        section."""
         if not (is_whole(points) and 3 <= points <= profiles.MOST_POINTS):
             raise refusal("points", points, f"a whole number from 3 to {profiles.MOST_POINTS} is needed")
         if self.cell == PROFILE:
@@ -162,7 +167,8 @@ class Pad(Checked, Displayed):
         cap = self.top_of_cell - self.side_height
         slope = 2 * self.dome_radius * cap / (0.5 * self.cell_size) ** 2 if cap else 1.0
         found = profiles.of_quadric(self.side_height / self.top_of_cell, slope, points)
-        return replace(self, cell=PROFILE, profile=profiles.as_text(found))
+        section = "square" if self.cell == "parallelepiped" else "round"
+        return replace(self, cell=PROFILE, profile=profiles.as_text(found), section=section)
 
     @property
     def dimensions(self) -> dict[str, float]:
@@ -183,6 +189,11 @@ class Pad(Checked, Displayed):
         """Height of the highest point of a cell above the bottom, mm."""
         assert self.cell_height is not None
         return self.cell_height * (1.0 if self.profile is None else profiles.highest(self.profile))
+
+    @property
+    def is_square(self) -> bool:
+        """Whether cells have a square section."""
+        return self.cell == "parallelepiped" or self.section == "square"
 
     @property
     def slope(self) -> tuple[float, float]:
@@ -231,8 +242,9 @@ class Pad(Checked, Displayed):
 
     @property
     def identity(self) -> dict[str, object]:
-        """Values that identify the pad, fit for JSON; cells that do not lean are not told by that."""
-        return {name: value for name, value in asdict(self).items() if value or name not in ("top_x", "top_y")}
+        """Values that identify the pad, fit for JSON, without those of upright and of round cells."""
+        usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round")}
+        return {name: value for name, value in asdict(self).items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
         """The pad's volume mesh; see `mesh_pad`."""

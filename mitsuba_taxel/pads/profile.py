@@ -1,4 +1,4 @@
-"""Cells of revolution whose roof is a spline.
+"""Cells whose roof is a spline: of revolution, or of a square section.
 
 The roof's meridian (r, z) is a B-spline in (r^2, z): every such curve that ends on the axis is smooth there, and
 planes, spheres, ellipsoids and paraboloids are splines exactly. It is clamped, of degree 3 (or less, with fewer
@@ -119,9 +119,6 @@ def side_of(pad: Pad) -> Meridian:
 
 def outline(pad: Pad) -> np.ndarray:
     """(M, 2) places (r, z) in mm of the wall of an upright cell, from the middle of its roof to the board."""
-    if pad.cell == "parallelepiped":
-        half, top = 0.5 * pad.cell_size, pad.top_of_cell
-        return np.array([[0.0, top], [half, top], [half, 0.0]])
     pad = pad.as_profile()
     return np.concatenate([roof_of(pad).at(np.linspace(0, 1, SAMPLES))[0], [[0.5 * pad.cell_size, 0.0]]])
 
@@ -142,17 +139,36 @@ def highest(text: str) -> float:
     return float(heights(np.array([0.0, 1.0, *turns[np.isfinite(turns)]])).max())
 
 
-def onto_meridian(curve: Meridian, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3), relative to an axis along z, put onto the surface of revolution at the nearest place, and the
-    derivatives (N, 3, 3) by them."""
-    distance = np.maximum(np.linalg.norm(points[:, :2], axis=1), TINY)
+def from_axis(square: bool, points: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) distance of points (N, 2 or 3) from an axis along z, and its derivative (N, 2) by x and y.
+
+    That to a side of a square section is the larger of x and y, or the one that is larger ``beside`` (N, 2 or 3).
+    """
+    x = points[:, :2]
+    if not square:
+        distance = np.maximum(np.linalg.norm(x, axis=1), TINY)
+        return distance, x / distance[:, None]
+    axis = np.abs(x if beside is None else beside[:, :2]).argmax(axis=1)
+    here = np.arange(len(x)), axis
+    out = np.zeros_like(x)
+    out[here] = np.where(x[here] < 0, -1.0, 1.0)
+    return np.maximum(np.abs(x[here]), TINY), out
+
+
+def onto_meridian(
+    curve: Meridian, points: np.ndarray, square: bool = False, beside: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3), relative to an axis along z, put onto the surface of a round or square section at the nearest
+    place of its meridian, and the derivatives (N, 3, 3) by them; ``beside`` is as for :func:`from_axis`."""
+    distance, out = from_axis(square, points, beside)
     u, inside = curve.nearest(np.column_stack([distance, points[:, 2]]))
-    place, out = curve.at(u)[0], points[:, :2] / distance[:, None]
+    place = curve.at(u)[0]
     stretch = (place[:, 0] / distance)[:, None]
     gradient = np.zeros((len(points), 3, 3))
-    radial = out[:, :, None] * out[:, None, :]
+    along = points[:, :2] / distance[:, None]
+    radial = along[:, :, None] * out[:, None, :]
     gradient[:, :2, :2] = inside[:, :1, :1] * radial + stretch[:, :, None] * (np.eye(2) - radial)
-    gradient[:, :2, 2], gradient[:, 2, :2] = inside[:, :1, 1] * out, inside[:, 1:, 0] * out
+    gradient[:, :2, 2], gradient[:, 2, :2] = inside[:, :1, 1] * along, inside[:, 1:, 0] * out
     gradient[:, 2, 2] = inside[:, 1, 1]
     return np.column_stack([stretch * points[:, :2], place[:, 1]]), gradient
 

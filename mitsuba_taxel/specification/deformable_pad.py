@@ -97,6 +97,7 @@ class DeformablePad(Specification):
     cell_size: float | None = _of_pad("cell_size")
     cell_height: float | None = _of_pad("cell_height")
     profile: str | None = _of_pad("profile")
+    section: str | None = _of_pad("section")
     top_x: float | None = _of_pad("top_x")
     top_y: float | None = _of_pad("top_y")
 

@@ -1,11 +1,16 @@
-"""Profiles: the shapes of revolution among the paper's are points of them, and what they cannot be is refused."""
+"""Profiles: the paper's shapes are points of them, and what they cannot be is refused."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.element_maps import curved_volume
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS, REGIONS
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
@@ -32,6 +37,45 @@ def test_round_cells_have_a_profile_exactly(cell, points):
     )
     assert (same.has_sharp_rim, same.default_mesh_size) == (pad.has_sharp_rim, pad.default_mesh_size)
     assert len(same.profile.split(";")) == points
+
+
+@pytest.mark.parametrize("points", [3, 5])
+def test_box_shaped_cells_have_a_profile_of_a_square_section(points):
+    pad = Pad(height=4.0)
+    same = pad.as_profile(points)
+    assert (same.cell, same.section, len(same.profile.split(";"))) == ("profile", "square", points)
+    np.testing.assert_allclose(outline(pad)[:-1, 1], 1.55, rtol=1e-15)
+    assert outline(pad)[-2:].tolist() == [[1.275, 1.55], [1.275, 0.0]]
+    assert (same.has_sharp_rim, same.default_mesh_size) == (pad.has_sharp_rim, pad.default_mesh_size)
+    np.testing.assert_allclose(curved_volume(same.mesh(2.0)), curved_volume(pad.mesh(2.0)), rtol=1e-12)
+
+
+def test_a_square_section_has_four_mirrors_and_its_own_identity():
+    pad = replace(DIPPED, section="square")
+    assert len(node_images(pad.mesh(3.0))) == 4
+    assert pad.identity == {**DIPPED.identity, "section": "square"} and "section" not in DIPPED.identity
+
+
+def test_a_pyramid_has_the_volume_and_the_normals_of_one():
+    """But for a tip of a thousandth of its size, and the curves of its spline there."""
+    pad = Pad("profile", 1, 1, profile="1 0.6; 0.001 0.8; 0 1", section="square")
+    mesh = pad.mesh(1.5)
+    hollow = pad.cell_size**2 * pad.cell_height * (0.6 + 0.4 / 3)
+    assert curved_volume(mesh) == pytest.approx(math.prod(pad.extent) - hollow, rel=1e-6)
+    face = np.flatnonzero(mesh.face_region == REGIONS["roof"])
+    points = mesh.points[mesh.faces[face]]
+    middle = points[:, :3].mean(axis=1)
+    for node in range(6):  # of a face, which tells the wall of those on an edge
+        at = points[:, node]
+        off_tip = np.abs(at[:, :2]).max(axis=1) > 0.1
+        about = mesh.face_region[face], mesh.face_cell[face], middle
+        _, gradient = onto_round_walls(pad, at, *about)
+        axis = np.abs(middle[:, :2]).argmax(axis=1)
+        normal = np.zeros((len(face), 3))
+        normal[np.arange(len(face)), axis] = 0.4 * pad.cell_height * np.sign(middle[np.arange(len(face)), axis])
+        normal[:, 2] = 0.5 * pad.cell_size
+        tangential = np.einsum("fi,fij->fj", normal, gradient)[off_tip]
+        assert off_tip.any() and np.abs(tangential).max() < 1e-5
 
 
 @pytest.mark.parametrize("cell", ["spherical", "hemispheric"])
@@ -100,7 +144,8 @@ def test_what_cannot_be_made_is_refused_in_one_line(profile, message):
     [
         (lambda: Pad("profile"), "profile is missing: pairs of numbers"),
         (lambda: Pad("cylindrical", profile="1 1; 0 1"), "profile is not allowed for cell = 'cylindrical'"),
-        (lambda: Pad().as_profile(), "cell = 'parallelepiped' is not allowed"),
+        (lambda: Pad("cylindrical", section="square"), "section is not allowed for cell = 'cylindrical'"),
+        (lambda: Pad("profile", profile="1 1; 0 1", section="oval"), "section = 'oval' is not allowed: one of round"),
         (lambda: Pad("cylindrical").as_profile(2), "points = 2 is not allowed: a whole number from 3 to 20"),
     ],
 )

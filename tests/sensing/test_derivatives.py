@@ -242,9 +242,11 @@ def test_the_place_of_an_indenter_is_where_it_is_moved_to():
     assert abs(found.values[0, 0]) > 1e-6 and found.values[0, 0] == pytest.approx(found.values[0, 1], rel=1e-9)
 
 
-def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes():
+@pytest.mark.parametrize("section", ["round", "square"])
+def test_derivatives_by_points_of_a_profile_are_differences_on_morphed_meshes(section):
     """Of all of them at once, in different amounts."""
-    scene = pad_scene(cell="profile", profile="0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97", wall={"scattering": "lambertian"})
+    points = "0.95 0.6; 0.9 0.9; 0.5 0.95; 0 0.97"
+    scene = pad_scene(cell="profile", profile=points, section=section, wall={"scattering": "lambertian"})
     names = ["profile_r1", "profile_z1", "profile_r2", "profile_z2", "profile_r3", "profile_z3", "profile_z4"]
     amounts = dict(zip(names, (0.5, -0.1, 0.6, 1.0, 1.1, -0.7, 0.9), strict=True))
     found = derivatives(scene, *names)

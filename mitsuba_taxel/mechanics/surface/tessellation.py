@@ -233,7 +233,8 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) of faces (N,), moved onto the walls of the pad if known, and the derivative by the points."""
     if isinstance(pad, Pad):
-        return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face])
+        beside = mesh.points[mesh.faces[face, :3]].mean(axis=1) if pad.section == "square" else None
+        return onto_round_walls(pad, points, mesh.face_region[face], mesh.face_cell[face], beside)
     if knows_walls(pad):
         return round_faces.onto_round_walls(mesh, points, mesh.face_region[face], mesh.face_cell[face])
     return points, np.broadcast_to(np.eye(3), (len(points), 3, 3))

@@ -17,7 +17,7 @@ def is_round(pad: Pad, region: str) -> bool:
 
 
 def onto_round_walls(
-    pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray
+    pad: Pad, points: np.ndarray, region: np.ndarray, cell: np.ndarray, beside: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Project points of roofs and sides onto the nearest point of the sphere, cylinder or profile that they belong to.
 
@@ -29,6 +29,8 @@ def onto_round_walls(
         In mm, undeformed, near the walls.
     region, cell : (N,) ndarray
         Code of the region and number of the cell of each.
+    beside : (N, 3) ndarray, optional
+        Points near by that tell which wall each of those is on that lie on the edges of cells of a square section.
 
     Returns
     -------
@@ -41,15 +43,18 @@ def onto_round_walls(
         shear = np.eye(3)
         shear[:2, 2] = pad.slope
         upright = replace(pad, top_x=0.0, top_y=0.0)
-        places, gradient = onto_round_walls(upright, points @ np.linalg.inv(shear).T, region, cell)
-        return places @ shear.T, shear @ gradient @ np.linalg.inv(shear)
+        back = np.linalg.inv(shear)
+        near = None if beside is None else beside @ back.T
+        places, gradient = onto_round_walls(upright, points @ back.T, region, cell, near)
+        return places @ shear.T, shear @ gradient @ back
     places, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     centre = np.zeros_like(points)
     centre[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
     if pad.cell == PROFILE:
         for name, curve in (("roof", roof_of(pad)), ("side", side_of(pad))):
             here = (region == REGIONS[name]) & (cell > 0)
-            found, gradient[here] = onto_meridian(curve, points[here] - centre[here])
+            near = None if beside is None else (beside - centre)[here]
+            found, gradient[here] = onto_meridian(curve, points[here] - centre[here], pad.is_square, near)
             places[here] = centre[here] + found
         return places, gradient
     centre[:, 2] = pad.top_of_cell - pad.dome_radius

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import PROFILE, REGIONS, Pad
-from mitsuba_taxel.pads.profile import onto_meridian, roof_of, side_of
+from mitsuba_taxel.pads.profile import from_axis, onto_meridian, outline, roof_of, side_of
 
 SPLINE_POINTS = 49
 """Points of the interpolated roof of a profile."""
@@ -67,7 +67,7 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
     from netgen.occ import Box, Cylinder, Pnt, Sphere, Z
 
     if pad.cell == PROFILE:
-        return _revolved(pad, x, y)
+        return _of_profile(pad, x, y)
     below, radius = -pad.cell_size, 0.5 * pad.cell_size
     if pad.cell == "parallelepiped":
         shaft = Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, pad.side_height))
@@ -84,7 +84,7 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
     return shaft + ball * above
 
 
-def _revolved(pad: Pad, x: float, y: float) -> Any:
+def _of_profile(pad: Pad, x: float, y: float) -> Any:
     """A cell with a profile; its roof is interpolated, to some 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
 
@@ -96,11 +96,30 @@ def _revolved(pad: Pad, x: float, y: float) -> Any:
     crown, rim, below = (0.0, roof[0, 1]), roof[-1], side_of(pad).at(np.array([BELOW]))[0][0]
     corners = [at(*rim), at(*below), at(0.0, below[1]), at(*crown)]
     sides = [Segment(start, end) for start, end in pairwise(corners)]
-    solid = Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])).Revolve(
-        Axis(Pnt(x, y, 0), Z), 360
+    half, axis = (
+        Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])),
+        Axis(Pnt(x, y, 0), Z),
     )
+    solid = _of_quarters(half, axis, (x, y), float(below[0])) if pad.is_square else half.Revolve(axis, 360)
     for face in solid.faces:
         face.name = "roof" if face.bounding_box[0].z > 0 else "side"
+    return solid
+
+
+def _of_quarters(half: Any, axis: Any, centre: tuple[float, float], widest: float) -> Any:
+    """The solid of a square section whose walls have the outline of a planar face on one side of the axis."""
+    from netgen.occ import Face, Pnt, Segment, Vec, Wire
+
+    low, high = (corner.z for corner in half.bounding_box)
+    (x, y), reach = centre, 2 * widest
+    corners = [Pnt(x, y, low - reach), Pnt(x + reach, y - reach, low - reach), Pnt(x + reach, y + reach, low - reach)]
+    wedge = Face(Wire([Segment(*ends) for ends in pairwise([*corners, corners[0]])])).Extrude(
+        Vec(0, 0, high - low + 2 * reach)
+    )
+    quarter = half.Move(Vec(0, -reach, 0)).Extrude(Vec(0, 2 * reach, 0)) * wedge
+    solid = quarter
+    for angle in (90, 180, 270):
+        solid = solid + quarter.Rotate(axis, angle)
     return solid
 
 
@@ -116,9 +135,14 @@ def singular_edges(solid: Any, pad: Pad) -> list[Any]:
     height = solid.bounding_box[1].z
     glued = {edge for edge in solid.edges if edge.bounding_box[1].z < 1e-6 * height}
     singular = glued | (side & roof if pad.has_sharp_rim else set())
-    if pad.cell == "parallelepiped":
-        singular |= side
+    if pad.is_square:
+        singular |= side | (roof - side if _has_ridges(pad) else set())
     return [edge for edge in solid.edges if edge in singular and edge not in cut]
+
+
+def _has_ridges(pad: Pad) -> bool:
+    """Whether walls of a roof meet at edges."""
+    return pad.cell == PROFILE and pad.is_square and float(np.ptp(outline(pad)[:-1, 1])) > 0
 
 
 def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
@@ -127,9 +151,9 @@ def singular_nodes(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
     singular = bottom & (side | outer)
     if pad.has_sharp_rim:
         singular |= roof & side
-    if pad.cell == "parallelepiped":
-        from_axis = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad))
-        singular |= side & np.all(np.abs(from_axis - 0.5 * pad.cell_size) < 1e-7 * pad.cell_size, axis=1)
+    if pad.is_square:
+        x, y = np.abs(mesh.points[:, :2] - _nearest_axis(mesh.points, pad)).T
+        singular |= (side | roof & _has_ridges(pad)) & (np.abs(x - y) < 1e-7 * pad.cell_size)
     return singular
 
 
@@ -151,10 +175,11 @@ def rounded(mesh: VolumeMesh, pad: Pad) -> np.ndarray:
 def _on_profile(mesh: VolumeMesh, pad: Pad, axis: np.ndarray) -> np.ndarray:
     points, walls = mesh.points.copy(), [_on_region(mesh, name) for name in ("roof", "side")]
     for curve, on in zip((roof_of(pad), side_of(pad)), walls, strict=True):
-        points[on] = axis[on] + onto_meridian(curve, points[on] - axis[on])[0]
+        points[on] = axis[on] + onto_meridian(curve, points[on] - axis[on], pad.is_square)[0]
     rim, bottom = walls[0] & walls[1], walls[1] & _on_region(mesh, "bottom")
     for on, place in ((rim, side_of(pad).at(np.zeros(1))[0][0]), (bottom, (0.5 * pad.cell_size, 0.0))):
-        points[on, :2] = _at_distance(points[on, :2], axis[on, :2], place[0])
+        across = points[on, :2] - axis[on, :2]
+        points[on, :2] = axis[on, :2] + place[0] * across / from_axis(pad.is_square, across)[0][:, None]
         points[on, 2] = place[1]
     return points
 

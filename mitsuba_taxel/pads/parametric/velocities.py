@@ -16,7 +16,7 @@ from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import PROFILE, Pad
 from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
-from mitsuba_taxel.pads.profile import Meridian, roof_of, side_of
+from mitsuba_taxel.pads.profile import Meridian, from_axis, roof_of, side_of
 
 STEP = 1e-3
 """Relative change of the difference quotient: positions are linear in each length."""
@@ -161,16 +161,17 @@ class _Grid:
 
     def _on_profile(self, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N,) distance of the wall along rays (N, 3) from the middle of a cell's opening, and its velocities there."""
-        across = np.linalg.norm(ray[:, :2], axis=1)
+        across = from_axis(self._pad.is_square, ray)[0]
         wall, velocity = np.empty(len(ray)), np.empty_like(ray)
         rim = math.atan2(*roof_of(self._pad).at(np.ones(1))[0][0, ::-1])
         up = np.arctan2(ray[:, 2], across)
         for of, here in ((roof_of, up > rim), (side_of, up <= rim)):
             u = of(self._pad).along(np.column_stack([across, ray[:, 2]])[here])
-            wall[here] = np.linalg.norm(of(self._pad).at(u)[0], axis=1)
+            out = ray[here, :2] / across[here, None]
+            r, z = of(self._pad).at(u)[0].T
+            wall[here] = np.hypot(r * np.linalg.norm(out, axis=1), z)
             meridians = partial(_meridian_at, of, u)
             rate = rate_by(self._pad, self._parameter, PROFILE_STEP, meridians)
-            out = ray[here, :2] / np.maximum(across[here], np.finfo(float).tiny)[:, None]
             velocity[here] = np.column_stack([rate[:, :1] * out, rate[:, 1]])
         return wall, velocity
 

@@ -133,7 +133,7 @@ def _plan_path(pad: Pad, view: _View) -> str:
     size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size
     for x, y in pad.cell_centres:
         left, middle = view.at(x - 0.5 * pad.cell_size, y)
-        if pad.cell == "parallelepiped":
+        if pad.is_square:
             path += f"M{_pair((left, middle - radius))}h{size:.2f}v{size:.2f}h{-size:.2f}Z"
         else:
             half = f"a{radius:.2f} {radius:.2f} 0 0 1 "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import trimesh
@@ -20,8 +21,9 @@ HEMISPHERE = 0.5 * math.pi * 1.275**2 + 2 / 3 * math.pi * 1.275**3
         (Pad(rows=1, columns=2), 2.55**2 * 1.55, 1e-9),
         (Pad("hemispheric", rows=1, columns=2), HEMISPHERE, 1e-9),
         (Pad("hemispheric", rows=1, columns=2).as_profile(), HEMISPHERE, 1e-7),
+        (Pad(rows=1, columns=2).as_profile(), 2.55**2 * 1.55, 1e-9),
     ],
-    ids=["parallelepiped", "hemispheric", "profile"],
+    ids=["parallelepiped", "hemispheric", "profile", "square"],
 )
 def test_pad_and_mould_fill_a_block(pad, volume, error, tmp_path):
     width, depth, height = pad.extent
@@ -35,3 +37,13 @@ def test_pad_and_mould_fill_a_block(pad, volume, error, tmp_path):
         drawn = trimesh.load(tmp_path / f"{name}.stl")
         assert drawn.is_watertight and drawn.volume == pytest.approx(shape.mass, rel=0.01)
         assert (tmp_path / f"{name}.step").stat().st_size > 1000
+
+
+def test_a_vault_has_the_volume_of_its_dome_over_that_of_a_circle(tmp_path):
+    """Each horizontal section is the square around the circle."""
+    vault = replace(Pad("hemispheric", rows=1, columns=1).as_profile(), section="square")
+    shapes = solids(vault)
+    assert shapes["pad"].mass == pytest.approx(math.prod(vault.extent) - 4 / math.pi * HEMISPHERE, rel=1e-7)
+    write_drawings(vault, tmp_path)
+    drawn = trimesh.load(tmp_path / "pad.stl")
+    assert drawn.is_watertight and drawn.volume == pytest.approx(shapes["pad"].mass, rel=0.01)

@@ -22,6 +22,7 @@ from mitsuba_taxel.pads.profile import roof_of, side_of
 
 PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
 PADS["profile"] = Pad("profile", rows=1, columns=2, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
+PADS["square"] = replace(PADS["profile"], section="square")
 every_case = pytest.mark.parametrize(("shape", "dimension"), [(s, d) for s in PADS for d in LENGTHS])
 
 
@@ -70,13 +71,14 @@ def volume(pad):
 
 
 def hollow(pad):
-    """Volume of a cell of revolution, of whose meridian r^2 is polynomial: Gauss's rule is exact on each piece."""
+    """Volume of a cell with a profile, of whose meridian r^2 is polynomial: Gauss's rule is exact on each piece."""
+    section = 4.0 if pad.section == "square" else math.pi
     total = 0.0
     for curve in (roof_of(pad), side_of(pad)):
         nodes, weights = np.polynomial.legendre.leggauss(6)
         for low, high in pairwise(curve.square.x):
             s = low + (high - low) * (nodes + 1) / 2
-            total -= 0.5 * (high - low) * weights @ (math.pi * curve.square(s) * curve.height(s, 1))
+            total -= 0.5 * (high - low) * weights @ (section * curve.square(s) * curve.height(s, 1))
     return total
 
 
@@ -108,9 +110,10 @@ def test_the_rate_of_a_meshs_volume_is_that_of_the_pads(shape, dimension):
 
 
 @pytest.mark.parametrize("name", [name for name in PADS["profile"].dimensions if name not in LENGTHS])
-def test_a_mesh_follows_the_points_of_a_profile(name):
+@pytest.mark.parametrize("shape", ["profile", "square"])
+def test_a_mesh_follows_the_points_of_a_profile(shape, name):
     """To first order: a wall is the root of a spline of the square of r."""
-    pad, mesh = PADS["profile"], mesh_of("profile")
+    pad, mesh = PADS[shape], mesh_of(shape)
     velocity, off = mesh_velocity(pad, mesh, name), []
     for step in (-2e-2, -1e-2):
         changed = pad.changed(**{name: pad.dimensions[name] + step})
@@ -123,7 +126,11 @@ def test_a_mesh_follows_the_points_of_a_profile(name):
 
 @pytest.mark.parametrize(
     ("shape", "name"),
-    [(shape, name) for shape in ("parallelepiped", "hemispheric", "profile") for name in PADS[shape].dimensions],
+    [
+        (shape, name)
+        for shape in ("parallelepiped", "hemispheric", "profile", "square")
+        for name in PADS[shape].dimensions
+    ],
 )
 def test_a_mesh_of_leaning_cells_follows(shape, name):
     """To first order, as their slope is a quotient of dimensions, and exactly with their lean and the pitch."""
