@@ -72,7 +72,7 @@ debug_option = click.option(
 )
 defines_option = click.option(
     "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
-    help="Value of a <default> of the scene; may be repeated.",
+    help="Value of a <default> of the scene; none leaves out what uses it. May be repeated.",
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 CELL_SHAPES = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 """The shapes of the paper."""
 PROFILE = "profile"
-"""Shape of a cell of revolution with any smooth roof."""
+"""Shape of a cell with any smooth roof, of a round or a square section."""
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
 

@@ -12,7 +12,7 @@ from mitsuba_taxel.pads.profile import onto_meridian, roof_of, side_of
 
 
 def is_round(pad: Pad, region: str) -> bool:
-    """Whether the ``roof`` or ``side`` of cells is a sphere, a cylinder or a surface of revolution."""
+    """Whether the ``roof`` or ``side`` of cells is a sphere, a cylinder or given by a profile."""
     return (pad.dome_radius > 0 or pad.cell == PROFILE) if region == "roof" else pad.cell != "parallelepiped"
 
 
