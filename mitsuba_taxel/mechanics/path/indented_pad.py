@@ -81,10 +81,21 @@ class IndentedPad(LoadedPad):
         largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
         near = found.linearised if found.distance <= NEAR * largest else None
         linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
-        return self._accepted(found, self._is_stable(linearised)), linearised
+        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
 
-    def _is_stable(self, linearised: Linearised) -> bool:
-        return self.friction is None and super()._is_stable(linearised)
+    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        if self.friction is not None:
+            return False
+        try:
+            return super()._is_stable(linearised, unknowns, value)
+        except Rejected as unstable:
+            factor = self._with_straight_pushes(unknowns, value)
+            held = self.model.held(self.numbering.split(unknowns)[0], value)
+            if factor.negative_pivots == self.numbering.pressures + held.negative(factor):
+                raise Rejected(
+                    "it slips off the indenter, which is sharper there than the elements: a rounder one is needed"
+                ) from unstable
+            raise
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""

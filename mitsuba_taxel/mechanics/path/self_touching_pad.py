@@ -53,7 +53,7 @@ class SelfTouchingPad(LoadedPad):
             alike = whole.gather(displacement, pressure)
             tangent = whole._evaluate(alike, value).entries
             assert tangent is not None  # no element is inverted
-            whole._is_stable(whole._linearised(tangent, alike, value))
+            whole._is_stable(whole._linearised(tangent, alike, value), alike, value)
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:

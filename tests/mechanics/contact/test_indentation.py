@@ -19,6 +19,7 @@ from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.smooth_pressure import smooth_pressure
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
+from mitsuba_taxel.mechanics.path.equilibrium import Rejected
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 
 LAW = NeoHookean(1.0, 0.49)
@@ -176,6 +177,16 @@ def test_a_body_presses_with_an_edge_that_is_sharper_than_elements(symmetric_blo
         forces.append(block.force)
     done = (depths[2] - depths[0]) * (forces[0] + 4 * forces[1] + forces[2]) / 6
     assert energies[2] - energies[0] == pytest.approx(done, rel=1e-5)
+
+
+def test_a_block_slips_off_a_ball_that_is_sharper_than_elements(symmetric_block):
+    mesh = symmetric_block((4.0, 4.0, 2.0), (3, 3, 2))
+    sharp, round_ = (Pressed(mesh, Indenter("sphere", radius=radius), NeoHookean(), ()) for radius in (0.3, 1.0))
+    for depth in (0.1, 0.2):
+        assert round_.to(depth).force > sharp.to(depth).force > 0
+    assert round_.to(0.25).force > 0
+    with pytest.raises(Rejected, match="it slips off the indenter, which is sharper there than the elements"):
+        sharp.to(0.25)
 
 
 def test_a_plate_presses_evenly(block):
