@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import numpy as np
 import pytest
+import trimesh
 
 from mitsuba_taxel import PadSensor, Scene, measure
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -16,7 +18,7 @@ from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 pytest.importorskip("ipctk")
@@ -100,6 +102,21 @@ def test_readings_are_continuous_through_the_first_touch():
     curve = np.polynomial.Polynomial.fit(depths, read, 2)
     assert np.abs(read - curve(depths)).max() < 4 * max(error) + 1e-3 * read[2]  # false alarm below 3e-4
     assert read[0] > 1.1 * read[2] > 1.2 * read[4]
+
+
+def test_a_package_ends_a_path_that_goes_on():
+    """Where the roof comes down on it, and no state of the path changes by it."""
+    package = trimesh.creation.box((1.0, 1.4, 0.8))
+    package.apply_translation([0, 0, 0.401])
+    with pytest.raises(ComputationError, match="touches a package near .* mm, which is outside the model") as ended:
+        pressed(BEYOND, obstacles=package.triangles)
+    assert "self_contact" not in str(ended.value)  # it is on
+    end = float(re.search(r"displacement = \(0, 0, (-[\d.]+)\) mm", str(ended.value))[1])
+    (held,), (last,) = pressed((0, 0, 0.99 * end), obstacles=package.triangles), pressed((0, 0, end))
+    np.testing.assert_array_equal(held.displacement, pressed(tuple(held.value))[0].displacement)
+    roof = np.unique(last.mesh.faces[last.mesh.face_region == REGIONS["roof"]])
+    lowest = (last.mesh.points + last.displacement)[roof, 2].min()
+    assert lowest == pytest.approx(0.801, abs=2e-3)
 
 
 def test_states_are_the_same_bits_in_any_order(fresh, touching):
