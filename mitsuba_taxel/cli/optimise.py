@@ -68,7 +68,7 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.optimum.outputs import changes, cost_lines, gain_line
+    from mitsuba_taxel.optimum.outputs import changes, cost_lines, gain_line, shown
 
     from .tables import print_table
 
@@ -80,7 +80,7 @@ def _show(result) -> None:
             (
                 row["figure"],
                 row["unit"],
-                *(f"{row[name]:.4g}" for name in columns),
+                *(shown(row[name]) for name in columns),
                 f"{row['multiplier']:.2g}" if row["multiplier"] > 0 else "",
             )
             for row in result.figures.to_dict("records")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -75,9 +76,14 @@ def at_best(word: str) -> str:
 
 
 def as_markdown(table: pandas.DataFrame) -> str:
-    """A table of words and numbers, these with four digits."""
-    rows = [[each if isinstance(each, str) else f"{each:.4g}" for each in row] for row in table.to_numpy().tolist()]
+    """A table of words and numbers."""
+    rows = [[each if isinstance(each, str) else shown(each) for each in row] for row in table.to_numpy().tolist()]
     return markdown_table([name.replace("_", " ") for name in table], rows)
+
+
+def shown(number: float) -> str:
+    """A number with four digits; blank if there is none, as of a figure that a design does not have."""
+    return "" if math.isnan(number) else f"{number:.4g}"
 
 
 def gain_line(result: Optimum) -> str:

@@ -249,4 +249,5 @@ def test_shapes_of_which_one_has_a_profile(tmp_path):
     assert radius.before > 0.5 and np.isnan(radius.best)
     assert found.before == {"shape": "profile", "h": "1.5", "r2": "0.5"} and found.best["shape"] == "cylindrical"
     assert found.best["r2"] == "none" and found.variables.best.isna().tolist() == [False, True]
+    assert "nan" not in (tmp_path / "out" / "optimum.md").read_text()
     assert set(found.slopes.variable) == {"h"} and list(found.variables["at"]) == ["high", ""]
