@@ -61,7 +61,10 @@ def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, de
     """
     try:
         with stages.stage("derivatives"):
-            return _Linearised(DiffuseCells(live), degree).by(changes, with_errors)
+            cells = DiffuseCells(live)
+            begins = not cells.pad.is_loaded and any(change.load.any() for change in changes)
+            state = cells.pad.at_onset() if begins else cells.pad.state
+            return _Linearised(cells, degree, state).by(changes, with_errors)
     except NotDiffuse as reason:
         raise NotDiffuse(f"derivatives are not available: {reason}.") from reason
 
@@ -70,9 +73,8 @@ class _Linearised:
     """A scene of diffuse cells, and the derivatives of its readings by the positions of its walls, in the pad's state
     or another one of the same pad."""
 
-    def __init__(self, cells: DiffuseCells, degree: int, state: State | None = None) -> None:
-        self.cells, self.degree = cells, degree
-        self.state = cells.pad.state if state is None else state
+    def __init__(self, cells: DiffuseCells, degree: int, state: State) -> None:
+        self.cells, self.degree, self.state = cells, degree, state
         self.patches = [cells.patches(number, self.state.mesh) for number in range(len(cells.cells))]
 
     @cached_property

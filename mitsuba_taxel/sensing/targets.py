@@ -266,9 +266,12 @@ def _refinable(ready: Prepared) -> list[Any]:
     return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
 
 
-def smallest_mesh_size(ready: Prepared) -> float:
-    """Smallest mesh size of all pads in mm; infinite if there are none."""
-    return min((float(pad.mesh_size or pad.pad.default_mesh_size) for pad in _refinable(ready)), default=math.inf)
+def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
+    """Smallest mesh size of all pads in mm, or of them as if they were ``loaded``; infinite if there are none."""
+    sizes = (
+        (pad.loaded_mesh_size if loaded else pad.mesh_size) or pad.pad.default_mesh_size for pad in _refinable(ready)
+    )
+    return min(map(float, sizes), default=math.inf)
 
 
 def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:

@@ -193,6 +193,12 @@ class DeformablePad(mi.Mesh):
 
         return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how)[0]
 
+    def at_onset(self):
+        """The unloaded state on the elements of loaded ones, for derivatives with respect to a load."""
+        from mitsuba_taxel.mechanics import load_path
+
+        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how_loaded)[0]
+
     def state_under(self, value, obstacles=None):
         """The state under another final value of the load; see `load_path`."""
         from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
@@ -208,11 +214,25 @@ class DeformablePad(mi.Mesh):
         """The state on elements of another size, with which derivatives are compared; see `second_state`."""
         from mitsuba_taxel.mechanics import second_state
 
-        return second_state(self.pad, self.material, self.value, judged_on=self.judged_on, **self._how)
+        return second_state(self.pad, self.material, self.value, **self._how_loaded)
 
     @property
     def _how(self) -> dict[str, Any]:
         return {"load": self.load, "mesh_size": self.mesh_size, "mesh_tolerance": self.mesh_tolerance}
+
+    @property
+    def loaded_mesh_size(self) -> float | None:
+        """Size in mm of the elements that the pad has under a load, which may be smaller than at rest."""
+        if self.is_loaded or self.remembers or self.mesh_size or self.mesh_tolerance:
+            return self.mesh_size
+        return size_for_light(self.pad, self.load, [self.bsdf()])
+
+    @property
+    def _how_loaded(self) -> dict[str, Any]:
+        size, judged_on = self.loaded_mesh_size, self.judged_on
+        if size != self.mesh_size:
+            judged_on = self.pad.default_mesh_size
+        return self._how | {"mesh_size": size, "judged_on": judged_on}
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"

@@ -18,8 +18,7 @@ from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
 
 MOST_CURVES = 4
-"""Number of curves, spread evenly over a study, of which the first and the last scene are examined: the elements of a
-pad at rest are larger by default."""
+"""Number of curves, spread evenly over a study, of which the first and the last scene are examined."""
 
 
 @in_turn
@@ -63,7 +62,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
             failed = scene.mesh_size
         else:
             size = scene.mesh_size
-            tried.append((smallest_mesh_size(ready), slope_share(found)))
+            tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
         finer = finer_mesh(scene, ready, tried, target)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)

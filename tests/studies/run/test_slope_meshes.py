@@ -48,7 +48,7 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
     monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.derivatives_by", read)
     monkeypatch.setattr("mitsuba_taxel.sensing.scene_rates.rates", lambda scene, name: name)
     monkeypatch.setattr(slope_meshes, "prepare", lambda scene: SimpleNamespace(scene=scene.mesh_size or 1.2))
-    monkeypatch.setattr(slope_meshes, "smallest_mesh_size", lambda ready: ready.scene)
+    monkeypatch.setattr(slope_meshes, "smallest_mesh_size", lambda ready, loaded: ready.scene)
     monkeypatch.setattr(slope_meshes, "finer_mesh", finer)
     chosen = slope_meshes._mesh_size(Scene(pad), ["fz"], target)
     assert tried == pytest.approx([1.2, 0.6, 0.3, 0.6 * 0.9**3][:sizes])
