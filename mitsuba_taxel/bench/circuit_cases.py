@@ -13,7 +13,8 @@ from decimal import Decimal, localcontext
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.bench.circuit_row import RIGHT, CircuitRow
+from mitsuba_taxel.bench.circuit_row import CircuitRow
+from mitsuba_taxel.bench.reading_row import RIGHT
 from mitsuba_taxel.electronics import Circuit, respond, total_noise
 
 DIGITS, BISECTIONS = 60, 150

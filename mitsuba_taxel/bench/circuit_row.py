@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from mitsuba_taxel.bench.row import cell
 
-RIGHT = "right"
-
 
 @dataclass(frozen=True)
 class CircuitRow:
