@@ -36,8 +36,9 @@ MOST_HALVINGS = 6
 """Number of halvings of a Newton step that inverts an element."""
 SLOW = 0.1
 """A factored tangent is reused while each iteration reduces the error below this fraction, ..."""
-FEW_ITERATIONS = 3
-"""... or so many more of the same effect will do: they cost less than factorising another."""
+FEW_ITERATIONS, FEW_UNKNOWNS = 3, 20_000
+"""... or so many more of the same effect will do, which cost less than factorising another; for more unknowns than these,
+more, since the cost of a factorisation grows faster with their number n than that of an iteration, by about n^(2/3)."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 THIN_STEP = 0.125
@@ -261,7 +262,7 @@ class LoadedPad:
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
                 return Balance(unknowns, state, error, iteration, linearised, distance)
-            if state.entries is None and _slow(error, last):
+            if state.entries is None and _slow(error, last, self.unknowns):
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
                 linearised = None  # frees its memory for the next one
@@ -415,10 +416,10 @@ class Balance:
     distance: float
 
 
-def _slow(error: float, last: float) -> bool:
+def _slow(error: float, last: float, unknowns: int) -> bool:
     """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
-    share = error / last
-    return share > SLOW and error * share**FEW_ITERATIONS > RESIDUAL_TOLERANCE
+    share, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
+    return share > SLOW and error * share**few > RESIDUAL_TOLERANCE
 
 
 def _singular(failure: RuntimeError) -> Rejected:
