@@ -28,6 +28,13 @@ def pytest_collection():
         gc.freeze()
 
 
+@pytest.fixture(autouse=True, scope="module")
+def imported_is_no_garbage():
+    """Nor is it sought in what the modules before have imported and kept."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True, scope="session")
 def share_of_the_cores():
     """Processes side by side keep to their share of the cores, as threads of Dr.Jit spin while they wait."""

@@ -15,8 +15,6 @@ from mitsuba_taxel.sensing.deterministic_light import deterministic_light
 from mitsuba_taxel.sensing.targets import CLEAR
 from mitsuba_taxel.sensing.wording import light_error_line
 
-CELLS = ["hemispheric", "spherical", "cylindrical", "parallelepiped"]
-
 
 @pytest.mark.parametrize("law", ["lambertian", "isotropic"])
 @pytest.mark.parametrize("cell", ["hemispheric", "spherical"])
@@ -27,12 +25,18 @@ def test_domes_read_as_the_sphere_within_the_stated_error(llvm_mono, cell, law):
     assert abs(readings.power[0] - truth) < min(2 * readings.total_error[0], 1e-4 * truth)
 
 
-@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
-@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize(
+    ("cell", "scattering"),
+    [
+        *((cell, law) for cell in ("cylindrical", "parallelepiped") for law in ("lambertian", "isotropic")),
+        ("hemispheric", "isotropic"),
+        ("spherical", "lambertian"),
+    ],
+)
 def test_smaller_patches_of_a_pressed_cell_read_the_same_within_the_stated_error(
     llvm_mono, monkeypatch, tmp_path, cell, scattering
 ):
-    """Patches of 0.6 of the size, on the same finite elements."""
+    """Patches of 0.6 of the size, on the same finite elements; domes of both laws are compared with spheres above."""
     file = tmp_path / "cell.xml"
     file.write_text(one_cell(cell=cell, mesh_size=1.25, scattering=scattering, fx=0.1, fz=-1))
     live = Scene(file).load()

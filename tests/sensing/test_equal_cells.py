@@ -15,7 +15,7 @@ from mitsuba_taxel.sensing.scene_rates import rates
 def pair(rows, columns, force):
     """Cells in a row; LED and phototransistor lie beside each other along x."""
     package = {"type": "photo_reflector", "rows": rows, "columns": columns, "spacing": 0.9}
-    pad = {"type": "deformable_pad", "cell": "hemispheric", "rows": rows, "columns": columns, "mesh_size": 1.7}
+    pad = {"type": "deformable_pad", "cell": "cylindrical", "rows": rows, "columns": columns, "mesh_size": 1.7}
     ends = {"led": {"type": "annular_led"}, "detector": {"type": "phototransistor"}}
     wall = {"type": "region", "roof": {"type": "wall", "scattering": "isotropic"}}
     return Scene({"type": "scene", "pad": {**pad, "force": force, "bsdf": wall}, "package": {**package, **ends}})
