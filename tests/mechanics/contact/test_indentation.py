@@ -229,9 +229,7 @@ class Rubbed(Pressed):
         return -self.pad.part.copies * self.pressing.force
 
 
-@pytest.mark.parametrize(
-    ("friction", "way", "depth"), [(0.3, (1, 0), 0.02), (0.6, (0.5**0.5, 0.5**0.5), 0.02), (0.1, (0, -1), 0.01)]
-)
+@pytest.mark.parametrize(("friction", "way", "depth"), [(0.6, (0.5**0.5, 0.5**0.5), 0.02), (0.1, (0, -1), 0.01)])
 def test_a_ball_is_dragged_as_cattaneo_and_mindlin_say(half_space, friction, way, depth):
     """There and back: R. D. Mindlin, J. Appl. Mech. 16, 1949, and with H. Deresiewicz, 20, 1953; K. L. Johnson, Contact
     Mechanics, 1985, sections 7.2 and 7.4."""
