@@ -57,6 +57,12 @@ def replacing(file: Path) -> Iterator[Path]:
         raise WriteError(file, reason) from error
 
 
+def write_text(file: Path, text: str) -> None:
+    """Write a text in UTF-8, as :func:`replacing` does."""
+    with replacing(file) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def reason_of(error: Exception) -> str | None:
     """Why a file cannot be written, if that caused an error: compiled libraries raise their own exceptions."""
     if isinstance(error, WriteError):

@@ -1,11 +1,10 @@
-"""One row of the table of extreme circuits, and its cells as text."""
+"""One row of the table of extreme circuits."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-
-from mitsuba_taxel.bench.row import cell
+from typing import ClassVar
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,16 @@ class CircuitRow:
         Peak memory.
     """
 
+    COLUMNS: ClassVar = {
+        "case": ("case", ""),
+        "verdict": ("verdict", ""),
+        "voltage": ("voltage [V]", ".9g"),
+        "reference": ("reference [V]", ".9g"),
+        "counts": ("counts", ".0f"),
+        "noise": ("noise [V]", ".2e"),
+        "seconds": ("CPU s", ".1f"),
+        "megabytes": ("MB", ".0f"),
+    }
     case: str
     verdict: str
     wrong: str = ""
@@ -39,28 +48,3 @@ class CircuitRow:
     noise: float = math.nan
     seconds: float = math.nan
     megabytes: float = math.nan
-
-
-CIRCUIT_HEADINGS = {
-    "case": "case",
-    "verdict": "verdict",
-    "voltage": "voltage [V]",
-    "reference": "reference [V]",
-    "counts": "counts",
-    "noise": "noise [V]",
-    "seconds": "CPU s",
-    "megabytes": "MB",
-}
-_FORMS = {
-    "voltage": ".9g",
-    "reference": ".9g",
-    "counts": ".0f",
-    "noise": ".2e",
-    "seconds": ".1f",
-    "megabytes": ".0f",
-}
-
-
-def circuit_cells(row: CircuitRow) -> list[str]:
-    """The row's cells as text, in the order of :data:`CIRCUIT_HEADINGS`; "-" where there is no number."""
-    return [cell(row, name, _FORMS) for name in CIRCUIT_HEADINGS]

@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.coverage_cases import COARSER, FINE, FINER, coverage_cases
-from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
+from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.isolated_process import measure_isolated
+from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.stability import chosen
 from mitsuba_taxel.bench.tables import LEFT
 from mitsuba_taxel.studies.plan.files import check_new_file
@@ -134,7 +135,6 @@ def write_page(rows: Sequence[CoverageRow], file: Path, csv_file: Path | None) -
         coarser=COARSER,
         order=ORDER,
         summary=summary(rows),
-        table=markdown_table([*HEADINGS.values()], map(coverage_cells, rows), LEFT),
+        table=markdown_table(headings(CoverageRow), map(cells, rows), LEFT),
     )
-    with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(file, text)

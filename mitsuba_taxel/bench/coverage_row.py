@@ -1,11 +1,10 @@
-"""One row of the table of stated and true errors of readings, and its cells as text."""
+"""One row of the table of stated and true errors of readings."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-
-from mitsuba_taxel.bench.row import cell
+from typing import ClassVar
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,20 @@ class CoverageRow:
         Of processors' time.
     """
 
+    COLUMNS: ClassVar = {
+        "case": ("setting", ""),
+        "elements": ("elements", ".0f"),
+        "true": ("true", ".3%"),
+        "corrected": ("corrected", ".3%"),
+        "stated": ("stated", ".3%"),
+        "ratio": ("true / stated", ".2f"),
+        "noise": ("noise", ".3%"),
+        "extrapolated": ("truth extrapolated by", ".3%"),
+        "readings": ("readings", ".0f"),
+        "within": ("within twice", ".0f"),
+        "seconds": ("CPU s", ".0f"),
+        "remark": ("remark", ""),
+    }
     case: str
     remark: str = ""
     elements: float = math.nan
@@ -52,36 +65,3 @@ class CoverageRow:
     def ratio(self) -> float:
         """True error, relative to the stated one."""
         return self.true / self.stated if self.stated else math.inf
-
-
-HEADINGS = {
-    "case": "setting",
-    "elements": "elements",
-    "true": "true",
-    "corrected": "corrected",
-    "stated": "stated",
-    "ratio": "true / stated",
-    "noise": "noise",
-    "extrapolated": "truth extrapolated by",
-    "readings": "readings",
-    "within": "within twice",
-    "seconds": "CPU s",
-    "remark": "remark",
-}
-_FORMS = {
-    "elements": ".0f",
-    "true": ".3%",
-    "corrected": ".3%",
-    "stated": ".3%",
-    "ratio": ".2f",
-    "noise": ".3%",
-    "extrapolated": ".3%",
-    "readings": ".0f",
-    "within": ".0f",
-    "seconds": ".0f",
-}
-
-
-def coverage_cells(row: CoverageRow) -> list[str]:
-    """The row's cells as text, in the order of :data:`HEADINGS`; "-" where there is no number."""
-    return [cell(row, name, _FORMS) for name in HEADINGS]

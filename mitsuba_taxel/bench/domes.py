@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.sphere_light import DOMES, SPACING
 from mitsuba_taxel.sensing import Readings, Scene, measure
@@ -194,5 +194,4 @@ def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, comm
     others = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])
     sizes = {"fine": FINE, "larger": LARGER, "smallest": SMALLEST}
     text = _PAGE.format(command=command, table=table, pads=others, **sizes)
-    with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(file, text)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.pads import CELL_SHAPES
@@ -119,7 +119,4 @@ def nominal_cells(row: NominalRow) -> list[list[str]]:
 def write_page(rows: Sequence[NominalRow], file: Path, command: str) -> None:
     """Write the rows as a page that says what its columns mean."""
     table = markdown_table(HEADINGS, [line for row in rows for line in nominal_cells(row)])
-    with replacing(file) as temporary:
-        temporary.write_text(
-            _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE), encoding="utf-8"
-        )
+    write_text(file, _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE))

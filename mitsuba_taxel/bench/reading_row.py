@@ -1,11 +1,10 @@
-"""One row of the table of extreme readings, and its cells as text."""
+"""One row of the table of extreme readings."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-
-from mitsuba_taxel.bench.row import cell
+from typing import ClassVar
 
 RIGHT = "right"
 MOST_DEVIATIONS = 4.0
@@ -38,6 +37,17 @@ class ReadingRow:
         Peak memory.
     """
 
+    COLUMNS: ClassVar = {
+        "case": ("case", ""),
+        "verdict": ("verdict", ""),
+        "power": ("power [W]", ".5e"),
+        "error": ("error", ".1e"),
+        "reference": ("reference [W]", ".5e"),
+        "deviations": ("deviations", "+.1f"),
+        "by": ("reference by", ""),
+        "seconds": ("CPU s", ".1f"),
+        "megabytes": ("MB", ".0f"),
+    }
     case: str
     verdict: str
     wrong: str = ""
@@ -48,29 +58,3 @@ class ReadingRow:
     by: str = ""
     seconds: float = math.nan
     megabytes: float = math.nan
-
-
-READING_HEADINGS = {
-    "case": "case",
-    "verdict": "verdict",
-    "power": "power [W]",
-    "error": "error",
-    "reference": "reference [W]",
-    "deviations": "deviations",
-    "by": "reference by",
-    "seconds": "CPU s",
-    "megabytes": "MB",
-}
-_FORMS = {
-    "power": ".5e",
-    "error": ".1e",
-    "reference": ".5e",
-    "deviations": "+.1f",
-    "seconds": ".1f",
-    "megabytes": ".0f",
-}
-
-
-def reading_cells(row: ReadingRow) -> list[str]:
-    """The row's cells as text, in the order of :data:`READING_HEADINGS`; "-" where there is no number."""
-    return [cell(row, name, _FORMS) for name in READING_HEADINGS]

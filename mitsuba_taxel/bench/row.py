@@ -1,13 +1,38 @@
-"""One row of the table of extreme mechanics, and its cells as text."""
+"""Rows of tables as text, and those of the table of extreme mechanics."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 CONVERGED = "converged"
+
+
+class TableRow(Protocol):
+    """A row, and the heading and format of its columns by the name of an attribute."""
+
+    COLUMNS: ClassVar[dict[str, tuple[str, str]]]
+
+
+def headings(kind: type[TableRow]) -> list[str]:
+    """Headings of the columns of a kind of rows."""
+    return [heading for heading, _ in kind.COLUMNS.values()]
+
+
+def cells(row: TableRow) -> list[str]:
+    """The row's cells as text, in the order of its columns; "-" where there is no number."""
+    return [_cell(row, name, form) for name, (_, form) in row.COLUMNS.items()]
+
+
+def _cell(row: Any, name: str, form: str) -> str:
+    """A formatted number of a row, or a text; the verdict includes failures."""
+    value = getattr(row, name)
+    if name == "verdict" and row.wrong:
+        return f"{value}; WRONG: {row.wrong}"
+    if isinstance(value, str):
+        return value or "-"
+    return "-" if math.isnan(value) else format(value, form)
 
 
 @dataclass(frozen=True)
@@ -50,6 +75,23 @@ class Row:
         Load of the first accepted step with J of 0 or less at a node of an element, empty if there is none.
     """
 
+    COLUMNS: ClassVar = {
+        "case": ("case", ""),
+        "verdict": ("verdict", ""),
+        "iterations": ("Newton", ".0f"),
+        "steps": ("steps", ".0f"),
+        "cutbacks": ("cutbacks", ".0f"),
+        "min_jacobian": ("min J", ".3f"),
+        "node_jacobian": ("min J at nodes", ".3f"),
+        "residual": ("residual", ".0e"),
+        "imbalance": ("imbalance", ".0e"),
+        "stability": ("stability", ""),
+        "roof": ("mean roof [mm]", ".4g"),
+        "stated_error": ("stated error", ".2%"),
+        "finer_change": ("finer mesh", ".2%"),
+        "seconds": ("CPU s", ".1f"),
+        "megabytes": ("MB", ".0f"),
+    }
     case: str
     verdict: str
     wrong: str = ""
@@ -67,51 +109,3 @@ class Row:
     seconds: float = math.nan
     megabytes: float = math.nan
     inverted: str = ""
-
-
-HEADINGS = {
-    "case": "case",
-    "verdict": "verdict",
-    "iterations": "Newton",
-    "steps": "steps",
-    "cutbacks": "cutbacks",
-    "min_jacobian": "min J",
-    "node_jacobian": "min J at nodes",
-    "residual": "residual",
-    "imbalance": "imbalance",
-    "stability": "stability",
-    "roof": "mean roof [mm]",
-    "stated_error": "stated error",
-    "finer_change": "finer mesh",
-    "seconds": "CPU s",
-    "megabytes": "MB",
-}
-_FORMS = {
-    "iterations": ".0f",
-    "steps": ".0f",
-    "cutbacks": ".0f",
-    "min_jacobian": ".3f",
-    "node_jacobian": ".3f",
-    "residual": ".0e",
-    "imbalance": ".0e",
-    "roof": ".4g",
-    "stated_error": ".2%",
-    "finer_change": ".2%",
-    "seconds": ".1f",
-    "megabytes": ".0f",
-}
-
-
-def cells(row: Row) -> list[str]:
-    """The row's cells as text, in the order of :data:`HEADINGS`; "-" where there is no number."""
-    return [cell(row, name, _FORMS) for name in HEADINGS]
-
-
-def cell(row: Any, name: str, forms: Mapping[str, str]) -> str:
-    """A formatted number of a row, or a text; the verdict includes failures."""
-    value = getattr(row, name)
-    if name == "verdict" and row.wrong:
-        return f"{value}; WRONG: {row.wrong}"
-    if isinstance(value, str):
-        return value or "-"
-    return "-" if math.isnan(value) else format(value, forms[name])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.domes import dome_scene
 from mitsuba_taxel.pads import CELL_SHAPES
@@ -93,5 +93,4 @@ def summary(rows: Sequence[SlopeRow]) -> str:
 def write_page(rows: Sequence[SlopeRow], file: Path, command: str) -> None:
     """Write the rows as a page with an explanation of its columns."""
     table = markdown_table(HEADINGS, map(slope_cells, rows)) + f"\n\n{summary(rows)}"
-    with replacing(file) as temporary:
-        temporary.write_text(_PAGE.format(command=command, table=table), encoding="utf-8")
+    write_text(file, _PAGE.format(command=command, table=table))

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.cases import MESH_SIZE
 from mitsuba_taxel.bench.circuit_cases import MOST_DIFFERENCE
-from mitsuba_taxel.bench.circuit_row import CIRCUIT_HEADINGS, CircuitRow, circuit_cells
+from mitsuba_taxel.bench.circuit_row import CircuitRow
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
-from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, READING_HEADINGS, ReadingRow, reading_cells
-from mitsuba_taxel.bench.row import HEADINGS, Row, cells
+from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, ReadingRow
+from mitsuba_taxel.bench.row import Row, cells, headings
 from mitsuba_taxel.mechanics import NeoHookean
 
 AnyRow = Row | ReadingRow | CircuitRow
@@ -101,16 +101,15 @@ def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
     if mechanics:
-        table = markdown_table([*HEADINGS.values()], map(cells, mechanics), LEFT)
+        table = markdown_table(headings(Row), map(cells, mechanics), LEFT)
         law = NeoHookean()
         silicone = f"E = {law.youngs_modulus:g} MPa, nu = {law.poisson_ratio:g}"
         text += _MECHANICS.format(silicone=silicone, mesh_size=MESH_SIZE, table=table)
     if readings:
-        table = markdown_table([*READING_HEADINGS.values()], map(reading_cells, readings), LEFT)
+        table = markdown_table(headings(ReadingRow), map(cells, readings), LEFT)
         text += _READINGS.format(deviations=MOST_DEVIATIONS, table=table)
     circuits = [row for row in rows if isinstance(row, CircuitRow)]
     if circuits:
-        table = markdown_table([*CIRCUIT_HEADINGS.values()], map(circuit_cells, circuits), LEFT)
+        table = markdown_table(headings(CircuitRow), map(cells, circuits), LEFT)
         text += _CIRCUITS.format(difference=MOST_DIFFERENCE, table=table)
-    with replacing(file) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(file, text)

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from mitsuba_taxel.backend import plugin_kind
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.check.document import ELEMENTS, KINDS
 from mitsuba_taxel.parameters import Choice, Parameter, Switch
@@ -71,8 +71,7 @@ def write_schema(file: str | Path) -> None:
     if file.suffix != ".rng":
         raise InputError(f"schema = {str(file)!r} is not allowed: the name of a .rng file is needed.")
     check_new_file(file, ".rng")
-    with replacing(file) as temporary:
-        temporary.write_text(schema(), encoding="utf-8")
+    write_text(file, schema())
 
 
 def _define(grammar: Element, name: str) -> Element:

@@ -29,9 +29,9 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 
     Rows are measured one by one, each in its own process; files contain those measured so far.
     """
-    from mitsuba_taxel.bench.circuit_row import CIRCUIT_HEADINGS, CircuitRow, circuit_cells
-    from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
-    from mitsuba_taxel.bench.row import HEADINGS, Row, cells
+    from mitsuba_taxel.bench.circuit_row import CircuitRow
+    from mitsuba_taxel.bench.reading_row import ReadingRow
+    from mitsuba_taxel.bench.row import Row, cells, headings
     from mitsuba_taxel.bench.stability import check, stability
     from mitsuba_taxel.bench.tables import AnyRow
 
@@ -46,12 +46,9 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
             rows.append(row)
             click.echo(f"{row.verdict}{f'; WRONG: {row.wrong}' if row.wrong else ''}", err=True)
     finally:
-        mechanics = [cells(row) for row in rows if isinstance(row, Row)]
-        readings = [reading_cells(row) for row in rows if isinstance(row, ReadingRow)]
-        circuits = [circuit_cells(row) for row in rows if isinstance(row, CircuitRow)]
-        for headings, table in ((HEADINGS, mechanics), (READING_HEADINGS, readings), (CIRCUIT_HEADINGS, circuits)):
-            if table:
-                print_text_table(list(headings.values()), table)
+        for kind in (Row, ReadingRow, CircuitRow):
+            if table := [cells(row) for row in rows if isinstance(row, kind)]:
+                print_text_table(headings(kind), table)
     check(rows)
 
 
@@ -72,7 +69,8 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     so far.
     """
     from mitsuba_taxel.bench.coverage import coverage, summary
-    from mitsuba_taxel.bench.coverage_row import HEADINGS, coverage_cells
+    from mitsuba_taxel.bench.coverage_row import CoverageRow
+    from mitsuba_taxel.bench.row import cells, headings
 
     from .tables import print_text_table
 
@@ -81,7 +79,7 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
         for row in coverage(only, csv, markdown, lambda k, n, name: click.echo(f"{k}/{n} {name}", err=True)):
             rows.append(row)
     finally:
-        print_text_table(list(HEADINGS.values()), map(coverage_cells, rows))
+        print_text_table(headings(CoverageRow), map(cells, rows))
         click.echo(summary(rows))
 
 

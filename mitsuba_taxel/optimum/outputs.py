@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import Design, Plan
@@ -37,8 +37,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
     for first, pad in zip(*pads, strict=True):
         write_drawings(pad, folder)
         save_figure(plot_sections(first, pad), folder, "section")
-    with replacing(folder / "optimum.md") as file:
-        file.write_text(page(result, bool(pads[0])), encoding="utf-8")
+    write_text(folder / "optimum.md", page(result, bool(pads[0])))
 
 
 def page(result: Optimum, has_section: bool) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
@@ -148,8 +148,7 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
         profile=profile if cell == PROFILE else "",
     )
     for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell))):
-        with replacing(folder / file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(folder / file, text)
 
 
 def _dataset(found: Any) -> xr.Dataset:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.reproduce import page_choices, page_experiments, page_loads, page_noise, page_plate
 from mitsuba_taxel.reproduce.page_optima import write_optima
 from mitsuba_taxel.reproduce.page_words import Found
@@ -56,6 +56,5 @@ def write_page(found: Found, docs: Path, command: str) -> Path:
         if all(name in found for name in wanted):
             sections.append(section(found, pictures))
     page = docs / "paper.md"
-    with replacing(page) as file:
-        file.write_text("\n".join(sections), encoding="utf-8")
+    write_text(page, "\n".join(sections))
     return page

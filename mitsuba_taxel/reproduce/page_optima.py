@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.search import BALANCED
 from mitsuba_taxel.pads.pad import PROFILE
@@ -98,8 +98,7 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         ),
     )
     page = docs / "optimum.md"
-    with replacing(page) as file:
-        file.write_text("\n".join([head, *(_section(name, of) for name, of in found.items()), _cost(found)]), "utf-8")
+    write_text(page, "\n".join([head, *(_section(name, of) for name, of in found.items()), _cost(found)]))
     return page
 
 

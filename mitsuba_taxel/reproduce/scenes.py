@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
@@ -85,8 +85,7 @@ def write_scene(file: Path, taxels: Sequence[int]) -> None:
     cells = ", ".join(map(str, taxels))
     c10 = moduli(POISSON_RATIO)["c10"]
     values = {"c10": c10, "poisson_ratio": POISSON_RATIO, "mesh_size": DEFAULT_MESH_SIZE}
-    with replacing(file) as temporary:
-        temporary.write_text(_SCENE.format(cells=cells, reflectors=reflectors, **values), encoding="utf-8")
+    write_text(file, _SCENE.format(cells=cells, reflectors=reflectors, **values))
 
 
 def centre_of(taxel: int) -> tuple[float, float]:

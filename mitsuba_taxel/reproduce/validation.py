@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
 from mitsuba_taxel.characterise.wording import with_error
@@ -32,8 +32,7 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     make_folder(docs)
     sections = [_HEAD.format(command=command), _vcnt2020(), _memory(), _tables(store), _MISSING]
     page = docs / "validation.md"
-    with replacing(page) as file:
-        file.write_text("\n".join(sections), encoding="utf-8")
+    write_text(page, "\n".join(sections))
     return page
 
 

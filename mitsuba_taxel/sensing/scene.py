@@ -14,7 +14,7 @@ from weakref import WeakSet
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, table_of, text_of
-from mitsuba_taxel.base.atomic import WriteError, replacing
+from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.left_out import parse_scene, used_by
@@ -151,8 +151,7 @@ class Scene(Displayed):
         except RuntimeError as error:
             raise _one_line(error, self) from error
         try:
-            with replacing(path) as file:
-                file.write_text(text, encoding="utf-8")
+            write_text(path, text)
         except WriteError as error:
             raise InputError(str(error)) from error
 

@@ -12,7 +12,8 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench import circuit_cases as module
 from mitsuba_taxel.bench.circuit_cases import CircuitCase, circuit_cases, emitter_voltage
-from mitsuba_taxel.bench.circuit_row import CIRCUIT_HEADINGS, CircuitRow, circuit_cells
+from mitsuba_taxel.bench.circuit_row import CircuitRow
+from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.stability import check
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 from mitsuba_taxel.electronics import Circuit
@@ -70,10 +71,10 @@ def test_a_circuit_that_is_refused_is_wrong():
 
 def test_rows_as_files(tmp_path):
     row = CircuitRow("a", "right", voltage=0.8, reference=0.8, counts=992, noise=2.3e-4)
-    assert circuit_cells(row)[2:6] == ["0.8", "0.8", "992", "2.30e-04"]
+    assert cells(row)[2:6] == ["0.8", "0.8", "992", "2.30e-04"]
     write_markdown([row], tmp_path / "t.md", "taxel bench stability")
     page = (tmp_path / "t.md").read_text()
     assert "## Circuits" in page and "## Readings" not in page
-    assert f"| {' | '.join(CIRCUIT_HEADINGS.values())} |" in page
+    assert f"| {' | '.join(headings(CircuitRow))} |" in page
     write_csv([row], tmp_path / "t.csv")
     assert "voltage" in (tmp_path / "t.csv").read_text().splitlines()[0].split(",")

@@ -12,7 +12,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench import coverage as table
 from mitsuba_taxel.bench import coverage_cases
 from mitsuba_taxel.bench.coverage import coverage, read_rows, summary
-from mitsuba_taxel.bench.coverage_row import HEADINGS, CoverageRow, coverage_cells
+from mitsuba_taxel.bench.coverage_row import CoverageRow
+from mitsuba_taxel.bench.row import cells, headings
 
 SUBSET = (
     "parallelepiped, 1 x 1, wall 0.5 mm, -1 N",
@@ -82,4 +83,4 @@ def test_the_command_prints_the_table(made_up):
     done = CliRunner().invoke(command, ["coverage", "--only", "2 x 2"], obj=None)
     assert done.exit_code == 0, done.output
     assert "12 of 16" in done.output or "9 of 12" in done.output
-    assert len(coverage_cells(CoverageRow("a"))) == len(HEADINGS)
+    assert len(cells(CoverageRow("a"))) == len(headings(CoverageRow))

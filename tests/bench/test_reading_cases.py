@@ -11,7 +11,8 @@ import pytest
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process as apart
 from mitsuba_taxel.bench.reading_cases import Compared, ReadingCase, reading_cases, running_sum_error
-from mitsuba_taxel.bench.reading_row import READING_HEADINGS, ReadingRow, reading_cells
+from mitsuba_taxel.bench.reading_row import ReadingRow
+from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.stability import check
 from mitsuba_taxel.bench.tables import write_csv, write_markdown
 
@@ -83,11 +84,11 @@ def test_every_case_can_be_sent_to_a_process_and_has_a_name_of_its_own():
 
 def test_rows_as_files(tmp_path):
     row = ReadingRow("a | b", "right", power=1.5, error=1e-3, reference=1.5, deviations=0.2, by="hand")
-    assert reading_cells(row)[2:6] == ["1.50000e+00", "1.0e-03", "1.50000e+00", "+0.2"]
+    assert cells(row)[2:6] == ["1.50000e+00", "1.0e-03", "1.50000e+00", "+0.2"]
     write_markdown([row], tmp_path / "t.md", "taxel bench stability")
     page = (tmp_path / "t.md").read_text()
     assert "## Readings" in page and "## Mechanics" not in page and r"a \| b" in page
-    assert f"| {' | '.join(READING_HEADINGS.values())} |" in page
+    assert f"| {' | '.join(headings(ReadingRow))} |" in page
     write_csv([row], tmp_path / "t.csv")
     assert re.search(r"^a \| b,right,,", (tmp_path / "t.csv").read_text(), re.MULTILINE)
 

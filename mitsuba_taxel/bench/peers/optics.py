@@ -25,7 +25,6 @@ PEERS = {
     "raysect": ("raysect_path", {}),
 }
 """Name -> module in `peers` and the arguments of its ``prepare`` besides the case."""
-FEWEST_RUNS = 16
 COLUMNS = ("case", "system", "error/run", "bias", "Z", "s/run", "set-up s", "FoM", "x ours", "")
 
 
@@ -37,7 +36,7 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
     cases, peers : sequence of str
         Names of :data:`CASES` and :data:`PEERS`; all if there are none; the peer ``none`` leaves ours alone.
     runs : int
-        Independent seeds of each system, at least :data:`FEWEST_RUNS`.
+        Independent seeds of each system.
     seconds : float
         About how long one run is.
 

@@ -11,7 +11,9 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -78,3 +80,13 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
     except (OSError, WriteError) as error:
         # Here, and not where it is called, so that it is said once.
         warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)
+
+
+def arrays_of(state: Any) -> dict[str, np.ndarray]:
+    """The fields of a dataclass of arrays and numbers by name, to be stored."""
+    return {field.name: np.array(getattr(state, field.name)) for field in fields(state)}
+
+
+def values_of(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The inverse of :func:`arrays_of`: the arrays, and numbers as such."""
+    return {name: array if array.ndim else array.item() for name, array in arrays.items()}

@@ -10,7 +10,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -44,16 +43,6 @@ class Node:
     iterations: int
     stability_checked: bool
     seconds: float
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Its fields by name, for the cache."""
-        return {field.name: np.array(getattr(self, field.name)) for field in fields(self)}
-
-    @classmethod
-    def of(cls, arrays: dict[str, np.ndarray]) -> Node:
-        """The node of :meth:`arrays`."""
-        values: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
-        return cls(**values)
 
 
 @dataclass(frozen=True)

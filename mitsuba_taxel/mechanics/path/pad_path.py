@@ -266,9 +266,9 @@ class PadPath:
             name = cache.key("state", self._segment_name(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
-                asked[s] = segment.solved(pad, s) if arrays is None else Node.of(arrays)
+                asked[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
                 if arrays is None:
-                    cache.store(name, asked[s].arrays())
+                    cache.store(name, cache.arrays_of(asked[s]))
         return asked[s]
 
     def _error(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:

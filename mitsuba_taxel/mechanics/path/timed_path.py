@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
@@ -68,16 +68,6 @@ class Reached:
     stability_checked: bool
     seconds: float
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Its fields by name, for the cache."""
-        return {field.name: np.array(getattr(self, field.name)) for field in fields(self)}
-
-    @classmethod
-    def of(cls, arrays: dict[str, np.ndarray]) -> Reached:
-        """The inverse of :meth:`arrays`."""
-        values: dict[str, Any] = {name: array if array.ndim else array.item() for name, array in arrays.items()}
-        return cls(**values)
-
     @property
     def relaxing(self) -> Relaxing:
         """The internal variables."""
@@ -131,9 +121,9 @@ class TimedPath:
             name = self._name(rows[:count])
             with cache.alone(name):
                 arrays = cache.load(name)  # another process may have solved it in the meantime
-                at = self._next(at, rows[:count]) if arrays is None else Reached.of(arrays)
+                at = self._next(at, rows[:count]) if arrays is None else Reached(**cache.values_of(arrays))
                 if arrays is None:
-                    cache.store(name, at.arrays())
+                    cache.store(name, cache.arrays_of(at))
             self._keep(rows[:count], at)
         return at
 
@@ -144,7 +134,7 @@ class TimedPath:
             arrays = cache.load(self._name(rows))
             if arrays is None:  # damaged
                 return self._next(self.reached(rows[:-1]), rows)
-            self._keep(rows, Reached.of(arrays))
+            self._keep(rows, Reached(**cache.values_of(arrays)))
         return self._known[rows]
 
     def _keep(self, rows: tuple[Row, ...], at: Reached) -> None:

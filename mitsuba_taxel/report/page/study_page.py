@@ -15,7 +15,7 @@ from typing import Any
 import xarray as xr
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.report.page import sections
 from mitsuba_taxel.report.page.markup import paragraph
@@ -67,8 +67,7 @@ def write_report(
         solids=json.dumps({"panels": panels}).replace("<", "\\u003c"),
         script=_asset("viewer.js"),
     )
-    with replacing(file) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_text(file, page)
     return left_out
 
 

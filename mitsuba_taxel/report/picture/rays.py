@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.plots.figures import axes_of
 from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
 
@@ -79,8 +79,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
         "LOOKUP_TABLE default",
         *(f"{power:.9g}" for power in paths.power),
     ]
-    with replacing(file) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(file, "\n".join(lines) + "\n")
 
 
 def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces: dict, centre: np.ndarray) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mitsuba_taxel.base.arguments import path_of
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.plan.files import check_new_file
 
@@ -275,5 +275,4 @@ def write_template(kind: str, file: str | Path) -> None:
     check_new_file(file, SUFFIXES[kind])
     if file.exists():
         raise InputError(f"{file} exists: the name of a new file is needed.")
-    with replacing(file) as new:
-        new.write_text(_TEXTS[kind], encoding="utf-8")
+    write_text(file, _TEXTS[kind])

@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, path_of, require
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.studies.plan.files import make_empty_folder
@@ -239,5 +239,4 @@ def _write(folder: Path, tables: Mapping[str, pd.DataFrame], sheet: str, parquet
         if parquet:
             with replacing(folder / f"{name}.parquet") as file:
                 table.to_parquet(file, index=False)
-    with replacing(folder / "README.md") as file:
-        file.write_text(sheet, encoding="utf-8")
+    write_text(folder / "README.md", sheet)

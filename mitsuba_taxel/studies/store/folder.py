@@ -24,7 +24,7 @@ import numpy as np
 import tomli_w
 
 from mitsuba_taxel.base import archive
-from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing
+from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
@@ -95,8 +95,7 @@ class Store:
         if not (self.folder / STUDY).exists():
             if any(not file.name.startswith(".") for file in self.folder.iterdir()):
                 raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
-            with replacing(self.folder / STUDY) as file:
-                file.write_text(HEADING + tomli_w.dumps(content), encoding="utf-8")
+            write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
         before = (self.folder / STUDY).read_text(encoding="utf-8", errors="replace").removeprefix(HEADING)
         difference = _difference(tomli_w.dumps(content), before)
         if difference and not self._grow(before, content):
@@ -178,8 +177,7 @@ class Store:
         self._write_json(CHOICE, {**settings._asdict(), "pilot_seconds": dict(pilot_seconds)})
 
     def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
-        with replacing(self.folder / name) as file:
-            file.write_text(json.dumps(content), encoding="utf-8")
+        write_text(self.folder / name, json.dumps(content))
 
     def done(self) -> list[int]:
         """Numbers of the jobs that have a result."""
@@ -200,8 +198,7 @@ class Store:
         """Store the outcome of a job; it is on disk when this returns. Raises `StoreError`."""
         try:
             if isinstance(outcome, Failure):
-                with replacing(self._failed(job.number)) as file:
-                    file.write_text(json.dumps(asdict(outcome)), encoding="utf-8")
+                write_text(self._failed(job.number), json.dumps(asdict(outcome)))
                 return
             self._keep_files(outcome.files)
             with replacing(self._job(job.number)) as file:
@@ -349,5 +346,4 @@ def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
     make_folder(folder)
     if any(folder.iterdir()) and not (folder / STUDY).exists():
         raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
-    with replacing(folder / STUDY) as file:
-        file.write_text(HEADING + tomli_w.dumps(study), encoding="utf-8")
+    write_text(folder / STUDY, HEADING + tomli_w.dumps(study))

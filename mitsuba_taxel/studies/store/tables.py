@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise import resolution, sensitivity_table, volts_table
 from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
@@ -30,8 +30,7 @@ def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> No
     table = _readings(study)
     with replacing(folder / "readings.nc") as file:
         write_netcdf(study, file)
-    with replacing(folder / "readings.csv") as file:
-        file.write_text("\n".join(_head(study)) + "\n" + table.to_csv(index=False), encoding="utf-8")
+    write_text(folder / "readings.csv", "\n".join(_head(study)) + "\n" + table.to_csv(index=False))
     if parquet:
         with replacing(folder / "readings.parquet") as file:
             table.to_parquet(file, engine="pyarrow", index=False)
