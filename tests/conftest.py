@@ -12,6 +12,8 @@ import pytest
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""
+LONGEST = {"docs", "test_readme.py"}
+"""Folders and files whose tests take up to half a minute each."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -26,6 +28,12 @@ def pytest_collection():
     finally:
         gc.enable()
         gc.freeze()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """The longest tests come first, so that none is left to one of two processes when the other is done."""
+    items.sort(key=lambda item: LONGEST.isdisjoint(item.path.parts))
 
 
 @pytest.fixture(autouse=True, scope="module")
