@@ -59,7 +59,7 @@ def measure(case: Case) -> Row:
 
 def with_flaw(row: Row, refused: bool) -> Row:
     """A finished row that says what is wrong with it, if anything; its case must be ``refused``, or must not."""
-    return replace(row, wrong=flaw(row, refused))
+    return replace(row, wrong=failure_of(row, refused))
 
 
 def peak_memory() -> float:
@@ -68,7 +68,7 @@ def peak_memory() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def flaw(row: Row, refused: bool = False) -> str:
+def failure_of(row: Row, refused: bool = False) -> str:
     """What is wrong with a finished row of a case that must be ``refused``, or must not; empty if nothing."""
     if row.verdict.startswith("refused") != refused:
         return "it should be refused" if refused else "it should not be refused"

@@ -227,11 +227,11 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
                 str(figures["kernels"]),
                 str(figures["operations"]),
                 *(f"{seconds:.1f}" for seconds in figures["seconds"]),
-                "-" if figures is first else f"{_apart(first, figures):.2f}",
+                "-" if figures is first else f"{_deviation(first, figures):.2f}",
             )
 
 
-def _apart(here: dict, there: dict) -> float:
+def _deviation(here: dict, there: dict) -> float:
     """Largest change of a reading, in combined standard errors."""
     columns = zip(here["power"], there["power"], here["error"], there["error"], strict=True)
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)

@@ -9,7 +9,7 @@ import re
 import pytest
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.bench import isolated_process as apart
+from mitsuba_taxel.bench import isolated_process
 from mitsuba_taxel.bench.reading_cases import Compared, ReadingCase, reading_cases, running_sum_error
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import cells, headings
@@ -71,7 +71,7 @@ def test_rows_of_the_table_are_right(llvm_mono, tmp_path, monkeypatch, part):
 
 def test_a_row_comes_from_a_process_of_its_own():
     (case,) = (case for case in reading_cases() if "plate on the LED" in case.name)
-    row = apart.measure_isolated(case)
+    row = isolated_process.measure_isolated(case)
     assert row.wrong == "" and row.verdict == "right; said so"
 
 

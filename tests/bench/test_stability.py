@@ -18,10 +18,9 @@ from click.testing import CliRunner
 from started_process import interrupted, started
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.bench import isolated_process as apart
-from mitsuba_taxel.bench import stability
+from mitsuba_taxel.bench import isolated_process, stability
 from mitsuba_taxel.bench.cases import Case, stability_cases
-from mitsuba_taxel.bench.measure import cutbacks, flaw, mean_roof, measure, node_jacobian
+from mitsuba_taxel.bench.measure import cutbacks, failure_of, mean_roof, measure, node_jacobian
 from mitsuba_taxel.bench.row import Row, cells, headings
 from mitsuba_taxel.bench.slivers import FLATNESS, SliverPad
 from mitsuba_taxel.bench.solid_cases import solid_cases
@@ -65,13 +64,13 @@ def worker(tmp_path, monkeypatch):
         script = tmp_path / f"worker{len(list(tmp_path.glob('worker*')))}"
         script.write_text(f"#!{python}\nimport ctypes, os, sys, time\n{program}")
         script.chmod(0o755)
-        monkeypatch.setattr(apart.sys, "executable", str(script))
+        monkeypatch.setattr(isolated_process.sys, "executable", str(script))
 
     return write
 
 
 def test_a_case_that_converges_has_every_number():
-    row = apart.measure_isolated(SMALL)
+    row = isolated_process.measure_isolated(SMALL)
     assert (row.verdict, row.wrong, row.stability) == ("converged", "", "stable")
     assert row.steps == 1 and row.cutbacks == 0 and 1 <= row.iterations <= 6
     assert 0.5 < row.node_jacobian <= 1 and 0.5 < row.min_jacobian <= 1
@@ -128,14 +127,14 @@ def test_a_pad_without_a_mesh_is_refused(monkeypatch):
 )  # fmt: skip
 def test_a_process_that_ends_badly_is_a_row_that_says_so(worker, program, verdict):
     worker(program)
-    row = apart.measure_isolated(SMALL, seconds=0.8 if "sleep" in program else 60)
+    row = isolated_process.measure_isolated(SMALL, seconds=0.8 if "sleep" in program else 60)
     assert re.fullmatch(verdict, row.verdict) and row.wrong == "no answer" and row.case == "small"
     with pytest.raises(ComputationError, match="^1 of 2 rows are wrong: small.$"):
         check([RIGHT, row])
 
 
 def test_memory_beyond_the_limit_is_refused_to_the_process():
-    row = apart.measure_isolated(SMALL, memory=2**26)
+    row = isolated_process.measure_isolated(SMALL, memory=2**26)
     assert row.wrong == "no answer" and re.match("out of memory|died: ", row.verdict)
 
 
@@ -158,9 +157,9 @@ def test_memory_beyond_the_limit_is_refused_to_the_process():
 )
 def test_what_is_wrong_with_a_row_is_seen(change, what):
     row = replace(RIGHT, **change)
-    assert flaw(row) == what
+    assert failure_of(row) == what
     refused = row.verdict.startswith("refused")
-    assert flaw(row, refused=True) == ("" if refused else "it should be refused")
+    assert failure_of(row, refused=True) == ("" if refused else "it should be refused")
     assert cells(replace(row, wrong=what))[1] == row.verdict + (f"; WRONG: {what}" if what else "")
 
 

@@ -27,7 +27,7 @@ def taxel(tmp_path):
 
 
 @pytest.fixture
-def taxel_apart(program, tmp_path):
+def taxel_process(program, tmp_path):
     """The same as a user runs it, in a process of its own."""
 
     def run(*words: object) -> subprocess.CompletedProcess:

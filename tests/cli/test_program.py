@@ -40,16 +40,16 @@ def test_every_command_has_help(taxel, command):
     assert done.returncode == 0 and done.stdout.startswith(f"Usage: taxel {command}")
 
 
-def test_without_a_command_help_is_shown(taxel_apart):
-    done = taxel_apart()
+def test_without_a_command_help_is_shown(taxel_process):
+    done = taxel_process()
     assert done.returncode == 2 and done.stdout == "" and "Usage: taxel" in done.stderr
 
 
 JSON_KEYS = ["readings", "error_budget", "mesh_size_mm", "seconds", "parameters", "notes"]
 
 
-def test_render_table(taxel_apart):
-    done = taxel_apart("render", *PLATE, "--points", 256)
+def test_render_table(taxel_process):
+    done = taxel_process("render", *PLATE, "--points", 256)
     assert done.returncode == 0 and done.stderr == ""
     heading, row, *rest = done.stdout.splitlines()
     assert heading.split()[:3] == ["taxel", "power", "[W]"] and heading.endswith("photocurrent [A]")
@@ -183,9 +183,9 @@ def test_pads_along_a_path_in_time(taxel, tmp_path):
     assert [row["time_s"] for row in rows[1:]] == [0.1, 9, 60]
 
 
-def test_sweep_of_a_study_file(taxel, taxel_apart, tmp_path):
+def test_sweep_of_a_study_file(taxel, taxel_process, tmp_path):
     (tmp_path / "study.toml").write_text('scene = "plate.xml"\npoints = 64\n[vary]\nz = "0.5,1"\n')
-    done = taxel_apart("sweep", "study.toml", "-o", "out", "--workers", 1)
+    done = taxel_process("sweep", "study.toml", "-o", "out", "--workers", 1)
     assert done.returncode == 0 and done.stderr == "" and "2 readings" in done.stdout
     refused = taxel("sweep", "study.toml", "-o", "other", "--points", 128)
     assert refused.returncode == 2 and "points is not allowed with a study file" in refused.stderr

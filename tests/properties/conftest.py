@@ -22,7 +22,7 @@ def own_solutions(tmp_path_factory):
         yield
 
 
-class Apart:
+class IsolatedProcess:
     """A process that measures scenes, and is begun anew when it has died."""
 
     def __init__(self) -> None:
@@ -55,8 +55,8 @@ class Apart:
 
 
 @pytest.fixture(scope="session")
-def apart():
+def isolated():
     """A process of its own in which to measure scenes."""
-    process = Apart()
+    process = IsolatedProcess()
     yield process
     process.end()

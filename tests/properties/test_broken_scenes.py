@@ -68,10 +68,10 @@ def nested(depth: int) -> str:
         "nothing": ("", "does not parse as XML: no element found"),
     }.values(),
 )
-def test_what_would_take_all_memory_or_make_no_sense_is_refused(apart, tmp_path, text, message):
+def test_what_would_take_all_memory_or_make_no_sense_is_refused(isolated, tmp_path, text, message):
     file = tmp_path / "scene.xml"
     file.write_text(text)
-    kind, said = apart.measure(file)
+    kind, said = isolated.measure(file)
     assert kind == "InputError" and re.search(message, said) and "\n" not in said
 
 

@@ -37,8 +37,8 @@ def test_damaged_surfaces_are_read_or_refused(data, kind):
     cut = data.draw(st.one_of(st.just(len(content)), st.integers(0, len(content))))
     try:
         vertices, triangles = repaired(*read_surface(bytes(content[:cut]), "." + kind[:3]))
-    except GeometryError as flaw:
-        assert str(flaw) and "\n" not in str(flaw)
+    except GeometryError as error:
+        assert str(error) and "\n" not in str(error)
     else:
         assert np.all(np.isfinite(vertices)) and triangles.max() < len(vertices)
 

@@ -17,8 +17,8 @@ BACKWARDS = OPEN.replace("<shape", '<integrator type="taxel_path"/> <shape', 1)
 SMALL_PAD = PAD.replace('"wall"> <string name="scattering" value="mirror"/>', '"wall">')
 
 
-def assert_agreement(file, apart) -> None:
-    outcome = apart.measure(file)
+def assert_agreement(file, isolated) -> None:
+    outcome = isolated.measure(file)
     if outcome is not None:
         kind, message = outcome
         assert kind in ("InputError", "ComputationError") and message and "\n" not in message, outcome
@@ -31,26 +31,26 @@ def assert_agreement(file, apart) -> None:
 
 @few(160)
 @given(data=st.data(), text=st.sampled_from([PLATE, STOCK, OPEN, BACKWARDS]))
-def test_damaged_scenes(data, text, apart, tmp_path):
+def test_damaged_scenes(data, text, isolated, tmp_path):
     file = tmp_path / "scene.xml"
     file.write_bytes(damaged_tree(data, text))
-    assert_agreement(file, apart)
+    assert_agreement(file, isolated)
 
 
 @few(30)
 @given(data=st.data())
-def test_damaged_pads(data, apart, tmp_path):
+def test_damaged_pads(data, isolated, tmp_path):
     file = tmp_path / "scene.xml"
     file.write_bytes(damaged_tree(data, SMALL_PAD))
-    assert_agreement(file, apart)
+    assert_agreement(file, isolated)
 
 
 @few(40)
 @given(data=st.data())
-def test_damaged_bytes(data, apart, tmp_path):
+def test_damaged_bytes(data, isolated, tmp_path):
     file = tmp_path / "scene.xml"
     file.write_bytes(damaged_bytes(data, PLATE.encode()))
-    assert_agreement(file, apart)
+    assert_agreement(file, isolated)
 
 
 FROM_FILE = """<scene version="3.9.0"> <integrator type="taxel_tracer"/>

@@ -29,7 +29,7 @@ FROM_LED = ("unidirectional_hits", "analog_tracer")
 WITH_MIRRORS = (*FROM_LED, "taxel_path", "path")
 ON_PLATES = ("connections", "sensor_subpath_connections", *WITH_MIRRORS)
 IN_CELLS = ("connections", *WITH_MIRRORS)
-"""Meetings alone have no finite variance where two Lambertian walls share an edge."""
+"""Sensor-subpath connections alone have no finite variance where two Lambertian walls share an edge."""
 
 FEW_POINTS = {"all": 1 << 10, "unidirectional_hits": 1 << 13, "analog_tracer": 1 << 13}
 """That suffice above a plate, in no narrow gap."""

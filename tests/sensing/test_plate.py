@@ -53,7 +53,7 @@ def test_mirror_matches_method_of_images(llvm_mono, agree, law, z):
 )
 @pytest.mark.parametrize("z", [0.1, 0.7])
 def test_each_technique_alone_agrees_with_all(llvm_mono, agree, tmp_path, scattering, parts, z):
-    """Meetings alone have a weight without bound at an isotropic wall, so they are not compared there."""
+    """Sensor-subpath connections alone have a weight without bound at an isotropic wall: not compared."""
     readings = {}
     for strategy in (*parts, "all"):
         scene = with_integrator(

@@ -41,7 +41,7 @@ TANGENTIAL_REFERENCE_SIZE = 0.5
 def solve_table() -> Iterator[tuple[object, ...]]:
     """Error of the centre roof's mean displacement under one normal load, against seconds from pad to displacement."""
     pad = Pad()
-    truth = _apart(_own, pad, REFERENCE_SIZE, True, "rslab")[0]
+    truth = _isolated(_own, pad, REFERENCE_SIZE, True, "rslab")[0]
     yield "system", "mesh size", "seconds", "MB", "roof mm", "error"
 
     def row(system: str, size: float, roof: float, seconds: float, memory: float) -> tuple[object, ...]:
@@ -55,7 +55,7 @@ def solve_table() -> Iterator[tuple[object, ...]]:
     ]
     for system, symmetric, solver, sizes in cases:
         for size in sizes:
-            roof, seconds, memory = _apart(_own, pad, size, symmetric, solver)
+            roof, seconds, memory = _isolated(_own, pad, size, symmetric, solver)
             yield row(system, size, roof, seconds, memory)
     if not calculix.installed():
         yield ("ccx is not installed", "", "", "", "", "")
@@ -63,7 +63,7 @@ def solve_table() -> Iterator[tuple[object, ...]]:
     for threads in (1, 2):
         for size in (2.0, 1.2, 0.8):
             try:
-                yield row(f"ccx, {threads} threads", size, *_apart(_peer, pad, size, threads))
+                yield row(f"ccx, {threads} threads", size, *_isolated(_peer, pad, size, threads))
             except ComputationError as reason:
                 yield (f"ccx, {threads} threads", size, str(reason), "", "", "")
 
@@ -94,8 +94,8 @@ def paths_table() -> Iterator[tuple[object, ...]]:
             ("normal", NORMAL, REFERENCE_SIZE),
             ("tangential", TANGENTIAL, TANGENTIAL_REFERENCE_SIZE),
         ):
-            seconds, stated, memory = _apart(_path, Pad(cell), steps)
-            largest, rms, between, _ = _apart(_path_errors, Pad(cell), steps[-1], size)
+            seconds, stated, memory = _isolated(_path, Pad(cell), steps)
+            largest, rms, between, _ = _isolated(_path_errors, Pad(cell), steps[-1], size)
             errors = f"{stated:.2%}", f"{largest:.2%}", f"{rms:.2%}", f"{between:.4%}"
             yield cell, name, len(steps), f"{seconds:.1f}", f"{memory:.0f}", *errors
 
@@ -132,7 +132,7 @@ def cells_table() -> Iterator[tuple[object, ...]]:
     grown: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
     for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
         for side in sides:
-            unknowns, seconds, memory = _apart(_grown, side, load)
+            unknowns, seconds, memory = _isolated(_grown, side, load)
             grown[load].append((side * side, seconds, memory))
             yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
     for load, rows in grown.items():
@@ -156,7 +156,7 @@ def parts_table() -> Iterator[tuple[object, ...]]:
     """CPU seconds of 41 normal steps and their stated error, to the same force a cell, and what takes them."""
     yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
     for side in (1, 3, 6):
-        total, *parts, memory = _apart(_parts, Pad(rows=side, columns=side), NORMAL)
+        total, *parts, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
         shares = [f"{part / total:.0%}" for part in parts]
         yield f"{side} x {side}", len(NORMAL), f"{total:.1f}", *shares, f"{memory:.0f}"
 
@@ -201,7 +201,7 @@ TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
 }
 
 
-def _apart(function: Callable, *arguments: object) -> tuple:
+def _isolated(function: Callable, *arguments: object) -> tuple:
     """The return value of ``function`` in a process of its own, and its peak memory in MB."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(_measured, function, arguments).result()

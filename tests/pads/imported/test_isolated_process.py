@@ -13,7 +13,7 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.geometry_error import GeometryError
-from mitsuba_taxel.pads.imported import isolated_process as sandbox
+from mitsuba_taxel.pads.imported import isolated_process
 
 BEGINNING = "import ctypes, io, os, sys, time\nimport numpy as np\nsys.stdin.buffer.read()\n"
 
@@ -25,7 +25,7 @@ def worker(tmp_path, monkeypatch):
     def write(program: str):
         path = tmp_path / "worker.py"
         path.write_text(BEGINNING + program)
-        monkeypatch.setattr(sandbox, "WORKER", path)
+        monkeypatch.setattr(isolated_process, "WORKER", path)
 
     return write
 
@@ -44,18 +44,18 @@ def worker(tmp_path, monkeypatch):
 def test_whatever_befalls_the_process_is_one_line(worker, monkeypatch, capfd, program, what):
     worker(program)
     if "sleep" in program:
-        monkeypatch.setattr(sandbox, "MOST_SECONDS", 0.5)
+        monkeypatch.setattr(isolated_process, "MOST_SECONDS", 0.5)
     with pytest.raises(ComputationError, match=f"^meshing the pad .*{what}") as caught:
-        sandbox.run_isolated("any", {"a": np.zeros(3)})
+        isolated_process.run_isolated("any", {"a": np.zeros(3)})
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
     assert caught.value.__cause__ is not None
 
 
 def test_memory_beyond_the_limit_is_refused_to_the_process(monkeypatch, box):
-    monkeypatch.setattr(sandbox, "MOST_MEMORY", 2**26)  # less than its libraries alone
+    monkeypatch.setattr(isolated_process, "MOST_MEMORY", 2**26)  # less than its libraries alone
     with pytest.raises(ComputationError, match="^meshing the pad "):
-        sandbox.run_isolated("tetrahedralise", _arguments(box()))
+        isolated_process.run_isolated("tetrahedralise", _arguments(box()))
 
 
 def test_the_process_keeps_a_lower_limit_of_its_caller(box):
@@ -64,19 +64,19 @@ def test_the_process_keeps_a_lower_limit_of_its_caller(box):
     del arguments["epsilon"]
     program = (
         "import resource, sys\n"
-        "from mitsuba_taxel.pads.imported import isolated_process as sandbox\n"
+        "from mitsuba_taxel.pads.imported import isolated_process\n"
         "resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)\n"
-        "print(len(sandbox.run_isolated('fill', sandbox._unpacked(sys.stdin.buffer.read()))['tets']))"
+        "print(len(isolated_process.run_isolated('fill', isolated_process._unpacked(sys.stdin.buffer.read()))['tets']))"
     )
     command = [sys.executable, "-c", program]
-    done = subprocess.run(command, input=sandbox._packed(arguments), capture_output=True, check=True)
+    done = subprocess.run(command, input=isolated_process._packed(arguments), capture_output=True, check=True)
     assert int(done.stdout) > 10
 
 
 def test_errors_that_the_process_finds_are_told_apart(worker):
     worker("np.savez(sys.stdout.buffer, error='it is round')")
     with pytest.raises(GeometryError, match="it is round"):
-        sandbox.run_isolated("any", {})
+        isolated_process.run_isolated("any", {})
 
 
 def _arguments(corners):
@@ -85,14 +85,14 @@ def _arguments(corners):
 
 
 def test_the_process_imports_nothing_of_this_package_and_leaves_no_file(box, tmp_path):
-    command = [sys.executable, "-X", "importtime", str(sandbox.WORKER), "tetrahedralise", str(2**33), "60"]
+    command = [sys.executable, "-X", "importtime", str(isolated_process.WORKER), "tetrahedralise", str(2**33), "60"]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    content = sandbox._packed(_arguments(box()))
+    content = isolated_process._packed(_arguments(box()))
     done = subprocess.run(command, input=content, capture_output=True, check=True, env=environment, cwd=tmp_path)
     imported = {line.split("|")[-1].strip().split(".")[0] for line in done.stderr.decode().splitlines()}
     assert "pytetwild" in imported
     assert not imported & {"mitsuba", "mitsuba_taxel", "drjit", "trimesh", "netgen", "vtkmodules"}
-    assert set(sandbox._unpacked(done.stdout)) == {"points", "tets"}
+    assert set(isolated_process._unpacked(done.stdout)) == {"points", "tets"}
     assert list(tmp_path.iterdir()) == []
 
 
@@ -104,8 +104,9 @@ def test_an_interrupt_ends_the_process_too(tmp_path):
         "time.sleep(60)\n"
     )
     code = (
-        "import pathlib; from mitsuba_taxel.pads.imported import isolated_process as sandbox; "
-        f"sandbox.WORKER = pathlib.Path({str(tmp_path)!r}, 'worker.py'); sandbox.run_isolated('any', {{}})"
+        "import pathlib; from mitsuba_taxel.pads.imported import isolated_process; "
+        f"isolated_process.WORKER = pathlib.Path({str(tmp_path)!r}, 'worker.py'); "
+        "isolated_process.run_isolated('any', {})"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
