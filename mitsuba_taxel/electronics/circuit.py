@@ -10,13 +10,9 @@ from typing import Any
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, Number, number, values_of, whole
 from mitsuba_taxel.parameters.parameter import stated
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 ROOM_TEMPERATURE = 25.0
 """In degrees C; datasheets refer to it."""
@@ -183,10 +179,5 @@ def read_circuit(file: str | Path) -> Circuit:
         if it cannot be read, or is not a circuit.
     """
     file = path_of("circuit", file)
-    try:
-        content = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"circuit {str(file)!r} cannot be read: {error.strerror}.") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"circuit {str(file)!r} is not valid TOML: {error}.") from error
+    content = read_toml(f"circuit {str(file)!r}", file)
     return circuit_of(content.get("circuit", content))

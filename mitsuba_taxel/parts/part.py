@@ -9,12 +9,8 @@ from typing import Any
 
 from mitsuba_taxel.base.arguments import is_number, is_row, path_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 SUFFIX = ".toml"
 
@@ -103,12 +99,7 @@ def read_part(part: str | Path) -> Part:
     file = _catalogue() / f"{path.name.lower()}{SUFFIX}" if path.suffix.lower() != SUFFIX else path
     if path.suffix.lower() != SUFFIX and file.stem not in part_names():
         raise InputError(f"part = {str(part)!r} is not known: {', '.join(part_names())}, or a TOML file, is needed.")
-    try:
-        content = tomllib.loads(file.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"part {str(part)!r} cannot be read: {error.strerror}.") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"part {str(part)!r} is not valid TOML: {error}.") from error
+    content = read_toml(f"part {str(part)!r}", file)
     return _part(file.stem, content)
 
 

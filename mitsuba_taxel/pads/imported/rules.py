@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,12 +11,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.pads.pad import REGIONS
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 
 @dataclass(frozen=True)
@@ -101,12 +96,7 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     InputError
         if the file cannot be read, is not valid TOML, or holds anything else.
     """
-    try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"regions = {path} cannot be read ({error.strerror}): a TOML file is needed.") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"regions = {path} is not allowed: {' '.join(str(error).split())}.") from error
+    tables = read_toml(f"regions = {path}", Path(path))
     rules = tables.pop("rule", [])
     if tables or not isinstance(rules, list) or not all(isinstance(rule, Mapping) for rule in rules):
         raise InputError(f"regions = {path} is not allowed: nothing but [[rule]] tables is needed.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from mitsuba_taxel.base.arguments import is_number, names_of, require, table_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.toml import read_toml
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.circuit import circuit_of
@@ -19,11 +19,6 @@ from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
 from mitsuba_taxel.studies.plan.histories import HISTORY, histories
 from mitsuba_taxel.studies.plan.steps import read_steps
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, make_axes
-
-try:
-    import tomllib
-except ModuleNotFoundError:  # Python 3.10
-    import tomli as tomllib  # type: ignore[no-redef]
 
 TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
@@ -37,8 +32,6 @@ KEPT_MESHES = ("all", "last", "none")
 """Which deformed pads are stored: those of all scenes, of the last scene of each curve, or none."""
 WRITTEN_KEYS = ("provenance",)
 """Additional keys of a study file in a folder of results, which can be run again unchanged."""
-CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
-"""A dotted key longer than any of a study: parsing takes memory quadratic in its length."""
 
 
 @dataclass(frozen=True)
@@ -216,17 +209,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
     InputError
         if it cannot be read, or has unknown keys.
     """
-    try:
-        text = Path(file).read_bytes().decode("utf-8-sig")
-        if CHAIN.search(text):
-            raise RecursionError
-        content = tomllib.loads(text)
-    except OSError as error:
-        raise InputError(f"study {str(file)!r} cannot be read: {error.strerror}.") from error
-    except ValueError as error:
-        raise InputError(f"study {str(file)!r} is not valid TOML: {error}.") from error
-    except RecursionError as error:
-        raise InputError(f"study {str(file)!r} is not allowed: it is nested too deeply.") from error
+    content = read_toml(f"study {str(file)!r}", Path(file))
     several = "scenes" in content
     allowed = (*RUN_KEYS, *WRITTEN_KEYS, *besides, *(("scenes",) if several else SCENE_KEYS))
     _check_names(content, allowed, f"study {Path(file).name}")

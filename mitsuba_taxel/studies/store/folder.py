@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
-from mitsuba_taxel.base import archive
+from mitsuba_taxel.base import archive, toml
 from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing, write_text
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
@@ -31,7 +31,6 @@ from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.targets import Settings
-from mitsuba_taxel.studies.plan.batch import tomllib
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, Result
@@ -113,7 +112,7 @@ class Store:
         killed is completed by the next one.
         """
         try:
-            stored = tomllib.loads(before)
+            stored = toml.loads(before)
             numbers = moves(stored, content)
         except (ValueError, TypeError, KeyError, AttributeError, InputError):
             return False

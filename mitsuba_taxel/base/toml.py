@@ -1,0 +1,40 @@
+"""TOML files as users write them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from mitsuba_taxel.base.errors import InputError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+loads = tomllib.loads
+CHAIN = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){64}""")
+"""A dotted key longer than any that is allowed: parsing takes memory quadratic in its length."""
+
+
+def read_toml(what: str, file: Path) -> dict[str, Any]:
+    """The content of a file; messages begin with ``what``.
+
+    Raises
+    ------
+    InputError
+        if it cannot be read, is not valid TOML, or is nested too deeply.
+    """
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+        if CHAIN.search(text):
+            raise RecursionError
+        return loads(text)
+    except OSError as error:
+        raise InputError(f"{what} cannot be read: {error.strerror}.") from error
+    except ValueError as error:
+        raise InputError(f"{what} is not valid TOML: {' '.join(str(error).split())}.") from error
+    except RecursionError as error:
+        raise InputError(f"{what} is not allowed: it is nested too deeply.") from error
