@@ -13,6 +13,7 @@ from typing import NoReturn
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_text
 
 FEWEST_ROWS = 10
 FACTORS = {"s": 1.0, "ms": 1e-3, "n": 1.0, "mn": 1e-3, "v": 1.0, "mv": 1e-3}
@@ -58,12 +59,7 @@ def read_measurement(file: str | Path) -> Measurement:
     def refuse(problem: str) -> NoReturn:
         raise InputError(f"measurement {str(file)!r}{problem}")
 
-    try:
-        text = Path(file).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        refuse(f" cannot be read ({error.strerror}): a CSV file is needed.")
-    except UnicodeDecodeError:
-        refuse(" is not text: a CSV file is needed.")
+    text = read_text(f"measurement {str(file)!r}", Path(file))
     lines = [(number, line.split("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1)]
     numbers = [number for number, line in lines if line]
     head, *rows = [[word.strip() for word in row] for row in csv.reader(line for _, line in lines if line)] or [[]]

@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_text
 
 NODES = 4096
 """Points of a table inside kernels, the same for every file, so that another file needs no new kernel."""
@@ -96,13 +97,7 @@ def read_angular_table(file: str) -> tuple[np.ndarray, np.ndarray]:
 def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
     """The numbers in the CSV file of a parameter, two columns, (n, 2) with n from ``fewest`` to ``NODES``."""
     given = f"{parameter} = {file!r}"
-    try:
-        text = found(file).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{given} is not text: a CSV file is needed.") from error
-    lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
+    lines = [line for line in read_text(given, found(file)).splitlines() if line.split("#")[0].strip()]
     try:
         table = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.empty((0, 2))
     except ValueError as error:

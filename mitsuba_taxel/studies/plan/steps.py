@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.studies.plan.vary import MOST_JOBS
 
 
@@ -18,13 +19,7 @@ def read_steps(file: str | Path) -> list[dict[str, str]]:
         if the file cannot be read, or is not a complete table with a heading.
     """
     given = f"steps = {str(file)!r}"
-    try:
-        text = Path(file).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{given} cannot be read ({error.strerror}): a CSV file is needed.") from error
-    except ValueError as error:
-        raise InputError(f"{given} is not a text file: a CSV file is needed.") from error
-    lines = [line for line in text.splitlines() if line.split("#")[0].strip()]
+    lines = [line for line in read_text(given, Path(file)).splitlines() if line.split("#")[0].strip()]
     try:
         names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
     except csv.Error as error:

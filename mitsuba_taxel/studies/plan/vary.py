@@ -13,6 +13,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import as_numbers, table_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.base.units import FORCES
 
 MOST_CHECKED = 5
@@ -137,13 +138,7 @@ def parse_values(name: str, values: str | Iterable[object], folder: Path = Path(
 
 def _lines(name: str, file: Path) -> list[str]:
     """The lines of a file without comments, which begin with #."""
-    try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not a text file"
-        raise InputError(
-            f"{name} = '@{file}' cannot be read ({reason}): a file with a value per line is needed."
-        ) from error
+    lines = read_text(f"{name} = '@{file}'", file, "a file with a value per line").splitlines()
     return [word for line in lines if (word := line.split("#")[0].strip())]
 
 
