@@ -15,12 +15,7 @@ from mitsuba_taxel.bench.coverage import coverage, read_rows, summary
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.row import cells, headings
 
-SUBSET = (
-    "parallelepiped, 1 x 1, wall 0.5 mm, -1 N",
-    "parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm",
-    "cylindrical, 1 x 1, wall 0.5 mm, -1 N",
-    "cylindrical, 1 x 1, wall 0.3 mm, -1 N",
-)
+SUBSET = ("parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm", "cylindrical, 1 x 1, wall 0.3 mm, -1 N")
 
 
 def test_the_table_is_of_every_kind_of_pad_and_load():
@@ -32,9 +27,10 @@ def test_the_table_is_of_every_kind_of_pad_and_load():
 
 
 def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
-    """Some settings of `taxel bench coverage`, under which the stated error was once a fifth of the true one.
+    """Two settings of `taxel bench coverage`, under which the stated error was once a fifth of the true one.
 
-    On elements half as large and less, the truth is right to a tenth of what is compared.
+    On elements half as large and less, the truth is right to a tenth of what is compared. `tests/sensing` has forces on
+    all shapes of cells with thicker walls.
     """
     monkeypatch.setattr(coverage_cases, "POINTS", 1 << 11)
     monkeypatch.setattr(coverage_cases, "FINE", 0.6)
