@@ -37,8 +37,9 @@ MOST_HALVINGS = 6
 SLOW = 0.1
 """A factored tangent is reused while each iteration reduces the error below this fraction, ..."""
 FEW_ITERATIONS, FEW_UNKNOWNS = 3, 20_000
-"""... or so many more of the same effect will do, which cost less than factorising another; for more unknowns than these,
-more, since the cost of a factorisation grows faster with their number n than that of an iteration, by about n^(2/3)."""
+"""... or so many more of the same effect will do, which cost less than factorising another; for more unknowns than
+these, more, since the cost of a factorisation grows faster with their number n than that of an iteration, by about
+n^(2/3)."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 THIN_STEP = 0.125

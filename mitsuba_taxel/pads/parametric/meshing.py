@@ -36,7 +36,8 @@ FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, 
 FINER_DOMES = 0.5
 """Finer meshes of domes are finer where it counts, down to this share of the default size: elements on domes and their
 sides become smaller the faster, as what is left of the error of mirrors is that of normals, whereas those inside stay
-as large, and grow to their size the faster. Readings are as accurate (`taxel bench domes`) with half of the unknowns."""
+as large, and grow to their size the faster. Readings are as accurate (`taxel bench domes`) with half of the
+unknowns."""
 DOME_EXPONENT = {"hemispheric": 1.0, "spherical": 0.7, PROFILE: 1.0}
 """Power of the share by which elements on domes become smaller beyond the size: spherical caps are flatter."""
 CUT = 0.2
