@@ -87,7 +87,7 @@ def print_derivatives(derivatives) -> None:
     """Derivatives of each taxel's reading, each with its standard error."""
     from mitsuba_taxel.sensing.wording import derivative_columns
 
-    print("\nDerivatives of the readings, +- standard error")
+    print(f"\nDerivatives of the readings ({derivatives.method}), +- standard error")
     columns = derivative_columns(derivatives)
     print_table(list(columns), list(zip(*columns.values(), strict=True)))
 

@@ -11,6 +11,10 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray
 
+DETERMINISTIC = "without random numbers"
+BY_PATHS = "differences of random paths"
+"""Methods."""
+
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
@@ -24,15 +28,18 @@ class Derivatives:
         Such as W/N.
     values : (T, P) ndarray
     standard_errors : (T, P) ndarray
-        One standard deviation, due to patches of finite size, finite elements, and occluded light.
+        One standard deviation, due to the light (patches of finite size and occluded light, or noise, steps of
+        differences and facets) and to finite elements; NaN if unknown.
     power : (T,) ndarray
-        Readings without random numbers, in W.
+        Readings by the same method, in W.
     power_errors : (T,) ndarray
         One standard deviation of these, due to the same causes.
     strain : float
         Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
     strain_rates : (P,) ndarray
         Its derivatives.
+    method : str
+        How they were found: ``without random numbers``, or by ``differences of random paths``.
     """
 
     parameters: tuple[str, ...]
@@ -43,6 +50,7 @@ class Derivatives:
     power_errors: np.ndarray
     strain: float
     strain_rates: np.ndarray
+    method: str = DETERMINISTIC
 
     @property
     def taxel(self) -> np.ndarray:
@@ -57,10 +65,11 @@ class Derivatives:
         return xarray.Dataset(
             {"value": (dims, self.values), "standard_error": (dims, self.standard_errors)},
             {"taxel": self.taxel, "parameter": list(self.parameters), "unit": ("parameter", list(self.units))},
+            {"method": self.method},
         )
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """One derivative each: taxel, parameter, value, standard_error, unit."""
+        """One derivative each: taxel, parameter, value, standard_error, unit, method."""
         for parameter, unit, values, errors in zip(
             self.parameters, self.units, self.values.T, self.standard_errors.T, strict=True
         ):
@@ -71,4 +80,10 @@ class Derivatives:
                     "value": value,
                     "standard_error": error,
                     "unit": unit,
+                    "method": self.method,
                 }
+
+
+def unit_of(parameter: str) -> str:
+    """Unit of the derivative of a power by a parameter, from the unit of that."""
+    return "W" if parameter == "1" else f"W/{parameter}"

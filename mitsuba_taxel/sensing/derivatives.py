@@ -9,25 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
-from mitsuba_taxel.sensing.derivative_values import Derivatives
+from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
 from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, reading_error
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
 from mitsuba_taxel.sensing.equal_cells import equal_cells
+from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.scene_rates import Rates
 from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics import LinearisedState, State
+    from mitsuba_taxel.mechanics import State
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LIGHT_SHARE = 0.25
@@ -38,8 +37,6 @@ differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
 APART_SHARE = 0.25
 """Weight of the root of the sum of squares of the changes that patches make, beside their sum: with it, derivatives of
 98 in 100 single cells are off by less than twice what is stated, without it of 88."""
-PARALLEL = 1e-8
-"""One minus the cosine up to which two changes of a load count as parallel."""
 
 
 def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, degree: int = FINE) -> Derivatives:
@@ -57,7 +54,7 @@ def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, de
     InputError
         if the scene has no derivative by one of them; `NotDiffuse` if its light needs random paths, as with mirrors.
     ComputationError
-        if there is no equilibrium nearby, or too much light is occluded.
+        if there is no equilibrium nearby; `NotFollowed` if too much light is occluded, or takes too long.
     """
     try:
         with stages.stage("derivatives"):
@@ -75,16 +72,11 @@ class _Linearised:
 
     def __init__(self, cells: DiffuseCells, degree: int, state: State) -> None:
         self.cells, self.degree, self.state = cells, degree, state
+        self.linear = LinearisedPad(cells.pad, state)
         self.patches = [cells.patches(number, self.state.mesh) for number in range(len(cells.cells))]
 
-    @cached_property
-    def _linear(self) -> LinearisedState:
-        from mitsuba_taxel.mechanics import linearise
-
-        return linearise(self.state)
-
     def by(self, changes: list[Rates], with_errors: bool) -> Derivatives:
-        nodal = [self.nodal(change) for change in changes]
+        nodal = [self.linear.nodal(change) for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
         displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
         second = self._second(changes) if with_errors and displaced else None
@@ -103,7 +95,7 @@ class _Linearised:
         hidden = np.array([shares[number] for number in first])[:, None]
         reading = np.array([each.reading for each in solved])[:, None]
         if hidden.max() > MOST_HIDDEN:
-            raise ComputationError(
+            raise NotFollowed(
                 f"derivatives are not available: {hidden.max():.1%} of a reading comes by ways that walls stand in."
             )
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
@@ -114,10 +106,10 @@ class _Linearised:
             mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
-        strain, strain_rates = self._strain(nodal)
+        strain, strain_rates = self.linear.strain(nodal)
         return Derivatives(
             tuple(change.name for change in changes),
-            tuple("W" if change.unit == "1" else f"W/{change.unit}" for change in changes),
+            tuple(unit_of(change.unit) for change in changes),
             power * np.array([each.values for each in solved]),
             power * errors,
             (power * reading)[:, 0],
@@ -132,9 +124,9 @@ class _Linearised:
         if found is None:
             return None
         whole = _Linearised(self.cells, COARSE, found.state)
-        return _Second(whole, [whole.nodal(change) for change in changes], found.share, found.least)
+        return _Second(whole, [whole.linear.nodal(change) for change in changes], found.share, found.least)
 
-    def _equal(self, nodal: list[_Nodal], others: list, second: _Second | None) -> list[int]:
+    def _equal(self, nodal: list[Nodal], others: list, second: _Second | None) -> list[int]:
         """The representative cell of each cell."""
         if any(others):
             return list(range(len(self.patches)))
@@ -146,64 +138,13 @@ class _Linearised:
         both = list(zip(*first, strict=True))
         return [both.index(each) for each in both]
 
-    def _strain(self, nodal: list[_Nodal]) -> tuple[float, np.ndarray]:
-        """The largest strain, and its rates."""
-        from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
-
-        strain = LargestStrain(self.state)
-        return strain.value, np.array([strain.rate(each.displacement, each.velocity) for each in nodal])
-
-    def nodal(self, change: Rates) -> _Nodal:
-        """Rates of the nodes of the state's mesh."""
-        from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
-
-        pad, displacement = self.cells.pad, np.zeros_like(self.state.displacement)
-        velocity = np.zeros_like(displacement)
-        if change.load.any():
-            displacement += self._by_load(change.load)
-        if not pad.is_loaded:  # only a load displaces a pad at rest
-            return _Nodal(displacement, velocity, change.pad)
-        if change.place.any():
-            displacement += self._linear.by_place(change.place)
-        for name, rate in change.material.items():
-            displacement += rate * self._linear.by_material(name)
-        for name, rate in change.pad.items():
-            velocity += rate * mesh_velocity(replace(pad.pad), self.state.mesh, name)
-        if change.pad:
-            displacement += self._linear.by_shape(velocity)
-        return _Nodal(displacement, velocity, change.pad)
-
-    def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
-        ahead = self.state.path_rate()
-        if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
-            return (load @ ahead.direction) * ahead.displacement
-        return self._linear.by_value(load)
-
-
-@dataclass(frozen=True, eq=False)
-class _Nodal:
-    """Rates of the nodes with a parameter.
-
-    Attributes
-    ----------
-    displacement, velocity : (N, 3) ndarray
-        Rate of their displacement, and their own before it, in mm.
-    dimensions : dict[str, float]
-        Rates of the dimensions of the pad.
-    """
-
-    displacement: np.ndarray
-    velocity: np.ndarray
-    dimensions: dict[str, float]
-
 
 @dataclass(frozen=True, eq=False)
 class _Second:
     """A second mesh, and what a difference from it tells; see :class:`SecondState`."""
 
     whole: _Linearised
-    nodal: list[_Nodal]
+    nodal: list[Nodal]
     share: float
     least: float
 
@@ -231,7 +172,7 @@ class _Found(NamedTuple):
 class _OfCell:
     """One cell, and the rates of its walls."""
 
-    def __init__(self, whole: _Linearised, number: int, nodal: list[_Nodal], others: list) -> None:
+    def __init__(self, whole: _Linearised, number: int, nodal: list[Nodal], others: list) -> None:
         self._whole, self._number = whole, number
         self._patches: WallPatches = whole.patches[number]
         self._rest = self._patches.rest
@@ -270,7 +211,7 @@ class _OfCell:
         cells = self._whole.cells
         return cells.solved(self._number, cells.light_mesh(self._number, degree), self._at)
 
-    def _velocity(self, nodal: _Nodal, displaced: np.ndarray) -> np.ndarray:
+    def _velocity(self, nodal: Nodal, displaced: np.ndarray) -> np.ndarray:
         """(F, 15, 3) velocity of the deformed walls."""
         displacement = self._whole.state.displacement
         dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())

@@ -48,6 +48,10 @@ class NotDiffuse(InputError):
     """The scene needs random paths."""
 
 
+class NotFollowed(ComputationError):
+    """Light without random numbers would take too long, or leave out too much that is blocked."""
+
+
 @dataclass(frozen=True, eq=False)
 class Taxel:
     """One LED and its phototransistor.
@@ -94,7 +98,7 @@ class DiffuseCells:
     ------
     NotDiffuse
         with the reason, if the scene is of another kind, or other surfaces reflect light.
-    ComputationError
+    NotFollowed
         if a cell has too many patches.
     """
 
@@ -139,7 +143,7 @@ class DiffuseCells:
         if not len(faces):
             raise NotDiffuse("no wall of a cell sends light back")
         if len(faces) > MOST_FACES:
-            raise ComputationError(
+            raise NotFollowed(
                 f"light without random numbers takes too long between the {len(faces)} patches of a cell: "
                 f"{MOST_FACES} at most are allowed."
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,8 +97,9 @@ def measure(
         equals that of a single run of as many points (under Mitsuba's own integrators it is an equally good estimate).
     derivatives : Sequence[str]
         Parameters with respect to which the readings are differentiated: those of the scene, components of the load
-        (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``. For
-        cells with diffuse walls; the scene must be a `Scene`, a path or a name.
+        (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``.
+        They are without noise where all walls of the cells are diffuse, else differences of random paths, as their
+        ``method`` tells. The scene must be a `Scene`, a path or a name.
 
     Raises
     ------
@@ -153,9 +155,10 @@ def measured(
         deviation=prepared.mechanics.deviation,
         facets=_facets(prepared.geometry, powers.shape[1]) if mechanics_error or prepared.power is not None else None,
         mesh_size=prepared.settings.mesh_size,
-        derivatives=_derivatives(changes, live, seconds) if changes else None,
         roof_errors=roof_errors(live) if mechanics_error else [],
     )
+    if changes:
+        result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
     bare = target_error is None and points is None and time_budget is None
     result.remarks.extend([*_notes(prepared), *_remarks(result, LIGHT_ERROR if bare else None, target_error, points)])
     if time_budget is not None and target_error is None and points is None and result.points < MOST_POINTS:
@@ -181,13 +184,32 @@ def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
     return [rates(scene, name) for name in wanted]
 
 
-def _derivatives(changes: list[Rates], live: Any, seconds: dict[str, float]) -> Derivatives:
+def _derivatives(
+    scene: Any, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
+) -> Derivatives:
+    """Derivatives without random numbers if possible, else by paths, if ``fixed`` of as many points as readings."""
     from mitsuba_taxel.sensing.derivatives import derivatives_by
+    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse, NotFollowed
 
     with stages.record() as taken:
-        result = derivatives_by(changes, live)
-    seconds.update({stage: seconds.get(stage, 0.0) + more for stage, more in taken.items()})
+        try:
+            result = derivatives_by(changes, prepared.ready.scene)
+        except (NotDiffuse, NotFollowed):
+            result = _derivatives_of_paths(scene, changes, prepared, readings, fixed)
+    readings.seconds.update({stage: readings.seconds.get(stage, 0.0) + more for stage, more in taken.items()})
     return result
+
+
+def _derivatives_of_paths(
+    scene: Any, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
+) -> Derivatives:
+    from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
+
+    scene, size = described(scene), prepared.settings.mesh_size
+    if scene.mesh_size != size:
+        changes = _changes(scene.with_mesh_size(size), [change.name for change in changes])
+    points = readings.points or FIRST_POINTS
+    return derivatives_of_paths(changes, prepared.ready, readings.replicates, readings.seed, points, fixed)
 
 
 def _prepared(

@@ -60,15 +60,23 @@ def combined(changes: np.ndarray) -> np.ndarray:
 @contextmanager
 def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[None]:
     """Temporarily move the vertices of pads."""
+    with restored(scene, pads):
+        move(scene, pads, places)
+        yield
+
+
+@contextmanager
+def restored(scene: mi.Scene, pads: list[Any]) -> Iterator[None]:
+    """Restore the vertices of pads on exit."""
     homes = [places_of(pad) for pad in pads]
-    _move(scene, pads, places)
     try:
         yield
     finally:
-        _move(scene, pads, homes)
+        move(scene, pads, homes)
 
 
-def _move(scene: mi.Scene, pads: list[Any], places: list[Places]) -> None:
+def move(scene: mi.Scene, pads: list[Any], places: list[Places]) -> None:
+    """Move the vertices of pads."""
     with stages.stage("load"):
         for pad, there in zip(pads, places, strict=True):
             move_vertices(pad, there)

@@ -59,6 +59,8 @@ class Rates:
         Of the parameters of the material, and of the dimensions of the pad.
     scenes : list[tuple[float, mi.Scene]]
         Weights of scenes in a difference, for changes of other parts; empty if they do not change.
+    at : Callable[[float], mi.Scene]
+        The scene with another value of the parameter, with the pad of the present one.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Rates:
     material: dict[str, float]
     pad: dict[str, float]
     scenes: list[tuple[float, Any]]
+    at: Callable[[float], Any]
 
 
 def rates(scene: Scene, name: str) -> Rates:
@@ -93,7 +96,8 @@ def rates(scene: Scene, name: str) -> Rates:
     with scene.files_beside_it():
         for stencil in STENCILS:
             try:
-                return _differences(parameter, [(weight / step, offset * step) for weight, offset in stencil], config)
+                stencil_of_step = [(weight / step, offset * step) for weight, offset in stencil]
+                return _differences(scene, parameter, stencil_of_step, config)
             except (InputError, RuntimeError) as error:  # Mitsuba turns exceptions of a plugin into RuntimeError
                 refusals.append(error)
     if isinstance(refusals[-1], InputError):
@@ -185,7 +189,7 @@ def _parsed(scene: Scene, config: Any, changes: dict[str, str]) -> Any:
     return given.parsed(config)
 
 
-def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], config: Any) -> Rates:
+def _differences(scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: Any) -> Rates:
     base = parameter.at(parameter.value)
     states = [(weight, parameter.at(parameter.value + offset)) for weight, offset in stencil]
     pad = _pad(base)
@@ -200,12 +204,12 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
         _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
     scenes = []
     if any(_others(base) != _others(state) for _, state in states):
-        for weight, state in states:
-            for node, before in zip(state.nodes, base.nodes, strict=True):
-                if node.props.plugin_name() == PAD:
-                    node.props = before.props
-            mi.parser.transform_all(config, state)
-            scenes.append((weight, mi.parser.instantiate(config, state)))
+        scenes = [(weight, _with_pad_of(base, state, config)) for weight, state in states]
+
+    def at(value: float) -> Any:
+        with scene.files_beside_it():
+            return _with_pad_of(base, parameter.at(value), config)
+
     return Rates(
         parameter.name,
         parameter.unit,
@@ -215,7 +219,17 @@ def _differences(parameter: _Parameter, stencil: list[tuple[float, float]], conf
         {name: rate for name, rate in material.items() if abs(rate) > NOISE},
         {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
         scenes,
+        at,
     )
+
+
+def _with_pad_of(base: Any, state: Any, config: Any) -> Any:
+    """The scene that Mitsuba parsed as ``state``, loaded with the pad of ``base``."""
+    for node, before in zip(state.nodes, base.nodes, strict=True):
+        if node.props.plugin_name() == PAD:
+            node.props = before.props
+    mi.parser.transform_all(config, state)
+    return mi.parser.instantiate(config, state)
 
 
 def _pad(state: Any) -> DeformablePad:

@@ -113,12 +113,13 @@ class DeformablePad(mi.Mesh):
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, self.subdivision)
             self.state = self.state_under(self.value)
-            return self._tessellated(self.state)
+            return self._tessellated(self.state, self.pad)
 
-    def _tessellated(self, state):
+    def _tessellated(self, state, pad):
         from mitsuba_taxel.mechanics import tessellate
 
-        return tessellate(state, self.subdivision, self.finish, self.read_cells, self.pad)
+        cut_of = None if state.mesh is self.state.mesh else self.state.mesh
+        return tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
 
     def _places(self, surface, vertices) -> Places:
         """The mesh's vertices; if there are mirrors, triangles share no vertices, and those of mirrors have normals of
@@ -145,8 +146,13 @@ class DeformablePad(mi.Mesh):
         if self.state.deviations is None:
             return None
         displaced = (self.state.displacement + deviation for deviation in self.state.deviations)
-        surfaces = (self._tessellated(replace(self.state, displacement=u)) for u in displaced)
-        return [self._places(surface, surface.facing) for surface in surfaces]
+        return [self.moved_places(replace(self.state, displacement=u), self.pad) for u in displaced]
+
+    def moved_places(self, state, pad, chords=False) -> Places:
+        """The vertices, or their ``chords``, of a state whose displacement or nodes were changed a little, and of its
+        pad, which may have other dimensions."""
+        surface = self._tessellated(state, pad)
+        return self._places(surface, surface.vertices if chords else surface.facing)
 
     @property
     def is_curved(self) -> bool:

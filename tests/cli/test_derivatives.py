@@ -24,11 +24,18 @@ def test_json_and_table_say_the_same(taxel):
     assert "fz [W/N]" in table and all(f"{row['value']:.4e} +- {row['standard_error']:.0e}" in table for row in rows)
 
 
+def test_both_name_the_method(taxel):
+    for roof, method in ("lambertian", "without random numbers"), ("mirror", "differences of random paths"):
+        words = "render", "pad.xml", "--points", 16, "--derivatives", "spacing", "-D", f"roof={roof}"
+        (row,) = json.loads(taxel(*words, "--json").stdout)["derivatives"]
+        assert row["method"] == method and row["standard_error"] > 0
+        assert f"Derivatives of the readings ({method}), +- standard error" in taxel(*words).stdout
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("--derivatives", "roof"), "roof = 'lambertian' has no derivative: it is not a number."),
-        (("--derivatives", "fz", "-D", "roof=mirror"), "derivatives are not available: a wall is a mirror in part"),
         (("--derivatives", "hight"), "hight has no derivative: it is no number of the scene (parameters: fz, roof)"),
     ],
 )

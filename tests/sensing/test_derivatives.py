@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel import ComputationError, InputError, Scene, measure
+from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
@@ -15,9 +15,10 @@ from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
 from mitsuba_taxel.sensing import diffuse_cells
+from mitsuba_taxel.sensing.derivative_values import BY_PATHS
 from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import deterministic_light
-from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
+from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.transport import exchange
 from mitsuba_taxel.transport.cell import Mesh
@@ -314,14 +315,6 @@ def test_readings_and_slopes_do_not_depend_on_the_patches_of_the_light(cell, mon
         (lambda: pad_scene(load="pressure", pressure=0.01), "fz", "it is no number of the scene"),
         (lambda: Scene.from_file("pad.xml"), "cell", "it is not a number"),
         (lambda: Scene.from_file("plate.xml"), "z", "0 deformable pads"),
-        (lambda: pad_scene({"scattering": "mirror"}), "fz", "a wall is a mirror"),
-        (lambda: pad_scene(led={"law": "uniform_polar_angle"}), "fz", "the LED's law is uniform_polar_angle"),
-        (
-            lambda: pad_scene(finish="grooves", groove_pitch=0.5, groove_depth=0.02, groove_direction=[0, 0, 1]),
-            "fz",
-            "finish",
-        ),
-        (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "fz", "sends light back"),
     ],
 )
 def test_what_has_no_derivative_is_refused(scene, name, words):
@@ -329,13 +322,32 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
         measure(scene(), points=16, derivatives=[name])
 
 
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (lambda: pad_scene({"scattering": "mirror"}), "a wall is a mirror"),
+        (lambda: pad_scene(led={"law": "uniform_polar_angle"}), "the LED's law is uniform_polar_angle"),
+        (
+            lambda: pad_scene(finish="grooves", groove_pitch=0.5, groove_depth=0.02, groove_direction=[0, 0, 1]),
+            "finish",
+        ),
+        (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "sends light back"),
+    ],
+)
+def test_what_needs_random_paths_is_not_followed_without(scene, words):
+    with pytest.raises(NotDiffuse, match=words):
+        derivatives(scene(), "fz")
+
+
 def test_a_scene_that_is_loaded_has_no_parameters_left():
     with pytest.raises(InputError, match="derivatives need the description of a scene"):
         measure(pad_scene().load(), points=16, derivatives=["fz"])
 
 
-def test_a_screen_over_the_led_is_refused(llvm_mono):
+def test_a_screen_over_the_led_needs_random_paths(llvm_mono):
     place = llvm_mono.ScalarTransform4f().translate([-0.45, 0, 0.7]).scale(0.2)
     screen = {"type": "rectangle", "to_world": place, "bsdf": {"type": "wall", "scattering": "absorbing"}}
-    with pytest.raises(ComputationError, match="comes by ways that walls stand in"):
-        derivatives(pad_scene(cell="cylindrical", board=screen), "fz")
+    scene = pad_scene(cell="cylindrical", board=screen)
+    with pytest.raises(NotFollowed, match="comes by ways that walls stand in"):
+        derivatives(scene, "fz")
+    assert measure(scene, points=16, derivatives=["spacing"]).derivatives.method == BY_PATHS

@@ -75,6 +75,7 @@ def tessellate(
     finish: Finish | None = None,
     cells: Sequence[int] | None = None,
     pad: Pad | PadFile | None = None,
+    cut_of: VolumeMesh | None = None,
 ) -> Surface:
     """Subdivide each curved face of the deformed pad into triangles.
 
@@ -83,6 +84,7 @@ def tessellate(
     nodes, or more where they touch a cell, so that the surface is closed. A ``finish`` is applied to the faces of the
     undeformed cells, subdivided as finely as it needs, and moves with the deformation: see :class:`Relief`. For a
     ``pad`` with round walls, the undeformed surface is that of these walls rather than of their elements.
+    A mesh that was moved keeps its triangles if ``cut_of`` is the mesh before.
 
     Raises
     ------
@@ -98,12 +100,14 @@ def tessellate(
         require("finish", finish, (LayerSteps, Grooves, RandomRoughness), "LayerSteps, Grooves or RandomRoughness")
     if pad is not None:
         require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
+    if cut_of is not None:
+        require("cut_of", cut_of, VolumeMesh, "the mesh before it was moved")
     mesh = state.mesh
     chosen = chosen_cells(mesh, cells, finish)
     if finish is not None:
         subdivision = fine_subdivision(mesh, finish, subdivision)
-    cut = cut_faces(mesh, subdivision, chosen)
-    walls = _walls(mesh, subdivision, chosen, pad)
+    cut = cut_faces(cut_of or mesh, subdivision, chosen)
+    walls = _walls(mesh, subdivision, chosen, pad, cut_of)
     vertices = walls.places + cut.at_vertices(state.displacement)
     triangles, faces = cut.triangles, cut.faces
     at_nodes = displacement_gradient(mesh, state.displacement, _on_walls(mesh))
@@ -197,8 +201,14 @@ class _Walls:
 
 
 @lru_cache(maxsize=4)  # the states of a path share their mesh
-def _walls(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None, pad: Pad | PadFile | None) -> _Walls:
-    cut = cut_faces(mesh, subdivision, cells)
+def _walls(
+    mesh: VolumeMesh,
+    subdivision: int,
+    cells: tuple[int, ...] | None,
+    pad: Pad | PadFile | None,
+    cut_of: VolumeMesh | None = None,
+) -> _Walls:
+    cut = cut_faces(cut_of or mesh, subdivision, cells)
     chosen = np.flatnonzero(in_cells(mesh, cells))
     sheet = np.full(len(mesh.faces), -1)
     sheet[chosen] = _sheets(mesh, chosen, pad)

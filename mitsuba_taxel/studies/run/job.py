@@ -21,6 +21,10 @@ from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 MESHES, MAPS = "meshes", "maps"
+ELSEWHERE = (
+    " A study stores derivatives only without random numbers; taxel render --derivatives finds them by differences of "
+    "random paths."
+)
 """Folders of a study for the files of results."""
 
 
@@ -158,7 +162,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
     if not job.derivatives or (job.where_smooth and readings.points):
         return readings
     from mitsuba_taxel.sensing.derivatives import derivatives_by
-    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse
+    from mitsuba_taxel.sensing.diffuse_cells import NotDiffuse, NotFollowed
     from mitsuba_taxel.sensing.scene_rates import rates
 
     try:
@@ -169,7 +173,8 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
             return readings
         if not isinstance(reason, (NotDiffuse, ComputationError)):
             raise
-        return replace(readings, remarks=[*readings.remarks, str(reason)])
+        elsewhere = ELSEWHERE if isinstance(reason, (NotDiffuse, NotFollowed)) else ""
+        return replace(readings, remarks=[*readings.remarks, f"{reason}{elsewhere}"])
 
 
 def _name(pad: object) -> str:

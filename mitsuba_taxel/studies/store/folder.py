@@ -269,7 +269,8 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
     if not found:
         return None
     names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
-    kept = Derivatives(names, units, strain=float(found.pop("strain")), **found)
+    strain, method = float(found.pop("strain")), str(found.pop("method"))
+    kept = Derivatives(names, units, strain=strain, method=method, **found)
     _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)))
     _require(kept.power.shape == kept.power_errors.shape == (taxels,) and kept.strain_rates.shape == (len(names),))
     return kept

@@ -90,6 +90,18 @@ def test_a_wall_that_does_not_stay_round_goes_along_with_its_elements(solid):
     np.testing.assert_array_equal(found, without)
 
 
+def test_a_moved_mesh_keeps_its_triangles():
+    state = bent("hemispheric")
+    mesh = replace(state.mesh, points=state.mesh.points * [1.5, 1.0, 1.0])  # cut anew, its edges have other segments
+    moved = replace(state, mesh=mesh)
+    own, kept = (tessellate(moved, SUBDIVISION, cut_of=cut_of) for cut_of in (None, state.mesh))
+    here = tessellate(state, SUBDIVISION)
+    assert len(own.triangles) != len(here.triangles)
+    np.testing.assert_array_equal(kept.triangles, here.triangles)
+    rates = surface_rates(state, SUBDIVISION, None, 0 * mesh.points, mesh.points - state.mesh.points)
+    np.testing.assert_allclose(kept.vertices - here.vertices, rates, atol=1e-12)
+
+
 def test_a_reading_of_the_surface_by_load_and_shape_is_that_of_full_solves():
     """The whole chain, for the volume between the surface and z = 0, by one back-solve."""
     pad, value = Pad("cylindrical", rows=1, columns=1), np.array([0.5, 0.0, -1.0])

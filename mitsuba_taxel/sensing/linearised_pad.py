@@ -1,0 +1,90 @@
+"""A pad's state, and the first-order movement of its nodes with parameters of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.sensing.scene_rates import Rates
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import LinearisedState, State
+
+PARALLEL = 1e-8
+"""One minus the cosine up to which two changes of a load count as parallel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nodal:
+    """Rates of the nodes with a parameter.
+
+    Attributes
+    ----------
+    displacement, velocity : (N, 3) ndarray
+        Rate of their displacement, and their own before it, in mm.
+    dimensions : dict[str, float]
+        Rates of the dimensions of the pad.
+    """
+
+    displacement: np.ndarray
+    velocity: np.ndarray
+    dimensions: dict[str, float]
+
+
+class LinearisedPad:
+    """A pad in its state or another one, such as on other elements, and rates of its nodes."""
+
+    def __init__(self, pad: PadShape, state: State) -> None:
+        self.pad, self.state = pad, state
+
+    @cached_property
+    def _linear(self) -> LinearisedState:
+        from mitsuba_taxel.mechanics import linearise
+
+        return linearise(self.state)
+
+    def nodal(self, change: Rates) -> Nodal:
+        """Rates of the nodes of the state's mesh.
+
+        Raises
+        ------
+        InputError
+            if there is no derivative by the parameter.
+        ComputationError
+            if there is no equilibrium nearby.
+        """
+        from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+
+        displacement = np.zeros_like(self.state.displacement)
+        velocity = np.zeros_like(displacement)
+        for name, rate in change.pad.items():
+            velocity += rate * mesh_velocity(replace(self.pad.pad), self.state.mesh, name)
+        if change.load.any():
+            displacement += self._by_load(change.load)
+        if not self.pad.is_loaded:  # only a load displaces a pad at rest
+            return Nodal(displacement, velocity, change.pad)
+        if change.place.any():
+            displacement += self._linear.by_place(change.place)
+        for name, rate in change.material.items():
+            displacement += rate * self._linear.by_material(name)
+        if change.pad:
+            displacement += self._linear.by_shape(velocity)
+        return Nodal(displacement, velocity, change.pad)
+
+    def strain(self, nodal: list[Nodal]) -> tuple[float, np.ndarray]:
+        """The largest strain, and its rates."""
+        from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
+
+        strain = LargestStrain(self.state)
+        return strain.value, np.array([strain.rate(each.displacement, each.velocity) for each in nodal])
+
+    def _by_load(self, load: np.ndarray) -> np.ndarray:
+        """(N, 3) first-order displacement for a change of the load; along the path it is already known."""
+        ahead = self.state.path_rate()
+        if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
+            return (load @ ahead.direction) * ahead.displacement
+        return self._linear.by_value(load)

@@ -1,0 +1,133 @@
+"""A scene at other values of one of its parameters, with walls that move to first order in the parameter.
+
+Walls keep their triangles, and random numbers what they were learned to do: readings of the scene and of moved ones
+differ by as little as their light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.mesh_adapter import Places
+from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
+from mitsuba_taxel.sensing.mechanics_error import move
+from mitsuba_taxel.sensing.modelled import refuse_unmodelled
+from mitsuba_taxel.sensing.runs import Prepared, Run
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene_rates import Rates
+from mitsuba_taxel.sensing.taxels import taxels_of
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+
+WALLS_MOVE, PARTS_CHANGE = 0.015, 0.2
+"""Largest movement of walls, relative to the height of the pad, and change of another part's parameter, relative to it
+or to 1 if it is 0, for which a scene is read."""
+BESIDE = 0.1
+"""Allowed distance of the nodes of one mesh from the elements of another, relative to the height of the pad."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """How the walls of a pad lie and move.
+
+    Attributes
+    ----------
+    displacement : (N, 3) ndarray
+        Of the nodes of the scene's pad, in mm.
+    nodal : Nodal
+        Their rates with the parameter.
+    chords : bool
+        Whether triangles are chords of curved walls.
+    """
+
+    displacement: np.ndarray
+    nodal: Nodal
+    chords: bool = False
+
+
+def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> Walls:
+    """The state and rates of a pad on elements of their own, at the nodes of ``mesh``, of the same pad."""
+    from mitsuba_taxel.mechanics.results.locate import PointLocator
+    from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
+
+    state = linear.state
+    if state.mesh is mesh:
+        return Walls(state.displacement, nodal)
+    location = PointLocator(state.mesh).locate(mesh.points, BESIDE * np.ptp(mesh.points[:, 2]))
+    rate, velocity = location.interpolate(nodal.displacement), np.zeros_like(mesh.points)
+    for name, by in nodal.dimensions.items():
+        velocity += by * mesh_velocity(replace(linear.pad.pad), mesh, name)
+    if nodal.dimensions:  # nodes of the two meshes that are at one point may move apart
+        past = velocity - location.interpolate(nodal.velocity)
+        rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), past)
+    return Walls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
+
+
+class MovedScene:
+    """A prepared scene of one pad along one of its parameters.
+
+    Raises
+    ------
+    InputError
+        if the pad cannot be moved by the parameter.
+    """
+
+    def __init__(self, ready: Prepared, change: Rates) -> None:
+        self._ready, self._change = ready, change
+        (self._pad,) = deformed_pads(ready.scene)
+        if change.pad and self._pad.finish is not None:
+            raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
+        self._scenes: dict[float, Any] = {0.0: ready.scene}
+
+    def largest_step(self, walls: Walls) -> float:
+        """Change of the parameter, in its unit, for which the scene may still be read."""
+        mesh, nodal = self._pad.state.mesh, walls.nodal
+        nodes = np.unique(mesh.faces[mesh.face_cell > 0])
+        speed = np.linalg.norm((nodal.displacement + nodal.velocity)[nodes], axis=1).max(initial=0.0)
+        steps = [WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed] if speed else []
+        if self._change.scenes or not steps:
+            steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
+        return float(min(steps))
+
+    def power(self, offset: float, walls: Walls, seed: int, points: int) -> np.ndarray:
+        """(R, T) W, the readings with the parameter changed by ``offset``; the scene's pad stays where it is moved.
+
+        Raises
+        ------
+        InputError, RuntimeError
+            if the scene does not exist there.
+        """
+        places, live = self._places(offset, walls), self._scene(offset)
+        move(live, deformed_pads(live), [places])
+        run = Run(self._ready._replace(scene=live), seed)
+        run.extend_to(points)
+        return run.powers
+
+    def _places(self, offset: float, walls: Walls) -> Places:
+        nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
+        if nodal.dimensions:
+            pad = replace(pad)  # with derived dimensions as if they were given
+            pad = pad.changed(**{name: pad.dimensions[name] + offset * by for name, by in nodal.dimensions.items()})
+            state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))
+        state = replace(state, displacement=walls.displacement + offset * nodal.displacement)
+        return self._pad.moved_places(state, pad, walls.chords)
+
+    def _scene(self, offset: float) -> mi.Scene:
+        """The loaded scene with its other parts changed, and with what pilot runs have learned in the present one."""
+        if not self._change.scenes:
+            return self._ready.scene
+        if offset not in self._scenes:
+            live = self._change.at(self._change.value + offset)
+            refuse_unmodelled(live, self._ready.integrator)
+            for own, other in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):
+                other.sensor.guided_emission = own.sensor.guided_emission
+                if own.sensor.guide is not None:
+                    other.sensor.guide = (np.empty(0), own.sensor.guide[1])
+            self._scenes[offset] = live
+        return self._scenes[offset]

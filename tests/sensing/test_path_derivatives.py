@@ -1,0 +1,168 @@
+"""Derivatives by differences of random paths: against exact spheres, the deterministic light, and whole chains.
+
+Z-tests at 4 standard errors: of the 13 comparisons of this file, one fails by chance in a thousand runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel.bench.domes import dome_scene
+from mitsuba_taxel.bench.sphere_light import SPACING, Dome
+from mitsuba_taxel.kernels.mesh_adapter import places_of
+from mitsuba_taxel.sensing import path_derivatives
+from mitsuba_taxel.sensing.derivative_values import BY_PATHS, DETERMINISTIC
+from mitsuba_taxel.sensing.derivatives import derivatives_by
+from mitsuba_taxel.sensing.moved_scene import MovedScene
+from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
+from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene_rates import rates
+
+MIRROR = {"scattering": "mirror"}
+ROUGH = {"scattering": "rough_mirror", "rms_slope": 2.0}
+POINTS = 1024
+
+
+def pressed(roof, cell="hemispheric", force=(0.05, 0.0, -0.8), **pad):
+    return dome_scene(cell, roof, force=list(force), mesh_size=1.7, **pad)
+
+
+def by_paths(scene, *names, points=POINTS, seed=1):
+    ready = prepare(scene)
+    changes = [rates(scene, name) for name in names]
+    return derivatives_of_paths(changes, ready, np.ones((32, 1)), seed, points, fixed=True)
+
+
+@pytest.fixture
+def _light_alone(monkeypatch):
+    """For comparisons on the same elements."""
+    monkeypatch.setattr(path_derivatives._Along, "_of_mechanics", lambda *_: 0.0)
+
+
+def on_spheres(field, rms_slope):
+    """Derivative by ray tracing on spheres, extrapolated from two steps, and its noise."""
+    dome, found = Dome(1.275, 0.05, SPACING), []
+    for run in range(16):
+        u = qmc.Sobol(24, rng=run).random(1 << 15)
+        near, far = (
+            np.subtract(
+                *(replace(dome, **{field: getattr(dome, field) + sign * h})._rays(rms_slope, u) for sign in (1, -1))
+            )
+            / (2 * h)
+            for h in (0.01, 0.02)
+        )
+        found.append((4 * near - far) / 3)
+    return np.mean(found), np.std(found, ddof=1) / 4
+
+
+@pytest.mark.parametrize("roof", [MIRROR, ROUGH], ids=["mirror", "rough"])
+def test_mirrors_of_spheres_are_those_of_rays_on_spheres(roof):
+    """A dome that begins a little above the LED; its height moves the mirror, the spacing LED and phototransistor."""
+    found = by_paths(dome_scene("hemispheric", roof, cell_height=1.825), "spacing", "cell_height")
+    for column, field in enumerate(("spacing", "rim")):
+        expected, noise = on_spheres(field, roof.get("rms_slope", 0.0))
+        error = np.hypot(found.standard_errors[0, column], noise)
+        assert error < 0.08 * abs(expected)
+        assert abs(found.values[0, column] - expected) < 4 * error
+
+
+@pytest.mark.usefixtures("_light_alone")
+@pytest.mark.parametrize(
+    ("cell", "names"), [("hemispheric", ("fz", "spacing")), ("parallelepiped", ("cell_size", "fx", "reflectance"))]
+)
+def test_diffuse_cells_have_the_derivatives_without_random_numbers(cell, names):
+    """Within 0.5 % for the horizon and the patches, in addition to the noise; the reflectance is 1, and can only
+    fall."""
+    scene = pressed({"scattering": "lambertian"}, cell)
+    expected = derivatives_by([rates(scene, name) for name in names], scene.load(), False)
+    found = by_paths(scene, *names)
+    assert (expected.method, found.method) == (DETERMINISTIC, BY_PATHS)
+    off = np.abs(found.values - expected.values) - 5e-3 * np.abs(expected.values)
+    assert np.all(off < 4 * found.standard_errors)
+    assert found.strain_rates == pytest.approx(expected.strain_rates)
+    assert found.units == expected.units
+
+
+CHAIN = [
+    (MIRROR, {"force": (0.05, 0.0, -0.8)}, "fz", 0.1),
+    (ROUGH, {"force": (0.05, 0.0, -0.8)}, "fz", 0.1),
+    (ROUGH, {"force": (0.0, 0.1, -1.2), "cell": "spherical"}, "youngs_modulus", 0.4),
+    (ROUGH, {"force": (0.0, 0.0, -0.8)}, "cell_size", 0.08),
+]
+
+
+@pytest.mark.usefixtures("_light_alone")
+@pytest.mark.parametrize(("roof", "pad", "name", "step"), CHAIN)
+def test_derivatives_are_differences_of_whole_chains(roof, pad, name, step):
+    """Each end solved and, for dimensions, meshed anew; its bias by the step is within 3 % of the derivative."""
+
+    def at(change):
+        given = dict(pad)
+        if name == "fz":
+            given["force"] = (*pad["force"][:2], pad["force"][2] + change)
+        else:
+            given[name] = {"youngs_modulus": 4.16, "cell_size": 2.55}[name] + change
+        return measure(pressed(roof, **given), points=2 * POINTS, seed=5, mechanics_error=False).replicates
+
+    ends = (at(step) - at(-step)) / (2 * step)
+    expected, noise = ends.mean(), ends.mean(axis=1).std(ddof=1) / np.sqrt(len(ends))
+    found = by_paths(pressed(roof, **pad), name)
+    error = np.hypot(found.standard_errors[0, 0], noise)
+    assert abs(found.values[0, 0] - expected) < 4 * error + 0.03 * abs(expected)
+
+
+def test_every_law_has_derivatives_with_errors_that_name_the_method():
+    scene = dict(pressed({"scattering": "mixed", "specular": 0.3, "isotropic": 0.7}, "parallelepiped").source)
+    scene["packages"] = {**scene["packages"], "led": {"type": "annular_led", "law": "uniform_polar_angle"}}
+    found = measure(Scene(scene), points=64, derivatives=["fz", "annular_led.power"]).derivatives
+    assert np.all(np.isfinite(found.values)) and np.all(found.standard_errors > 0)
+    assert found.to_xarray().attrs["method"] == BY_PATHS
+    assert {row["method"] for row in found.rows()} == {BY_PATHS}
+    assert found.values[0, 1] == pytest.approx(found.power[0], rel=1e-5)  # the power is proportional to it
+
+
+def test_the_error_of_the_elements_is_part_of_the_stated_one(monkeypatch):
+    scene = pressed(ROUGH)
+    whole = by_paths(scene, "fz", points=64).standard_errors
+    monkeypatch.setattr(path_derivatives._Along, "_of_mechanics", lambda *_: 0.0)
+    assert np.all(by_paths(scene, "fz", points=64).standard_errors < whole)
+    monkeypatch.undo()
+    monkeypatch.setattr("mitsuba_taxel.mechanics.second_state", lambda *_, **__: None)
+    assert np.all(np.isnan(by_paths(scene, "fz", points=64).standard_errors))
+
+
+def test_the_scene_is_as_it_was_afterwards():
+    scene = pressed(MIRROR)
+    ready = prepare(scene)
+    (pad,) = deformed_pads(ready.scene)
+    before = places_of(pad)
+    derivatives_of_paths([rates(scene, "fz")], ready, np.ones((32, 1)), 1, 64, fixed=True)
+    np.testing.assert_array_equal(places_of(pad).vertices, before.vertices)
+    np.testing.assert_array_equal(places_of(pad).normals, before.normals)
+
+
+def test_walls_that_move_along_are_those_of_a_changed_pad():
+    """Nodes of a pad at rest move with its dimensions to those of a pad with others."""
+    scene = dome_scene("hemispheric", MIRROR, mesh_size=1.7)
+    whole = path_derivatives._Whole([rates(scene, "cell_size")], prepare(scene), 0, 64, True)
+    along = path_derivatives._Along(whole, rates(scene, "cell_size"), whole.linear.nodal(rates(scene, "cell_size")))
+    step, chords = 0.1, replace(along._walls, chords=True)
+    vertices = MovedScene(whole.ready, along._change)._places(step, chords).vertices
+    (pad,) = deformed_pads(whole.ready.scene)
+    roof = vertices[np.repeat(pad.surface.region == 1, 3)]
+    distance = np.linalg.norm(roof - [0, 0, 0.5], axis=1)  # the height of the cell follows its size
+    assert distance == pytest.approx(0.5 * (2.55 + step), abs=1e-6)
+
+
+def test_a_dimension_of_cells_with_a_finish_is_refused():
+    layers = {"finish": "layer_steps", "layer_height": 0.2, "print_direction": [0, 0, 1]}
+    scene = pressed(ROUGH, "parallelepiped", **layers)
+    with pytest.raises(InputError, match="cell_size has no derivative: the pad's cells have a finish"):
+        by_paths(scene, "cell_size", points=16)
+    assert by_paths(scene, "fz", points=16).standard_errors[0, 0] > 0
