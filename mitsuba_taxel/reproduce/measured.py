@@ -1,15 +1,67 @@
 """Published measurements of real sensors, for comparison.
 
 The pad is by the paper's authors (Vanvitelli Robotics, project REMODEL, public repository of its sensor), with 5 x 5
-photo-reflectors NJL5908AR, pressed at taxel 13 by a robot; the paper's tables are in `paper`.
+photo-reflectors NJL5908AR, pressed by a robot; the paper's tables are in `paper`.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 REST_VOLTAGE, HELD_SHARE = 1.68, 0.173
-"""Mean of 25 taxels, in V; change while taxel 13 is held, relative to its own."""
+"""Mean of 25 taxels, in V; change of that of taxel 13 while it is held, relative to its own at rest."""
 LOAD_RESISTANCE, ADC_REFERENCE, ADC_BITS = 22e3, 3.3, 12
 """Electronics, in Ohm and V."""
+
+PITCH, CORE, CORE_HEIGHT, PAD_SIDE = 3.55, 2.55, 1.05, 25.0
+"""Of the pad in mm: distance and side of the square cores on which its cells are cast, and their height; its side."""
+WINDOW, COLLAR_HEIGHT, PACKAGE_HEIGHT = 1.95, 0.5, 0.5
+"""Of the rigid grid in mm: side of its windows, and height of their collars, which reach into the cells; height of the
+packages, which that of the plate equals."""
+
+PRESSED = 13
+"""The taxel that was held and released, in the middle."""
+
+
+class Pressed(NamedTuple):
+    """A taxel pressed slowly: its voltage at rest in V, and force in N, change of the voltage, travel in mm."""
+
+    at_rest: float
+    forces: tuple[float, ...]
+    volts: tuple[float, ...]
+    travels: tuple[float, ...]
+
+
+PRESSES = {
+    13: Pressed(
+        1.915,
+        (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80, 2.04),
+        (0.0145, 0.0550, 0.1019, 0.1444, 0.1878, 0.2411, 0.2902, 0.3401, 0.3882),
+        (0.169, 0.452, 0.692, 0.906, 1.097, 1.329, 1.530, 1.736, 1.925),
+    ),
+    17: Pressed(
+        1.609,
+        (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80),
+        (0.0183, 0.0617, 0.0974, 0.1503, 0.1962, 0.2518, 0.3077, 0.3646),
+        (0.181, 0.462, 0.650, 0.886, 1.071, 1.271, 1.453, 1.616),
+    ),
+    5: Pressed(
+        1.868,
+        (0.10, 0.34, 0.58, 0.83, 1.07, 1.31, 1.55, 1.80, 2.04),
+        (0.0128, 0.0489, 0.0876, 0.1224, 0.1619, 0.2093, 0.2564, 0.3077, 0.3569),
+        (0.158, 0.462, 0.691, 0.898, 1.104, 1.336, 1.559, 1.774, 1.955),
+    ),
+}
+"""Taxels are numbered as ours: 13 is the middle, 17 below it to the left, 5 the corner above to the right."""
+HELD_AT = 1.70
+HELD_MAP = (
+    (2, 2, 14, 7, 0),
+    (7, 34, 66, 35, 6),
+    (11, 62, 100, 48, 8),
+    (6, 34, 44, 21, 1),
+    (-2, 0, 4, -2, -1),
+)
+"""Travel in mm at which taxel 13 is held, and the relative change of all taxels then, in percent of its own."""
 
 TAIL_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 TAIL_VOLTS = (45.7e-3, 20.8e-3, 12.3e-3, 7.4e-3, 4.9e-3, 3.0e-3, 2.0e-3, 0.9e-3)

@@ -29,7 +29,7 @@ def fitted_terms() -> tuple[tuple[float, float], ...]:
 
     A pad released after a long hold keeps about the sum of g exp(-t / tau) of its strain.
     """
-    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.REST_VOLTAGE)
+    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
     decays = np.exp(-np.array(measured.TAIL_TIMES)[:, None] / TIMES)
     shares, _ = nnls(decays / left[:, None], np.ones(len(left)))
     return tuple((float(share), time) for share, time in zip(shares, TIMES, strict=True))

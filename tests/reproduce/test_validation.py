@@ -11,7 +11,7 @@ from mitsuba_taxel.reproduce import cycles, measured, memory_fit, validation
 
 def test_the_memory_found_follows_the_tail_and_foretells_the_hold():
     terms = memory_fit.fitted_terms()
-    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.REST_VOLTAGE)
+    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
     np.testing.assert_allclose(memory_fit.tail(terms), left, rtol=0.12)
     forces, scatter = np.array(measured.HOLD_FORCES).T
     assert np.all(np.abs(memory_fit.hold(terms) - forces / forces[-1]) < scatter / forces[-1])
@@ -60,7 +60,11 @@ def test_volts_of_a_cycle(loop):
 def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "cycle", lambda store, cell, terms: loop)
     monkeypatch.setattr(memory_fit, "slow_loop", lambda terms: memory_fit.Loop(0.5, 0.8))
+    monkeypatch.setattr(validation, "results", lambda store: None)
+    monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
-    for words in ("VCNT2020", "hold, release and loop", "Tables 2 and 4", "Not compared yet", "15 times as wide"):
+    for words in ("VCNT2020", "its indenter", "hold, release and loop", "Tables 2 and 4", "15 times as wide"):
         assert words in page
+    pictures = {file.stem for file in (tmp_path / "validation").iterdir()}
+    assert pictures == {"vcnt2020", "memory", "sensitivities"}
     assert "nan" not in page

@@ -1,0 +1,213 @@
+"""The measured pad of 5 x 5 cells as a scene, and its paths under the end of a rod.
+
+The silicone is glued to a rigid grid whose collars reach into the cells, flush with their walls, and hold the lowest
+part of these between them: the model of the pad begins at the top of the collars. The grid's plate lies on the board,
+and the packages stand in its windows, level with the plate. All of the grid is opaque.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.mechanics import NeoHookean
+from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
+from mitsuba_taxel.reproduce import measured
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.sensing import Scene, measure
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+
+SIDE = 5
+"""Cells along each side of the pad."""
+TRAVELS = (0.3, 0.6, 1.2, 1.7, 1.95)
+"""Travels of the indenter in mm at which a path is read."""
+POINTS, MESH_SIZE = 256, 1.6
+"""Light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter, which are
+nearly as coarse as the cells permit."""
+
+_SCENE = """\
+<!-- A pad of 5 x 5 cells on a rigid grid, whose collars end at z = 0. -->
+<scene version="3.9.0">
+    <default name="height" value="8"/>
+    <default name="indenter" value="sphere"/>
+    <default name="radius" value="1"/>
+    <default name="x" value="0"/>
+    <default name="y" value="0"/>
+    <default name="uz" value="0"/>
+    <default name="mesh_size" value="{mesh_size}"/>
+
+    <integrator type="taxel_tracer"/>
+
+    <shape type="deformable_pad">
+        <integer name="rows" value="{side}"/> <integer name="columns" value="{side}"/>
+        <float name="pitch" value="{pitch}"/> <float name="wall" value="{wall}"/>
+        <float name="cell_size" value="{core}"/> <float name="cell_height" value="{free}"/>
+        <float name="height" value="$height"/>
+        <!-- Forces are relative to the modulus. -->
+        <float name="youngs_modulus" value="1"/> <float name="poisson_ratio" value="{poisson_ratio}"/>
+        <float name="mesh_size" value="$mesh_size"/>
+        <string name="load" value="indenter_displacement"/>
+        <string name="indenter" value="$indenter"/> <float name="indenter_radius" value="$radius"/>
+        <float name="indenter_x" value="$x"/> <float name="indenter_y" value="$y"/>
+        <vector name="displacement" value="0, 0, $uz"/>
+        <bsdf type="region">
+            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+        </bsdf>
+    </shape>
+
+    <shape type="photo_reflector">
+        <integer name="rows" value="{side}"/> <integer name="columns" value="{side}"/>
+        <float name="pitch" value="{pitch}"/> <string name="part" value="njl5908ar"/>
+        <transform name="to_world"><translate value="0, 0, {board}"/></transform>
+    </shape>
+{grid}
+    <shape type="rectangle">
+        <transform name="to_world"><scale value="{reach}"/><translate value="0, 0, {board}"/></transform>
+        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+    </shape>
+</scene>
+"""
+
+_BAR = """
+    <shape type="cube">
+        <transform name="to_world"><scale value="{size}"/><translate value="{centre}"/></transform>
+        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
+    </shape>
+"""
+
+
+class Press(NamedTuple):
+    """A rod with a round end (``sphere``) or a flat one (``punch``), pressed into a pad; all lengths in mm.
+
+    Attributes
+    ----------
+    height : float
+        Of the silicone above the dies' plane.
+    indenter : str
+    radius : float
+        Of the end.
+    x, y : float
+        Where its tip stands; the middle of the pad is 0.
+    """
+
+    height: float
+    indenter: str
+    radius: float
+    x: float = 0.0
+    y: float = 0.0
+
+    def moved(self, x: float, y: float) -> Press:
+        """The same elsewhere."""
+        return self._replace(x=x, y=y)
+
+    @property
+    def name(self) -> str:
+        place = f"_at_{self.x:g}_{self.y:g}" if self.x or self.y else ""
+        return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{place}"
+
+
+def path(
+    store: PaperStudies,
+    press: Press,
+    travels: tuple[float, ...] = TRAVELS,
+    with_errors: bool = False,
+    mesh_size: float | None = None,
+) -> xr.Dataset:
+    """Force and readings along the travel of an indenter, as far as the pad bears it, by ``travel`` and ``taxel``.
+
+    ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is that of the power,
+    relative to rest. With errors, these are total ones. The attribute ``end`` tells why a path ends early; else it is
+    empty.
+
+    Raises
+    ------
+    ComputationError
+        if the path ends before the first travel.
+    """
+    size = mesh_size or MESH_SIZE
+    name = f"pressed/{press.name}{f'_in_{size:g}' if mesh_size else ''}{'_with_errors' if with_errors else ''}"
+    request = {**press._asdict(), "travels": travels, "points": POINTS, "mesh_size": size, "errors": with_errors}
+    file = store.folder / "pressed" / "pad.xml"
+    return store.study(name, request, lambda: _computed(file, press, travels, with_errors, size))
+
+
+def _computed(file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float) -> xr.Dataset:
+    write_scene(file)
+    above = {"height": press.height - measured.COLLAR_HEIGHT, "mesh_size": mesh_size}
+    defines: dict[str, Any] = press._asdict() | above
+    at_rest = measure(Scene(file, defines), points=POINTS, mechanics_error=False)
+    rows: list[tuple[Any, ...]] = []
+    end = ""
+    for travel in travels:
+        scene = Scene(file, defines | {"uz": -travel})
+        try:
+            found = measure(scene, points=POINTS, mechanics_error=with_errors)
+        except ComputationError as stopped:
+            if not rows:
+                raise
+            end = str(stopped)
+            break
+        state = deformed_pads(scene.load())[0].state
+        force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
+        force_error = state.force_error if with_errors else np.nan
+        shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
+        light = shares.std(axis=0, ddof=1) / np.sqrt(len(shares))
+        shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
+        rows.append((travel, force, force_error, shares.mean(axis=0), np.hypot(light, shape)))
+    borne, forces, force_errors, changes, errors = map(np.array, zip(*rows, strict=True))
+    return xr.Dataset(
+        {
+            "force": ("travel", forces, {"units": "N"}),
+            "force_error": ("travel", force_errors, {"units": "N"}),
+            "change": (("travel", "taxel"), changes),
+            "change_error": (("travel", "taxel"), errors),
+        },
+        coords={"travel": ("travel", borne, {"units": "mm"}), "taxel": np.arange(1, SIDE**2 + 1)},
+        attrs={"end": end},
+    )
+
+
+def centre_of(taxel: int) -> tuple[float, float]:
+    """Centre of the cell of a taxel, in mm."""
+    row, column = divmod(taxel - 1, SIDE)
+    return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
+
+
+def write_scene(file: Path) -> None:
+    """Write the scene; its folder is made if missing."""
+    board = -(measured.COLLAR_HEIGHT + measured.PACKAGE_HEIGHT)
+    around = measured.CORE + (SIDE - 1) * measured.PITCH
+    values = {
+        "side": SIDE,
+        "pitch": measured.PITCH,
+        "wall": (measured.PAD_SIDE - around) / 2,
+        "core": measured.CORE,
+        "free": measured.CORE_HEIGHT - measured.COLLAR_HEIGHT,
+        "poisson_ratio": NeoHookean().poisson_ratio,
+        "board": board,
+        "reach": measured.PAD_SIDE / 2,
+        "grid": _grid(board),
+        "mesh_size": MESH_SIZE,
+    }
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary:
+        temporary.write_text(_SCENE.format(**values), encoding="utf-8")
+
+
+def _grid(bottom: float) -> str:
+    """Bars between the windows, along x and along y, from the board to z = 0."""
+    centres = (np.arange(SIDE) - (SIDE - 1) / 2) * measured.PITCH
+    edges = centres[:, None] + np.array([-0.5, 0.5]) * measured.WINDOW
+    half = measured.PAD_SIDE / 2
+    bars = []
+    for low, high in np.concatenate([[-half], edges.ravel(), [half]]).reshape(-1, 2):
+        across, along = ((high - low) / 2, (low + high) / 2), (half, 0.0)
+        for x, y in ((across, along), (along, across)):
+            size = f"{x[0]:g}, {y[0]:g}, {-bottom / 2:g}"
+            bars.append(_BAR.format(size=size, centre=f"{x[1]:g}, {y[1]:g}, {bottom / 2:g}"))
+    return "".join(bars)
