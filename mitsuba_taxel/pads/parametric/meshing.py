@@ -34,12 +34,12 @@ RIM_REFINEMENT = 2.0
 FACE_REFINEMENT = {"parallelepiped": 1.6, "cylindrical": 2.0, "spherical": 2.0, "hemispheric": 2.25, PROFILE: 2.25}
 """Divisor of the size on roofs and side walls: on curved ones the error of shape matters as well."""
 FINER_DOMES = 0.5
-"""Finer meshes of domes are finer where it counts, down to this share of the default size: elements on domes and their
-sides become smaller the faster, as what is left of the error of mirrors is that of normals, whereas those inside stay
-as large, and grow to their size the faster. Readings are as accurate (`taxel bench domes`) with half of the
-unknowns."""
-DOME_EXPONENT = {"hemispheric": 1.0, "spherical": 0.7, PROFILE: 1.0}
-"""Power of the share by which elements on domes become smaller beyond the size: spherical caps are flatter."""
+"""Domes and their sides have relatively smaller elements on finer meshes, in proportion to the size, down to this
+share: what is left of the error of mirrors is that of normals, which only the elements there reduce."""
+CAP, CAP_EXPONENT = "spherical", 0.7
+"""Caps of spheres are flatter: elements on them are smaller by this power of the share only. Those inside stay as large
+as they are on the default mesh, and are reached the faster, so that there are half as many: readings are as accurate
+(`taxel bench domes`). Hemispheric mirrors would be half a percent worse."""
 CUT = 0.2
 """Relative distance from a singular edge at which elements there are cut."""
 CURVATURE_SAFETY = 2.0
@@ -140,10 +140,10 @@ def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
                     face.maxh = min(face_size, pad.dome_radius / CURVATURE_SAFETY / refinement) / unit
             for edge in singular_edges(solid, pad):
                 edge.maxh = edge_size / unit
-            finer = _finer(pad, mesh_size)
+            inside = _finer(pad, mesh_size) if pad.cell == CAP else 1.0
             parameters = MeshingParameters(
-                maxh=BULK_COARSENING * mesh_size / finer / unit,
-                grading=GRADING / math.sqrt(finer),
+                maxh=BULK_COARSENING * mesh_size / inside / unit,
+                grading=GRADING / math.sqrt(inside),
                 curvaturesafety=curvature_safety,
                 parallel_meshing=False,  # no gain for one solid, and ten times slower on busy cores
             )
@@ -159,7 +159,7 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
 
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
-    finer = _finer(pad, mesh_size) ** DOME_EXPONENT.get(pad.cell, 1.0)
+    finer = _finer(pad, mesh_size) ** (CAP_EXPONENT if pad.cell == CAP else 1.0)
     sizes = finer * mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
     if pad.cell == "parallelepiped":
         return sizes
