@@ -1,29 +1,34 @@
-"""Refuse scenes in which a deformed pad touches a package, as that contact is not modelled."""
+"""Packages in the way of pads: they hold those whose load goes on where they touch, and others are refused."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.kernels.protocols import is_package
+from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels.protocols import PadShape, is_package
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
-def refuse_contact(scene: mi.Scene) -> None:
-    """Raise if a `deformable_pad` of the scene touches the body of a `photo_reflector`.
+def heed_packages(scene: mi.Scene) -> None:
+    """Deform each `deformable_pad` with `self_contact` as the bodies of the `photo_reflector`s let it, and raise if
+    another one touches them.
 
     Raises
     ------
     InputError
-        if it does so already undeformed.
+        if a pad touches a body already undeformed.
     ComputationError
-        naming the load at which it first happens.
+        naming the load at which a pad first touches a body, or at which its load path ends.
     """
-    bodies = [shape for shape in scene.shapes() if is_package(shape)]
-    for pad in deformed_pads(scene) if bodies else ():
-        _refuse(pad, np.concatenate([_triangles(body) for body in bodies]))
+    pads, bodies = deformed_pads(scene), [shape for shape in scene.shapes() if is_package(shape)]
+    if not (pads and bodies):
+        return
+    triangles = np.concatenate([_triangles(body) for body in bodies])
+    with stages.stage("mechanics"):
+        changed = [pad.heed(_in_its_frame(pad, triangles)) for pad in pads]
+    if any(changed):
+        scene.parameters_changed([])
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:
@@ -33,7 +38,6 @@ def _triangles(body: mi.Mesh) -> np.ndarray:
     return np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)[faces]
 
 
-def _refuse(pad: Any, obstacles: np.ndarray) -> None:
+def _in_its_frame(pad: PadShape, triangles: np.ndarray) -> np.ndarray:
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
-    in_its_frame = np.linalg.solve(turn, (obstacles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)
-    pad.state_under(pad.value, obstacles=in_its_frame)
+    return np.linalg.solve(turn, (triangles - shift).reshape(-1, 3).T).T.reshape(-1, 3, 3)

@@ -11,7 +11,7 @@ from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import has_faces, has_pad, is_owen_sobol, is_package, traces_taxels
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
-from mitsuba_taxel.sensing.clearance import refuse_contact
+from mitsuba_taxel.sensing.clearance import heed_packages
 from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
 
 OF_MITSUBA = {
@@ -46,7 +46,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
         if the integrator does not support the scene, LEDs and phototransistors cannot be paired, or another surface
         coincides with one of them.
     ComputationError
-        if a deformed pad touches a package.
+        if a deformed pad touches a package, unless it goes on there.
     """
     ours = traces_taxels(integrator)
     plugin = OF_MITSUBA.get(integrator.class_name(), "")
@@ -67,7 +67,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     else:
         refuse_foreign_sensors(scene)
     refuse_shared_places(scene)
-    refuse_contact(scene)
+    heed_packages(scene)
     if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
         raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
     _refuse_unseen_indenters(scene)

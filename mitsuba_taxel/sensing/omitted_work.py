@@ -96,7 +96,8 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
 
     if not state.value.any():
         return
-    mirrors = list(mirror_images(state.mesh, state.load))
+    bodies, images = state.bodies, mirror_images(state.mesh, state.load)
+    mirrors = [mirror for mirror in images if bodies is None or bodies.kept_by(mirror)]
     segments = [(state.value, mirrors)]
     if len(state.value) == 3:
         normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0

@@ -101,11 +101,12 @@ class Scene(Displayed):
         InputError
             if Mitsuba or a plugin refuses the description; the message is one line.
         ComputationError
-            if a pad cannot bear its load, or touches a package.
+            if a pad cannot bear its load, or touches a package without `self_contact`.
         """
         import mitsuba as mi
 
-        from mitsuba_taxel.sensing.clearance import refuse_contact
+        from mitsuba_taxel.kernels.packages_to_come import announced
+        from mitsuba_taxel.sensing.clearance import heed_packages
 
         with stages.stage("load"), self.files_beside_it():
             config = parser_config(activate_variant())
@@ -114,20 +115,21 @@ class Scene(Displayed):
                 state = self.parsed(config)
                 self._refuse_far_transforms(state)
                 mi.parser.transform_all(config, state)
-                live = mi.parser.instantiate(config, state)
+                with announced(any(node.props.plugin_name() == "photo_reflector" for node in state.nodes)):
+                    live = mi.parser.instantiate(config, state)
             except RuntimeError as error:
                 if END_OF_PATH in str(error):
                     self._refuse_contact(config)
                 raise _one_line(error, self) from error
             _EMITTERS.update(emitter for emitter in live.emitters() if hasattr(emitter, "__weakref__"))
-            refuse_contact(live)
+            heed_packages(live)
             return live
 
     def _refuse_contact(self, config: Any) -> None:
         """Raise if a pad touches a package before the end of its load path, as pads do not know the packages."""
         import mitsuba as mi
 
-        from mitsuba_taxel.sensing.clearance import refuse_contact
+        from mitsuba_taxel.sensing.clearance import heed_packages
         from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
         state = self.parsed(config)
@@ -137,7 +139,7 @@ class Scene(Displayed):
         at_rest = mi.parser.instantiate(config, state)
         for pad, (value, history) in zip(deformed_pads(at_rest), loads, strict=True):  # in the order of the scene
             pad.value, pad.history = value, history
-        refuse_contact(at_rest)
+        heed_packages(at_rest)
 
     @in_turn
     def write_xml(self, path: str | Path) -> None:

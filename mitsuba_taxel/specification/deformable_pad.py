@@ -195,8 +195,8 @@ class DeformablePad(Specification):
     friction: float | None = taken(Indenter, "friction", when=_INDENTER)
     self_contact: bool | None = switch(
         False,
-        "Whether the load goes on where the pad touches itself or the board, which contact without friction then keeps "
-        "apart; otherwise it ends there. Needs the package ipctk.",
+        "Whether the load goes on where the pad touches itself, the board or a photo_reflector, which contact without "
+        "friction then keeps apart; otherwise it ends there. Needs the Python package ipctk.",
         when=("load", *(word for word in LOADS if word not in _INDENTER)),
     )
 

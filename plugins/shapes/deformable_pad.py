@@ -20,7 +20,9 @@ from mitsuba_taxel.kernels.mesh_adapter import (
     add_vertex_attribute,
     give_geometry,
     initialize_mesh,
+    move_vertices,
 )
+from mitsuba_taxel.kernels.packages_to_come import are_to_come
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.pads import Pad
 
@@ -37,7 +39,8 @@ class DeformablePad(mi.Mesh):
 
     Solves for the deformation (solutions are cached on disk) and becomes the mesh of the deformed surface, with the
     face attributes :monosp:`face_region` and :monosp:`face_cell`. Its bottom is glued to z = 0. A load
-    beyond that at which the pad first touches itself, the board or a package, or becomes unstable, is refused.
+    beyond that at which the pad first touches itself, the board or a package, unless :monosp:`self_contact` is true, or
+    becomes unstable, is refused.
 
     The roof of a cell with a profile is the surface of revolution of a clamped B-spline with evenly spaced knots, of
     degree 3, or one less than its points, in r^2 and z: so it is smooth on the axis, and flat, spherical and
@@ -112,7 +115,8 @@ class DeformablePad(mi.Mesh):
             check_triangles(self.subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, self.subdivision)
-            self.state = self.state_under(self.value)
+            waits = self.load.goes_on and are_to_come()
+            self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 
     def _tessellated(self, state, pad):
@@ -215,6 +219,28 @@ class DeformablePad(mi.Mesh):
         times, values = self.history
         material, when = (Viscoelastic(self.material, self.prony), times) if self.prony else (self.material, None)
         return state_after(self.pad, material, [*values[:-1], value], when, obstacles=obstacles, **self._how)
+
+    def heed(self, obstacles: np.ndarray) -> bool:
+        """Deform the pad as ``obstacles`` (K, 3, 3), corners of triangles in mm in its frame, let it.
+
+        Returns
+        -------
+        Whether its vertices were moved, which they are only where its load goes on.
+
+        Raises
+        ------
+        InputError, ComputationError
+            as of `load_path`: if it touches them undeformed, or its load path ends.
+        """
+        state = self.state_under(self.value, obstacles)
+        if not self.load.goes_on:
+            return False
+        before, self.state = self.state, state
+        if np.array_equal(before.displacement, state.displacement):
+            return False
+        self.surface = self._tessellated(state, self.pad)
+        move_vertices(self, self._places(self.surface, self.surface.facing))
+        return True
 
     def second_state(self):
         """The state on elements of another size, with which derivatives are compared; see `second_state`."""

@@ -127,7 +127,7 @@ def test_mirrors_are_those_that_the_path_is_solved_with(load, value, columns):
     value = np.array(value, dtype=float)
     told = [
         (tuple(end), len(mirrors))
-        for end, mirrors in _symmetric_segments(SimpleNamespace(mesh=path.mesh, load=load, value=value))
+        for end, mirrors in _symmetric_segments(SimpleNamespace(bodies=None, mesh=path.mesh, load=load, value=value))
     ]
     solved = [
         (tuple(segment.value(s)), path._pad_for(segment.origin, segment.direction).part.mirrors)

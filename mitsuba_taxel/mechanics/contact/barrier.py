@@ -53,7 +53,7 @@ class Barrier:
     """
 
     def __init__(self, mesh: VolumeMesh, modulus: float) -> None:
-        self._ipc = ipc = _ipctk()
+        self._ipc = ipc = ipctk_of_one_thread()
         faces = mesh.faces[mesh.face_region != REGIONS["bottom"]]
         self._nodes, number = np.unique(faces, return_inverse=True)
         triangles = number.reshape(-1, 6)[:, _QUARTERS].reshape(-1, 3)
@@ -88,10 +88,14 @@ class Barrier:
         board[:, 2] = self._over.T @ (-self._weight * self._repulsion(displacement)[0])
         return own, board
 
-    def stiffness(self, displacement: np.ndarray) -> sparse.csr_array:
-        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign."""
+    def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
+        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign.
+
+        Of a ``steady`` one each pair has no negative eigenvalues, as it has by the turn of a force about a corner.
+        """
         places = self._places(displacement)
-        of_nodes = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places))
+        projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
+        of_nodes = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places, projection))
         degrees = (3 * self._nodes[:, None] + np.arange(3)).ravel()
         at_points = sparse.diags_array(self._weight * self._repulsion(displacement)[1])
         board = sparse.coo_array(self._over.T @ at_points @ self._over)
@@ -131,10 +135,11 @@ class Barrier:
         return pairs
 
 
-def _ipctk() -> Any:
+def ipctk_of_one_thread() -> Any:
+    """The package, whose sums are bitwise the same from now on; raises `InputError` if it is missing."""
     try:
         import ipctk
     except ImportError as missing:
         raise InputError("self_contact needs the package ipctk: pip install ipctk.") from missing
-    ipctk.set_num_threads(1)  # sums of several threads are not bitwise the same
+    ipctk.set_num_threads(1)  # those of several threads are not
     return ipctk

@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 from scipy.sparse import coo_array, triu
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.bezier_patches import Place, bulge, control_points, first_touch, quarters
 from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.bodies import body_of_each
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
 from mitsuba_taxel.pads.pad import REGIONS
 
@@ -176,10 +176,7 @@ class _Obstacles:
         self._centres = corners.mean(axis=1)
         self.tree = BoxTree(self._centres.T)
         self.boxes = self.tree.levels(*_boxes(self.patches, 0.0))
-        number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
-        sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
-        joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)
-        self._body = connected_components(joined, directed=False)[1][number[:, 0]]
+        self._body = body_of_each(triangles)
         count = np.bincount(self._body)
         middles = np.stack([np.bincount(self._body, column) / count for column in self._centres[:2]])
         outwards = np.lexsort((np.linalg.norm(self._centres[:2] - middles[:, self._body], axis=0), self._body))

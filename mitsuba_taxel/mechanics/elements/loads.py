@@ -37,13 +37,13 @@ class _Loading:
 
     @property
     def goes_on(self) -> bool:
-        """Whether a path goes on where the pad touches itself or the board."""
+        """Whether a path goes on where the pad touches itself, the board or bodies."""
         return False
 
 
 @dataclass(frozen=True)
 class _OwnLoading(_Loading):
-    """A load without a body, under which a path may go on where the pad touches itself or the board."""
+    """A load without a body, under which a path may go on where the pad touches itself, the board or other bodies."""
 
     self_contact: bool = field(default=False, kw_only=True)
 
@@ -62,7 +62,7 @@ class SpreadForce(_OwnLoading):
     Parameters
     ----------
     self_contact : bool
-        Whether paths go on where the pad touches itself or the board, kept apart by contact without friction.
+        Whether paths go on where the pad touches itself, the board or obstacles, by contact without friction.
     """
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:

@@ -36,13 +36,15 @@ def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
     return np.unique(mesh.faces[mesh.face_region == REGIONS[region]])
 
 
-def board_force(
+def glued_force(
     mesh: VolumeMesh,
     material: Material,
     displacement: np.ndarray,
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
+    region: str = "bottom",
 ) -> np.ndarray:
-    """(3,) N, reaction of the board to a pad loaded only by a plate on its top; see :func:`internal_forces`."""
+    """(3,) N, force of what is glued to a region on the pad, which nothing else touches there; see
+    :func:`internal_forces`."""
     forces = internal_forces(mesh, material, displacement, pressure, overstress)
-    return forces[nodes_of(mesh, "bottom")].sum(axis=0)
+    return forces[nodes_of(mesh, region)].sum(axis=0)

@@ -16,6 +16,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -67,7 +68,8 @@ def load_path(
         Size in mm of the elements on which the stability of an elastic pad is judged; by default on those of the path
         itself, which takes a third of its time or more. Beyond the loads that such a pad bears, it is judged on both.
     obstacles : (K, 3, 3) ndarray, optional
-        In mm, corners of the triangles of closed surfaces that the pad must not touch, in its frame.
+        In mm, corners of the triangles of closed surfaces that do not move, in the frame of the pad. With
+        ``self_contact`` of the load, contact without friction keeps the pad off them; else it must not touch them.
     progress : Callable[[int, int], None], optional
         Called with (states done, total states).
 
@@ -79,7 +81,7 @@ def load_path(
     ComputationError
         naming the value at which the path ends, because the pad cannot be loaded further, or touches itself, the board
         or an obstacle; or if memory does not suffice. With ``self_contact`` of the load, it goes on where it touches
-        itself or the board.
+        them.
     """
     require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
@@ -97,7 +99,10 @@ def load_path(
     with LOCK:
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
         judge = {} if history or judged_on is None else {"judged_on": judged_on}
-        path = pad_path(pad, law, load, size, **judge)
+        bodies = None
+        if load.goes_on and obstacles is not None:
+            bodies, obstacles = RigidBodies(obstacles.tobytes()), None
+        path = pad_path(pad, law, load, size, **judge, bodies=bodies)
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):

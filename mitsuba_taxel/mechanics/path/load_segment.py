@@ -189,9 +189,10 @@ class LoadSegment:
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
-        if len(self.nodes) < 2 or math.isfinite(self.limit) or pad.load.goes_on:
+        if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
-        found = self.first_contact(pad, len(self.nodes) - 1, test.find)
+        find = test.find_package if pad.load.goes_on else test.find
+        found = self.first_contact(pad, len(self.nodes) - 1, find)
         if found:
             self.limit, contact = found
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, Load, keeps
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -23,8 +24,11 @@ def mirror_images(mesh: VolumeMesh, load: Load) -> dict[Mirror, np.ndarray]:
 
 
 @lru_cache(maxsize=4)  # normal and tangential segments, also of the coarser mesh: matrices take memory
-def loaded_pad(mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...]) -> LoadedPad:
-    """The part of a pad between mirrors."""
-    indented = IndentedPad if isinstance(load, IndenterDisplacement) else LoadedPad
-    kind = SelfTouchingPad if load.goes_on else indented
-    return kind(mesh, material, load, mirrors, mirror_images(mesh, load))
+def loaded_pad(
+    mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...], bodies: RigidBodies | None = None
+) -> LoadedPad:
+    """The part of a pad between mirrors, kept off ``bodies`` where the load goes on."""
+    parts = mesh, material, load, mirrors, mirror_images(mesh, load)
+    if load.goes_on:
+        return SelfTouchingPad(*parts, bodies=bodies)
+    return IndentedPad(*parts) if isinstance(load, IndenterDisplacement) else LoadedPad(*parts)

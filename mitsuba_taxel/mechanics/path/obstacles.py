@@ -1,6 +1,7 @@
 """First contact of a pad with rigid obstacles on a load path.
 
-Obstacles do not change the states of a path, which are therefore cached for all obstacles.
+Obstacles do not change the states of a path, which are therefore cached for all obstacles. Those that hold the pad,
+where a load goes on, are the bodies of a path of their own.
 """
 
 from __future__ import annotations
@@ -15,6 +16,18 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
+
+
+def refuse_at_rest(test: ContactTest, mirrors: Sequence[Mirror] = ()) -> None:
+    """Raise `InputError` if the undeformed pad touches something, where ``mirrors`` took it."""
+    if test.at_rest:
+        place = np.array(test.at_rest.place)
+        for mirror in reversed(mirrors):
+            place = mirror.image(place)
+        shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
+        raise InputError(
+            f"the undeformed pad touches {test.at_rest.what} near ({shown}) mm of the pad: move one of them."
+        )
 
 
 class Obstacles:
@@ -41,14 +54,7 @@ class Obstacles:
         self._test = ContactTest(mesh, triangles)
         self._clear: dict[LoadSegment, int] = {}
         self._first: dict[LoadSegment, tuple[float, Contact]] = {}
-        if self._test.at_rest:
-            place = np.array(self._test.at_rest.place)
-            for mirror in reversed(mirrors):
-                place = mirror.image(place)
-            shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
-            raise InputError(
-                f"the undeformed pad touches {self._test.at_rest.what} near ({shown}) mm of the pad: move one of them."
-            )
+        refuse_at_rest(self._test, mirrors)
 
     def first(self, segment: LoadSegment, pad: LoadedPad) -> tuple[float, Contact] | None:
         """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""

@@ -17,11 +17,12 @@ from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
-from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
@@ -30,7 +31,7 @@ from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, s
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.mechanics.path.obstacles import Obstacles
+from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
 from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
@@ -61,7 +62,7 @@ class PadPath:
 
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
     ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
-    judged itself.
+    judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch.
     """
 
     def __init__(
@@ -72,10 +73,11 @@ class PadPath:
         mesh_size: float,
         judged: bool,
         judged_on: float | None,
+        bodies: RigidBodies | None,
     ) -> None:
-        self.pad, self.material, self.load, self.mesh_size = pad, material, load, mesh_size
+        self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
         self.judged = judged and judged_on is None
-        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on)
+        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on, bodies=bodies)
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
@@ -128,12 +130,13 @@ class PadPath:
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
-        """The mirrors that leave mesh and load's distribution as they are."""
-        return mirror_images(self.mesh, self.load)
+        """The mirrors that leave mesh, load's distribution and bodies as they are."""
+        images = mirror_images(self.mesh, self.load)
+        return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
 
     @cached_property
     def contact(self) -> ContactTest:
-        return ContactTest(self.mesh)
+        return ContactTest(self.mesh, None if self.bodies is None else self.bodies.triangles)
 
     def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
         """What is known of obstacles, which ``mirrors`` take where the segments are; of the last few."""
@@ -146,7 +149,10 @@ class PadPath:
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
         if self._judge and not self._judge.bears(value):
-            return pad_path(self.pad, self.material, self.load, self.mesh_size).state(value, obstacles)
+            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, bodies=self.bodies)
+            return alone.state(value, obstacles)
+        if self.bodies is not None:
+            refuse_at_rest(self.contact)
         if isinstance(self.load, IndenterForce):
             self.load.check(value)
         used: list[Mirror] = []
@@ -168,7 +174,7 @@ class PadPath:
             moved = self._driven_to(value, in_the_way)
         return State(
             self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
-            indenter_moved=moved,
+            indenter_moved=moved, bodies=self.bodies,
         )  # fmt: skip
 
     def bears(self, value: np.ndarray) -> bool:
@@ -280,7 +286,8 @@ class PadPath:
                 with memory_for(SECOND_MESH):
                     other, there, at = second._as_on(self.mesh, value, displacement, pressure)
                     shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
-                    forces = (board_force(mesh, self.material, u, p) for mesh, u, p in shapes)
+                    glued = "top" if self.load.goes_on else "bottom"  # where nothing else touches the pad
+                    forces = (glued_force(mesh, self.material, u, p, region=glued) for mesh, u, p in shapes)
                     return Comparison(
                         comparison.error(displacement, other),
                         partial(comparison.deviations, displacement, other),
@@ -331,7 +338,7 @@ class PadPath:
 
     def _second(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
-        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False)
+        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False, bodies=self.bodies)
         if self._judge and self._judge.mesh_size == mesh_size:
             second = self._judge
         try:
@@ -395,7 +402,7 @@ class PadPath:
         """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
         path = np.stack([origin, direction])
         mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
-        return loaded_pad(self.mesh, self.material, self.load, mirrors)
+        return loaded_pad(self.mesh, self.material, self.load, mirrors, self.bodies)
 
     def _extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
         """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
@@ -425,9 +432,10 @@ class PadPath:
 
     @property
     def key_parts(self) -> list[Any]:
-        """Pad, material and load, for keys of the cache."""
+        """Pad, material, load and bodies, for keys of the cache."""
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
-        return [self._identity, material, [_name_of(self.load), asdict(self.load)]]
+        bodies = [] if self.bodies is None else [self.bodies.triangles.tolist()]
+        return [self._identity, material, [_name_of(self.load), asdict(self.load)], *bodies]
 
 
 def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:
@@ -453,8 +461,11 @@ def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors:
         value, place = mirror.image(value), mirror.image(place)
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-    may_go_on = reason in ("touches itself", "touches the board") and hasattr(load, "self_contact") and not load.goes_on
-    further = " With self_contact = true it goes on." if may_go_on else ""
+    further = ""
+    if reason.startswith("touches") and load.goes_on:
+        further = " It may go on with smaller elements."
+    elif reason.startswith("touches") and hasattr(load, "self_contact"):
+        further = " With self_contact = true it goes on."
     return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
 
 
@@ -474,8 +485,9 @@ def pad_path(
     mesh_size: float,
     judged: bool = True,
     judged_on: float | None = None,
+    bodies: RigidBodies | None = None,
 ) -> PadPath:
-    return PadPath(pad, material, load, mesh_size, judged, judged_on)
+    return PadPath(pad, material, load, mesh_size, judged, judged_on, bodies)
 
 
 @lru_cache(maxsize=8)

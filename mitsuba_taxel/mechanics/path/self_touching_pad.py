@@ -1,15 +1,17 @@
-"""Equilibrium of a pad whose walls may touch each other and the board: Newton's method against a barrier."""
+"""Equilibrium of a pad that may touch itself, the board and packages: Newton's method against a barrier."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.mechanics.contact.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
@@ -20,18 +22,23 @@ MOST_HALVINGS = 6
 
 
 class SelfTouchingPad(LoadedPad):
-    """A meshed pad glued to the board, whose walls stay apart, and off the board.
+    """A meshed pad glued to the board, whose walls stay apart, and off the board and rigid ``bodies``.
 
-    The whole pad touches itself, also across the mirrors of the part that is solved for. Its barrier and tangent are
-    restricted to displacements of the part. Against others, stability is that of the tangent of the whole.
+    The whole pad touches itself, also across the mirrors of the part that is solved for. Its barriers and tangent are
+    restricted to displacements of the part. Against others, stability is that of the tangent of the whole. Further
+    parameters are those of a `LoadedPad`.
     """
 
     solves_between = True
     _pattern: tuple[bytes, ...] = ()
 
+    def __init__(self, *parts: Any, bodies: RigidBodies | None = None, **more: Any) -> None:
+        super().__init__(*parts, **more)
+        self._bodies = bodies
+
     @cached_property
-    def _barrier(self) -> Barrier:
-        return Barrier(self.whole, self.material.youngs_modulus)
+    def _contacts(self) -> Contacts:
+        return Contacts(self.whole, self.material.youngs_modulus, self._bodies)
 
     @cached_property
     def _expansion(self) -> sparse.csr_array:
@@ -42,11 +49,11 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        return known + self._barrier.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
+        return known + self._contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
         displacement, pressure = self.split(unknowns)
-        if not self._barrier.stiffness(displacement).nnz:
+        if not self._contacts.stiffness(displacement).nnz:
             super().refuse_unstable(unknowns, entries, value)
         elif self.mirrors and self._solver.knows_inertia:
             whole = self._of_whole
@@ -57,7 +64,16 @@ class SelfTouchingPad(LoadedPad):
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
-        return SelfTouchingPad(self.whole, self.material, self.load, solver=self._solver_name)
+        return SelfTouchingPad(self.whole, self.material, self.load, solver=self._solver_name, bodies=self._bodies)
+
+    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+        """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
+        bodies that are sharper than the elements."""
+        try:
+            return super()._is_stable(linearised, unknowns, value)
+        except Rejected:
+            steady = self._linearised(linearised.entries, unknowns, value, steady=True)
+            return super()._is_stable(steady, unknowns, value)
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""
@@ -69,7 +85,10 @@ class SelfTouchingPad(LoadedPad):
                 return Balance(unknowns, state, error, iteration, None, 0.0)
             first = first or error
             assert state.entries is not None  # no element is inverted
-            step = self._linearised(state.entries, unknowns, value).step(self._left(state), self._gap(unknowns, value))
+            linearised = self._linearised(state.entries, unknowns, value)
+            if (linearised.negative or 0) > self.numbering.pressures:  # a step would lead to a saddle
+                linearised = self._linearised(state.entries, unknowns, value, steady=True)
+            step = linearised.step(self._left(state), self._gap(unknowns, value))
             unknowns = self._shortened(unknowns, -step, value, error)
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
@@ -93,13 +112,18 @@ class SelfTouchingPad(LoadedPad):
         state = super()._evaluate(unknowns, value, with_tangent)
         if not state.min_jacobian > 0:
             return state
-        own, board = self._barrier.forces(self.split(unknowns)[0])
-        return replace(state, residual=state.residual - self._expansion.T @ (own + board).ravel() / self.part.copies)
+        own, other = self._contacts.forces(self.split(unknowns)[0])
+        return replace(state, residual=state.residual - self._expansion.T @ (own + other).ravel() / self.part.copies)
 
     def _linearised(
-        self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
+        self,
+        entries: np.ndarray,
+        unknowns: np.ndarray,
+        value: np.ndarray,
+        near: Linearised | None = None,
+        steady: bool = False,
     ) -> Linearised:
-        stiffness = self._barrier.stiffness(self.split(unknowns)[0])
+        stiffness = self._contacts.stiffness(self.split(unknowns)[0], steady)
         added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
         lower = sparse.csc_matrix(self.model.assembly.matrix(entries) + added)
         lower.sort_indices()

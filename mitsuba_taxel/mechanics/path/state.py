@@ -12,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import RoofError
@@ -102,6 +103,8 @@ class State(Displayed):
         (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
     indenter_moved : (3,) ndarray or None
         In mm, how far an indenter is from where it starts; None where there is none.
+    bodies : RigidBodies or None
+        Those that hold the pad where it touches them, on a path that goes on there.
     """
 
     mesh: VolumeMesh
@@ -120,6 +123,7 @@ class State(Displayed):
     memory: Memory | None = None
     traction: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     indenter_moved: np.ndarray | None = None
+    bodies: RigidBodies | None = None
 
     @cached_property
     def _compared(self) -> Comparison:

@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.memory import memory_for
-from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
@@ -317,7 +317,7 @@ class TimedPath:
         overstress = None
         if self._material.prony:
             overstress = spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
-        return board_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
+        return glued_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
 
     def _name(self, rows: tuple[Row, ...]) -> str:
         path = self._path

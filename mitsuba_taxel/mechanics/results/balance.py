@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.contact.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -29,6 +29,8 @@ from mitsuba_taxel.pads.pad import REGIONS
 @dataclass(frozen=True, eq=False)
 class Reactions:
     """The board's force on a pad and the load's, with their moments about the origin.
+
+    Of a pad that is held by packages, which stand on the board, their force is part of the board's.
 
     Attributes
     ----------
@@ -86,7 +88,7 @@ def reactions(state: State) -> Reactions:
     board = np.zeros_like(places)
     board[bottom] = (internal - applied)[bottom]
     if state.load.goes_on:
-        own, touched = Barrier(mesh, state.material.youngs_modulus).forces(state.displacement)
+        own, touched = Contacts(mesh, state.material.youngs_modulus, state.bodies).forces(state.displacement)
         board[bottom] -= own[bottom] + touched[bottom]
         board += touched
     return Reactions(

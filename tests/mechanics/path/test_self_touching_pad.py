@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitsuba_taxel import PadSensor, Scene, measure
+from mitsuba_taxel import PadSensor, PhotoReflector, Scene, measure
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.mirror import ACROSS_X
+from mitsuba_taxel.kernels.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, SpreadForce, Viscoelastic, linearise, load_path
 from mitsuba_taxel.mechanics import reactions as reactions_of
 from mitsuba_taxel.mechanics.contact.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.pads import REGIONS, Pad
+from mitsuba_taxel.sensing.audit import energy_audit
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 pytest.importorskip("ipctk")
@@ -27,10 +32,21 @@ pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 PAD, LAW, ON = Pad("parallelepiped", rows=1, columns=1), NeoHookean(), PlateDisplacement(self_contact=True)
 BEFORE, BEYOND = (0, 0, -0.9), (0, 0, -1.3)
 """Displacements beside that of -1.25 mm at which the pad touches the board."""
+TOP = 1.201
+"""Height of a package under the roof in mm."""
+PACKAGE = trimesh.creation.box((1.0, 1.4, 1.2), trimesh.transformations.translation_matrix((0, 0, 0.601))).triangles
+CLEAR, HELD = (0, 0, -0.4), (0, 0, -0.6)
+"""Displacements beside that of -0.48 mm at which the roof touches it."""
 
 
 def pressed(*values, load=ON, material=LAW, **more):
     return load_path(PAD, material, values, load=load, mesh_size=2.0, **more)
+
+
+def lowest(state):
+    """mm, of the nodes of the roof."""
+    roof = np.unique(state.mesh.faces[state.mesh.face_region == REGIONS["roof"]])
+    return (state.mesh.points + state.displacement)[roof, 2].min()
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +90,10 @@ def test_forces_have_a_potential(touching):
     np.testing.assert_allclose((behind - ahead) / (2 * step), expected, atol=1e-4 * np.abs(expected).max())
 
 
-def test_work_of_the_plate_is_stored_in_the_pad_or_done_against_contact(touching):
-    mesh, step = touching.mesh, 5e-4
+@pytest.mark.parametrize("name", ["touching", "held"])
+def test_work_of_the_plate_is_stored_in_the_pad_or_done_against_contact(name, request):
+    touching, step = request.getfixturevalue(name), 5e-4
+    mesh, packages = touching.mesh, {"obstacles": PACKAGE} if name == "held" else {}
     elements = Assembly(mesh, LAW, number_unknowns(mesh, np.zeros(len(mesh.points), bool))).elements
 
     def energy(state):
@@ -84,19 +102,25 @@ def test_work_of_the_plate_is_stored_in_the_pad_or_done_against_contact(touching
         pressure = elements.pressures(here, state.pressure)
         return (elements.weight * (LAW.energy(gradient) + LAW.compressibility / 2 * pressure**2)).sum()
 
-    less, more = pressed((0, 0, BEYOND[2] + step), (0, 0, BEYOND[2] - step))
-    contact = sum(Barrier(mesh, LAW.youngs_modulus).forces(touching.displacement))
+    depth = touching.value[2]
+    less, more = pressed((0, 0, depth + step), (0, 0, depth - step), **packages)
+    contact = sum(Contacts(mesh, LAW.youngs_modulus, touching.bodies).forces(touching.displacement))
     done = (contact * touching.path_rate().displacement).sum()
-    assert done < -0.01
+    assert done < -1e-3
     assert (energy(more) - energy(less)) / (2 * step) == pytest.approx(reactions_of(touching).force[2] + done, rel=2e-5)
+
+
+def scene(depth, package):
+    reflector = PhotoReflector(body=(1.46, 1.06, package))
+    source = dict(PadSensor(pad=PAD, photo_reflector=reflector, force=(0, 0, -depth), load=ON).scene().source)
+    source["pad"] = {**source["pad"], "mesh_size": 2.0}
+    return Scene(source)
 
 
 def test_readings_are_continuous_through_the_first_touch():
     depths, read, error = 1.246 + np.array([-0.04, -0.02, 0.0, 0.02, 0.04]), [], []
     for depth in depths:
-        source = dict(PadSensor(pad=PAD, force=(0, 0, -depth), load=ON).scene().source)
-        source["pad"] = {**source["pad"], "mesh_size": 2.0}
-        readings = measure(Scene(source), target_error=2e-3, mechanics_error=False)
+        readings = measure(scene(depth, 0.5), target_error=2e-3, mechanics_error=False)
         read.append(float(readings.power[0]))
         error.append(float(readings.standard_error[0]))
     curve = np.polynomial.Polynomial.fit(depths, read, 2)
@@ -104,19 +128,74 @@ def test_readings_are_continuous_through_the_first_touch():
     assert read[0] > 1.1 * read[2] > 1.2 * read[4]
 
 
-def test_a_package_ends_a_path_that_goes_on():
+def test_readings_are_continuous_as_the_roof_comes_down_on_the_package():
+    """It covers the LED within a few hundredths of a millimetre, and is held from 0.465 mm on."""
+    depths = 0.465 + 2e-3 * np.arange(-2, 3)
+    readings = [measure(scene(depth, TOP), points=1 << 12, mechanics_error=False) for depth in depths]
+    read, error = np.array([(r.power[0], r.standard_error[0]) for r in readings]).T
+    curve = np.polynomial.Polynomial.fit(depths, read, 2)
+    assert np.abs(read - curve(depths)).max() < 4 * error.max() + 0.01 * np.ptp(read)  # false alarm below 3e-4
+    assert read[0] > 1.5 * read[4] and error.max() < 0.02 * np.ptp(read)
+
+
+def test_no_light_passes_where_the_roof_rests_on_the_package():
+    """None ends on the outside of the pad, where it would be if the roof were below the LED, and none is lost."""
+    live = scene(0.6, TOP).load()
+    audit = energy_audit(live, points=1 << 10)
+    share = dict(zip(audit.places, audit.share, strict=True))
+    assert share["pad top"] == share["pad outer"] == 0 and share["photo_reflector led"] > 0.5
+    assert audit.total == pytest.approx(1, abs=1e-9)
+    pad = next(shape for shape in live.shapes() if hasattr(shape, "surface"))
+    over = np.all(np.abs(pad.surface.facing[:, :2]) < (0.73, 0.53), axis=1)
+    assert pad.surface.facing[over, 2].min() > TOP
+    np.testing.assert_allclose(places_of(pad).vertices, pad.surface.facing, atol=1e-6)
+    before = pad.state
+    measure(live, points=256, mechanics_error=False)
+    np.testing.assert_array_equal(pad.state.displacement, before.displacement)
+
+
+@pytest.fixture(scope="module")
+def held():
+    return pressed(HELD, obstacles=PACKAGE)[0]
+
+
+def test_a_package_ends_a_path_that_does_not_go_on():
     """Where the roof comes down on it, and no state of the path changes by it."""
-    package = trimesh.creation.box((1.0, 1.4, 0.8))
-    package.apply_translation([0, 0, 0.401])
-    with pytest.raises(ComputationError, match="touches a package near .* mm, which is outside the model") as ended:
-        pressed(BEYOND, obstacles=package.triangles)
-    assert "self_contact" not in str(ended.value)  # it is on
-    end = float(re.search(r"displacement = \(0, 0, (-[\d.]+)\) mm", str(ended.value))[1])
-    (held,), (last,) = pressed((0, 0, 0.99 * end), obstacles=package.triangles), pressed((0, 0, end))
-    np.testing.assert_array_equal(held.displacement, pressed(tuple(held.value))[0].displacement)
-    roof = np.unique(last.mesh.faces[last.mesh.face_region == REGIONS["roof"]])
-    lowest = (last.mesh.points + last.displacement)[roof, 2].min()
-    assert lowest == pytest.approx(0.801, abs=2e-3)
+    without = PlateDisplacement()
+    with pytest.raises(ComputationError, match=r"touches a package near .* With self_contact = true it goes on") as end:
+        pressed(HELD, load=without, obstacles=PACKAGE)
+    last = float(re.search(r"displacement = \(0, 0, (-[\d.]+)\) mm", str(end.value))[1])
+    (free,) = pressed((0, 0, last), load=without)
+    assert lowest(free) == pytest.approx(TOP, abs=2e-3)
+
+
+def test_a_roof_rests_on_a_package(held):
+    """Faces, curved between the points that are kept off it, neither touch nor enter it, by other means."""
+    barrier = BodyBarrier(held.mesh, LAW.youngs_modulus, held.bodies)
+    pushed = barrier.forces(held.displacement)
+    assert 0 < barrier.gap(held.displacement) < barrier.reach
+    assert ContactTest(held.mesh, PACKAGE).find_package(held.displacement) is None
+    assert TOP < lowest(held) < TOP + barrier.reach
+    assert pushed[:, 2].sum() > 0.5 and np.abs(pushed[:, :2].sum(axis=0)).max() < 1e-9  # it pushes back, upwards
+    assert reactions_of(held).imbalance < 1e-8 and held.stability_checked
+    (free,) = pressed(HELD)
+    assert lowest(free) < TOP - 0.05
+    assert reactions_of(held).force[2] > reactions_of(free).force[2] + 0.1  # silicone that goes around it resists
+
+
+def test_a_package_that_is_not_touched_changes_nothing():
+    (with_it,), (without,) = pressed(CLEAR, obstacles=PACKAGE), pressed(CLEAR)
+    np.testing.assert_allclose(with_it.displacement, without.displacement, atol=1e-9)
+    with pytest.raises(InputError, match="the undeformed pad touches a package near .* move one of them"):
+        pressed(CLEAR, obstacles=PACKAGE + (0, 0, 1.0))
+
+
+def test_a_package_off_the_middle_is_touched_by_the_pad_without_symmetry(held):
+    """And one an eighth of a micrometre off it nearly as in the middle, where a quarter of the pad is solved."""
+    (beside,) = pressed(HELD, obstacles=PACKAGE + (1.25e-4, 0, 0))
+    assert not beside.bodies.kept_by(ACROSS_X) and held.bodies.kept_by(ACROSS_X)
+    np.testing.assert_allclose(beside.displacement, held.displacement, atol=3e-4)
+    assert reactions_of(beside).force[2] == pytest.approx(reactions_of(held).force[2], rel=1e-4)
 
 
 def test_states_are_the_same_bits_in_any_order(fresh, touching):

@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics import (
     Yeoh,
     load_path,
 )
-from mitsuba_taxel.mechanics.elements.nodal_forces import board_force
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, natural_step
 from mitsuba_taxel.mechanics.path.sensitivities import linearise
 from mitsuba_taxel.mechanics.results.balance import reactions
@@ -180,7 +180,7 @@ def test_the_force_on_a_plate_that_is_moved_has_its_error(cell, wall, along):
     pad, value, plate = Pad(cell, 1, 1, wall=wall), [(along, 0.0, -0.1)], PlateDisplacement()
     (state,) = load_path(pad, NeoHookean(), value, load=plate)
     (fine,) = load_path(pad, NeoHookean(), value, load=plate, mesh_size=pad.default_mesh_size / 3)
-    here, there = reactions(state), board_force(fine.mesh, fine.material, fine.displacement, fine.pressure)
+    here, there = reactions(state), glued_force(fine.mesh, fine.material, fine.displacement, fine.pressure)
     off = np.linalg.norm(here.force - there)
     assert 0.005 < off / np.linalg.norm(there) < 0.03 and off < 2 * here.force_error < 0.1 * here.force[2]
 

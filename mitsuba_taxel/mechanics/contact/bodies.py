@@ -1,0 +1,111 @@
+"""Rigid bodies that stand in the way of a pad, such as packages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.geometry.point_tree import PointTree
+
+CONVEX, COINCIDENT = 1e-5, 1e-6
+"""Tolerances for a body as large as its hull, relative to that, and for points in a plane, relative to the largest
+coordinate: the corners of a scene are in single precision."""
+
+
+def body_of_each(triangles: np.ndarray) -> np.ndarray:
+    """(K,) number of the body of each of the triangles (K, 3, 3); those of one share corners."""
+    number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
+    joined = coo_array((np.ones(len(sides[0])), sides), shape=(number.max() + 1,) * 2)
+    return connected_components(joined, directed=False)[1][number[:, 0]]
+
+
+@dataclass(frozen=True)
+class RigidBodies:
+    """Closed surfaces that do not move, of which two with the same triangles are equal.
+
+    Attributes
+    ----------
+    corners : bytes
+        Of the triangles (K, 3, 3), in mm in the frame of the pad.
+    """
+
+    corners: bytes
+
+    @cached_property
+    def triangles(self) -> np.ndarray:
+        """(K, 3, 3) corners in mm."""
+        return np.frombuffer(self.corners).reshape(-1, 3, 3)
+
+    @cached_property
+    def surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (P, 3) in mm and triangles (T, 3): those given or, of a convex body, triangles that have the
+        symmetries of the body."""
+        points, triangles, count = [], [], 0
+        for part in self._parts:
+            points.append(part.points)
+            triangles.append(count + part.triangles)
+            count += len(part.points)
+        return np.concatenate(points), np.concatenate(triangles)
+
+    def kept_by(self, mirror: Mirror) -> bool:
+        """Whether a mirror certainly maps the bodies onto themselves: only convex ones are compared."""
+        if not all(part.is_convex for part in self._parts):
+            return False
+        points, _ = self.surface
+        distance, _ = PointTree(points).query(mirror.image(points))
+        return bool((distance <= self._tolerance).all())
+
+    @cached_property
+    def _tolerance(self) -> float:
+        return COINCIDENT * float(np.abs(self.triangles).max())
+
+    @cached_property
+    def _parts(self) -> list[_Part]:
+        body = body_of_each(self.triangles)
+        return [_part(self.triangles[body == number], self._tolerance) for number in range(body.max() + 1)]
+
+
+class _Part(NamedTuple):
+    """Points (P, 3) and triangles (T, 3) of one body."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    is_convex: bool
+
+
+def _part(triangles: np.ndarray, tolerance: float) -> _Part:
+    points, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    hull = ConvexHull(points)
+    if abs(np.linalg.det(triangles - points.mean(axis=0)).sum() / 6) < (1 - CONVEX) * hull.volume:
+        return _Part(points, number.reshape(-1, 3), False)
+    return _Part(*_fans(hull, tolerance), True)
+
+
+def _fans(hull: ConvexHull, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles between the centre and each side of the plane faces of a convex body."""
+    in_plane = hull.points @ hull.equations[:, :3].T + hull.equations[:, 3] > -tolerance
+    faces = np.unique(in_plane, axis=1).T
+    size, common = faces.sum(axis=1), faces.astype(int) @ faces.T.astype(int)
+    faces = faces[~((common == size[:, None]) & (size > size[:, None])).any(axis=1)]  # others are slivers along an edge
+    corner = faces.sum(axis=0) >= 3  # of fewer planes are points within a face or a side
+    number = np.cumsum(corner) - 1
+    points, triangles, middle = [hull.points[corner]], [], hull.points[corner].mean(axis=0)
+    for count, face in enumerate(faces, start=int(corner.sum())):
+        around = np.flatnonzero(face & corner)
+        centre = hull.points[around].mean(axis=0)
+        x, y, normal = np.linalg.svd(hull.points[around] - centre)[2]
+        if np.linalg.det([x, y, normal]) * (normal @ (centre - middle)) < 0:
+            x = -x
+        angle = np.arctan2((hull.points[around] - centre) @ y, (hull.points[around] - centre) @ x)
+        sides = number[around[np.argsort(angle)]]
+        points.append(centre[None])
+        triangles.append(np.stack([np.full(len(sides), count), sides, np.roll(sides, -1)], axis=1))
+    return np.concatenate(points), np.concatenate(triangles)

@@ -1,0 +1,160 @@
+"""Forces that keep a pad off rigid bodies, from the potential of :mod:`~mitsuba_taxel.mechanics.contact.barrier`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.geometry.box_tree import overlapping
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, ipctk_of_one_thread
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.surface.cutting import cut_faces
+from mitsuba_taxel.pads.pad import REGIONS
+
+CUTS = 6
+"""Triangles along the longest edge of a face: as many as light meets by default."""
+CLOSE = 0.99
+"""Share of a distance up to which a collision is looked for: `APPROACH` leaves room enough."""
+
+
+class BodyBarrier:
+    """The repulsion of the surface of a pad, except its glued bottom, from rigid bodies.
+
+    Faces are cut as for the light, into so small triangles that curved faces are within the reach of them. Pairs of
+    points, edges and triangles of the pad are left to the pad's own barrier.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Of the whole undeformed pad, which touches no body.
+    modulus : float
+        MPa, as of the pad's own barrier.
+    bodies : RigidBodies
+
+    Attributes
+    ----------
+    reach : float
+        In mm, distance from which on bodies repel the pad.
+
+    Raises
+    ------
+    InputError
+        without `ipctk`.
+    """
+
+    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies) -> None:
+        self._ipc = ipc = ipctk_of_one_thread()
+        cut = cut_faces(mesh, CUTS)
+        kept = cut.triangles[mesh.face_region[cut.faces] != REGIONS["bottom"]]
+        used, number = np.unique(kept, return_inverse=True)
+        point = cut.of_vertex[used]
+        entries = cut.weights[point].ravel(), (np.arange(len(used)).repeat(6), cut.nodes[point].ravel())
+        self._over = sparse.csr_array(entries, shape=(len(used), len(mesh.points)))
+        self._points = mesh.points
+        self._corners, of_bodies = bodies.surface
+
+        self._own = _Parts(number.reshape(-1, 3), 0, 0, 0)
+        counts = len(used), len(self._own.sides), len(self._own.triangles)
+        self._others = _Parts(of_bodies, *counts)
+        places = self._places(np.zeros_like(mesh.points))
+        sides, triangles = (
+            np.concatenate([getattr(self._own, part), len(used) + getattr(self._others, part)])
+            for part in ("sides", "triangles")
+        )
+        self._mesh = ipc.CollisionMesh(places, np.asfortranarray(sides), np.asfortranarray(triangles))
+        self.reach = REACH * float(np.ptp(mesh.points[:, 2]))
+        self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
+        self._potential = ipc.BarrierPotential(self.reach, modulus, True)
+        self._ccd = ipc.AdditiveCCD(conservative_rescaling=CLOSE)
+
+    def gap(self, displacement: np.ndarray) -> float:
+        """Smallest distance in mm of the pad from a body, if below the reach, which else it is."""
+        places = self._places(displacement)
+        near = self._near(places)
+        return float(np.sqrt(near.compute_minimum_distance(self._mesh, places))) if len(near) else self.reach
+
+    def forces(self, displacement: np.ndarray) -> np.ndarray:
+        """(N, 3) nodal forces in N of the bodies on the pad."""
+        places = self._places(displacement)
+        gradient = self._potential.gradient(self._near(places), self._mesh, places).reshape(-1, 3)
+        return self._over.T @ -gradient[: self._over.shape[0]]
+
+    def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
+        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign; as of the pad's own
+        barrier."""
+        places, count = self._places(displacement), 3 * self._over.shape[0]
+        projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
+        found = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places, projection))
+        own = (found.row < count) & (found.col < count)
+        used, number = np.unique(np.stack([found.row[own], found.col[own]]), return_inverse=True)
+        of_points = sparse.csr_array((found.data[own], tuple(number.reshape(2, -1))), shape=(len(used), len(used)))
+        over = sparse.csr_array(sparse.kron(self._over[used // 3], np.eye(3)))[3 * np.arange(len(used)) + used % 3]
+        return sparse.csr_array(over.T @ of_points @ over)
+
+    def free_share(self, before: np.ndarray, after: np.ndarray) -> float:
+        """Share, at most 1, of the way from one displacement (N, 3) to another that meets nothing, with a margin."""
+        start, end = self._places(before), self._places(after)
+        pairs = self._pairs(np.minimum(start, end), np.maximum(start, end), 0.0)
+        if not len(pairs):
+            return 1.0
+        share = float(pairs.compute_collision_free_stepsize(self._mesh, start, end, 0.0, self._ccd))
+        return share if share >= 1 else APPROACH * share
+
+    def _places(self, displacement: np.ndarray) -> np.ndarray:
+        return np.asfortranarray(np.concatenate([self._over @ (self._points + displacement), self._corners]))
+
+    def _near(self, places: np.ndarray) -> Any:
+        """The pairs of points, edges and triangles within the reach."""
+        near = self._ipc.NormalCollisions()
+        near.use_area_weighting = True
+        near.build(self._pairs(places, places, self.reach), self._mesh, places, self.reach)
+        return near
+
+    def _pairs(self, low: np.ndarray, high: np.ndarray, margin: float) -> Any:
+        """Pairs of a part of the pad and one of a body whose boxes overlap, for points within ``low`` and ``high``."""
+        count = self._over.shape[0]
+        own = self._own.boxes(low[:count] - margin, high[:count] + margin)
+        others = self._others.boxes(self._corners, self._corners)
+        found, ipc = self._ipc.Candidates(), self._ipc
+        found.fv_candidates = [
+            *_listed(ipc.FaceVertexCandidate, own["triangles"], others["points"]),
+            *_listed(lambda point, face: ipc.FaceVertexCandidate(face, point), own["points"], others["triangles"]),
+        ]
+        found.ee_candidates = _listed(ipc.EdgeEdgeCandidate, own["sides"], others["sides"])
+        return found
+
+
+class _Parts:
+    """Triangles (K, 3), their sides (S, 2) and points of a part of the collision mesh, with the first number of each
+    kind."""
+
+    def __init__(self, triangles: np.ndarray, first_point: int, first_side: int, first_triangle: int) -> None:
+        sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        self.triangles, self.sides = triangles, np.unique(sides, axis=0)
+        self._first = {"points": first_point, "sides": first_side, "triangles": first_triangle}
+
+    def boxes(self, low: np.ndarray, high: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+        """Corners (n, 3) of the boxes of all points, sides and triangles, and their first numbers."""
+        found = {"points": (low, high, self._first["points"])}
+        for kind, members in (("sides", self.sides), ("triangles", self.triangles)):
+            lowest = np.minimum.reduce([low[column] for column in members.T])
+            highest = np.maximum.reduce([high[column] for column in members.T])
+            found[kind] = lowest, highest, self._first[kind]
+        return found
+
+
+def _listed(
+    pair: Callable[[int, int], Any],
+    own: tuple[np.ndarray, np.ndarray, int],
+    others: tuple[np.ndarray, np.ndarray, int],
+) -> list[Any]:
+    """The pairs of boxes that overlap."""
+    low, high, first = own
+    around = (low <= others[1].max(axis=0)).all(axis=1) & (high >= others[0].min(axis=0)).all(axis=1)
+    near = np.flatnonzero(around)
+    one, other = overlapping(low[near], high[near], others[0], others[1])
+    return list(map(pair, (near[one] + first).tolist(), (other + others[2]).tolist()))

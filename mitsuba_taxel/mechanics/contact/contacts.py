@@ -1,0 +1,35 @@
+"""All that a pad is kept off: its own walls, the board, and rigid bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
+
+
+class Contacts:
+    """The sum of the barriers of a pad; parameters are those of a `BodyBarrier`, whose bodies may be None."""
+
+    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies | None) -> None:
+        self._own = Barrier(mesh, modulus)
+        self._bodies = None if bodies is None else BodyBarrier(mesh, modulus, bodies)
+
+    def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) nodal forces in N of the pad on itself, and of board and bodies on it."""
+        own, other = self._own.forces(displacement)
+        return own, other if self._bodies is None else other + self._bodies.forces(displacement)
+
+    def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
+        """(3 N, 3 N) derivative of the forces by the displacement, with the opposite sign; without negative eigenvalues
+        of any pair if ``steady``."""
+        own = self._own.stiffness(displacement, steady)
+        return own if self._bodies is None else own + self._bodies.stiffness(displacement, steady)
+
+    def free_share(self, before: np.ndarray, after: np.ndarray) -> float:
+        """Share, at most 1, of the way from one displacement (N, 3) to another that meets nothing, with a margin."""
+        own = self._own.free_share(before, after)
+        return own if self._bodies is None else min(own, self._bodies.free_share(before, after))
