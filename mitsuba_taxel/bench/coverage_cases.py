@@ -6,7 +6,7 @@ import math
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +101,7 @@ class CoverageCase:
         (_write_step if self.file_format == ".step" else _write_stl)(self.sensor.pad, file)
         source = self.sensor.scene().source
         assert isinstance(source, dict)
-        dimensions = ("cell", "rows", "columns", "pitch", "wall", "height", "cell_size", "cell_height")
+        dimensions = {each.name for each in fields(Pad)}
         pad = {name: value for name, value in source["pad"].items() if name not in dimensions}
         return Scene({**source, "pad": {**pad, "filename": str(file)}})
 

@@ -14,6 +14,7 @@ from mitsuba_taxel.bench import coverage_cases
 from mitsuba_taxel.bench.coverage import coverage, read_rows, summary
 from mitsuba_taxel.bench.coverage_row import CoverageRow
 from mitsuba_taxel.bench.row import cells, headings
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 SUBSET = ("parallelepiped, 1 x 1, wall 0.5 mm, plate moved by 0.1 mm", "cylindrical, 1 x 1, wall 0.3 mm, -1 N")
 
@@ -24,6 +25,13 @@ def test_the_table_is_of_every_kind_of_pad_and_load():
     assert len(names) == len(set(names)) >= 40
     assert {case.sensor.pad.wall for case in cases} >= {0.3, 0.5, 0.7} and {case.file_format for case in cases} > {""}
     assert len({type(case.sensor.load) for case in cases}) == 5 and any("2 x 5" in name for name in names)
+
+
+def test_pads_of_files_are_those_of_the_file(llvm_mono, tmp_path):
+    case = next(case for case in coverage_cases.coverage_cases() if case.file_format == ".stl")
+    (pad,) = deformed_pads(case._from_file(tmp_path).load())
+    low, high = pad.bbox().min, pad.bbox().max
+    assert pad.is_loaded and high.x - low.x == pytest.approx(case.sensor.pad.extent[0], rel=0.05)
 
 
 def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
