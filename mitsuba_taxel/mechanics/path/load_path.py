@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
-from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, among, pad_path
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.timed_path import timed_path
 from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
@@ -102,7 +102,7 @@ def load_path(
         bodies = None
         if load.goes_on and obstacles is not None:
             bodies, obstacles = RigidBodies(obstacles.tobytes()), None
-        path = pad_path(pad, law, load, size, **judge, bodies=bodies)
+        path = pad_path(pad, law, load, size, **judge, **among(bodies))
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):

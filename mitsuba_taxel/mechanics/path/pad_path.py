@@ -77,7 +77,7 @@ class PadPath:
     ) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
         self.judged = judged and judged_on is None
-        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on, bodies=bodies)
+        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on, **among(bodies))
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
@@ -149,7 +149,7 @@ class PadPath:
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
         if self._judge and not self._judge.bears(value):
-            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, bodies=self.bodies)
+            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, **among(self.bodies))
             return alone.state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact)
@@ -338,7 +338,7 @@ class PadPath:
 
     def _second(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
-        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False, bodies=self.bodies)
+        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False, **among(self.bodies))
         if self._judge and self._judge.mesh_size == mesh_size:
             second = self._judge
         try:
@@ -475,6 +475,12 @@ def _name_of(part: object) -> str:
 
 def _listed(numbers: np.ndarray) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
+
+
+def among(bodies: RigidBodies | None) -> dict[str, RigidBodies]:
+    """The argument of :func:`pad_path` for bodies, if there are any: a path without is the same however it is asked
+    for."""
+    return {} if bodies is None else {"bodies": bodies}
 
 
 @lru_cache(maxsize=16)
