@@ -57,6 +57,8 @@ class UndeformedPad:
 
     # Interface of shapes for `refuse_unmodelled`
 
+    state = None
+
     def bsdf(self) -> Any:
         return next((made for made in self.objects.values() if isinstance(made, mi.BSDF)), None)
 

@@ -30,6 +30,8 @@ def command(source: Path, output: Path, coverage: float, noise: float, as_json: 
     The model is a polynomial of the readings, cross-validated on whole paths: curves of a study, or runs of a
     measurement. Intervals are calibrated on paths that a fit has not seen.
     """
+    import xarray as xr
+
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.characterise import read_measurement
@@ -39,7 +41,7 @@ def command(source: Path, output: Path, coverage: float, noise: float, as_json: 
     check_new_file(output, ".onnx")
     measured = source.suffix.lower() == ".csv"
     data = read_measurement(source) if measured else open_study(source)
-    if hasattr(data, "leaves"):
+    if isinstance(data, xr.DataTree):
         raise InputError("the study holds several scenes: the folder of one of them is needed.")
     found = calibrate(data, coverage=coverage, noise=noise)
     write_calibration(found, output)

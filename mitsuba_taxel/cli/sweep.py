@@ -100,6 +100,8 @@ def command(
     values of a parameter, a further varied parameter, or a better target extend an existing study. Tables, meshes and a
     plot are written at the end.
     """
+    import xarray as xr
+
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of
 
@@ -129,7 +131,7 @@ def command(
             }
             rows = {**together, **(columns_of(steps) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
-    studies = {"": study} if hasattr(study, "power") else dict(study.children.items())
+    studies = {"": study} if isinstance(study, xr.Dataset) else dict(study.children.items())
     if as_json:
         import json
 

@@ -21,7 +21,10 @@ MOST_CELLS = 16
 
 def size_for_light(pad: Pad | PadFile, load: Any, walls: list[mi.BSDF]) -> float | None:
     """In mm, for built-in domes that return light; None for other pads, and under an indenter."""
-    if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or hasattr(load, "indenter"):
+    from mitsuba_taxel.mechanics import IndenterDisplacement, IndenterForce
+
+    indented = isinstance(load, IndenterDisplacement | IndenterForce)
+    if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or indented:
         return None
     if any(map(mirrors, walls)):
         share = MIRRORS.get(pad.cell)

@@ -1,7 +1,6 @@
 """Interfaces of our plugins, and predicates that tell them from Mitsuba's own and from third-party ones.
 
-A scene returns Mitsuba's objects, whose classes are hidden from Python; ours are recognised by attributes that only
-they have.
+Ours carry the ``specification`` that their parameters were read into, which names the plugin; others have none.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.guide import Guide
     from mitsuba_taxel.kernels.mesh_adapter import Places
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 
 class TaxelEnd(Protocol):
@@ -79,8 +79,9 @@ class Package(Protocol):
 
 class PadShape(Protocol):
     """A `deformable_pad`: the solid ``pad``, the ``value`` of its load and its ``history`` (times and values, the last
-    ones at present), and its ``state`` and ``surface`` under load."""
+    ones at present), and its ``state`` (None if it is only read) and ``surface`` under load."""
 
+    specification: DeformablePad
     pad: Any
     material: Any
     load: Any
@@ -129,11 +130,11 @@ class TaxelIntegrator(Protocol):
 
 
 def is_led(emitter: Any) -> TypeGuard[Led]:
-    return hasattr(emitter, "sample_direction_of_emission")
+    return _plugin_of(emitter) == "annular_led"
 
 
 def is_phototransistor(sensor: Any) -> TypeGuard[Phototransistor]:
-    return hasattr(sensor, "spread_film")
+    return _plugin_of(sensor) == "phototransistor"
 
 
 def has_faces(end: Any) -> TypeGuard[TaxelEnd]:
@@ -141,29 +142,29 @@ def has_faces(end: Any) -> TypeGuard[TaxelEnd]:
 
 
 def is_package(shape: Any) -> TypeGuard[Package]:
-    return hasattr(shape, "face_grid")
+    return _plugin_of(shape) == "photo_reflector"
 
 
 def is_pad(shape: Any) -> TypeGuard[PadShape]:
-    return hasattr(shape, "state")
-
-
-def has_pad(shape: Any) -> bool:
-    """Whether it is a `deformable_pad`, or a stand-in for one that is not solved."""
-    return hasattr(shape, "pad")
+    return _plugin_of(shape) == "deformable_pad"
 
 
 def is_region(bsdf: Any) -> TypeGuard[Region]:
-    return hasattr(bsdf, "walls")
+    return _plugin_of(bsdf) == "region"
 
 
 def traces_taxels(integrator: Any) -> TypeGuard[TaxelIntegrator]:
-    return hasattr(integrator, "sample_paths")
+    return _plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
 def guides_emission(integrator: Any) -> bool:
-    return hasattr(integrator, "sample_guided")
+    return _plugin_of(integrator) == "taxel_tracer"
 
 
 def is_owen_sobol(sampler: Any) -> bool:
-    return hasattr(sampler, "place")
+    return _plugin_of(sampler) == "owen_sobol"
+
+
+def _plugin_of(made: Any) -> str | None:
+    """Name of the plugin that made an object, None if that is not ours."""
+    return getattr(getattr(made, "specification", None), "plugin", None)

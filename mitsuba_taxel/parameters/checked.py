@@ -82,13 +82,14 @@ def check(part: Any) -> None:
 
 def values_of(part: Any) -> dict[str, Any]:
     """The parameters of a part, as entries of a Mitsuba dictionary."""
-    values = {p.name: getattr(part, name) for name, p in parameters_of(type(part)).items()}
-    written = {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
-    return {
-        name: value.to_dict() if hasattr(value, "to_dict") else value
-        for name, value in written.items()
-        if value is not None
-    }
+    values = [(p, getattr(part, name)) for name, p in parameters_of(type(part)).items()]
+    return {p.name: _written(p, value) for p, value in values if value is not None}
+
+
+def _written(parameter: Parameter, value: Any) -> Any:
+    if isinstance(parameter, Nested):
+        return value.to_dict()
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _specification_of(props: Any, parameter: Nested) -> Any:

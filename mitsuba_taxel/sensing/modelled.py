@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.protocols import has_faces, has_pad, is_owen_sobol, is_package, traces_taxels
+from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad, traces_taxels
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
 from mitsuba_taxel.sensing.clearance import heed_packages
 from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
@@ -108,7 +108,7 @@ def _refuse_samplers(scene: Any) -> None:
 def _refuse_unseen_indenters(scene: Any) -> None:
     """Raise if light may leave a pad to where an indenter is, which is no surface of the scene."""
     for shape in scene.shapes():
-        if not has_pad(shape) or getattr(shape, "specification", None) is None or shape.specification.indenter is None:
+        if not is_pad(shape) or shape.specification.indenter is None:
             continue
         for region in ("top", "outer"):
             wall = wall_at(shape.bsdf(), region)

@@ -9,7 +9,7 @@ from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 
 def deformed_pads(scene: Any) -> list[PadShape]:
     """The `deformable_pad`s of an ``mi.Scene``, loaded or not."""
-    return [shape for shape in scene.shapes() if is_pad(shape)]
+    return [shape for shape in scene.shapes() if is_pad(shape) and shape.state is not None]
 
 
 def loaded_pads(scene: Any) -> list[PadShape]:

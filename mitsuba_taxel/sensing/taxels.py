@@ -10,7 +10,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import matrix_of
-from mitsuba_taxel.kernels.protocols import has_faces, has_pad, is_led, is_phototransistor
+from mitsuba_taxel.kernels.protocols import has_faces, is_led, is_pad, is_phototransistor
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -58,7 +58,7 @@ def refuse_shared_places(scene: mi.Scene) -> None:
     allowed: no light passes between the two.
     """
     ends = [(end, end.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
-    surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not has_pad(shape)]
+    surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not is_pad(shape)]
     for end, faces in ends:
         for shape, vertices, triangles in surfaces:
             if shape.ptr != end.get_shape().ptr and _lie_on(faces, vertices, triangles):
