@@ -110,7 +110,7 @@ def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
     if not isinstance(pad.pad, Pad):
         return ""
     x, y, z = pad.pad.extent
-    size = float(np.linalg.norm(value))
+    size = math.hypot(*value)
     if quantity == "displacement":
         return f"is more than the height of the pad, {z:g} mm; if it is in µm, write it in mm" if size >= z else ""
     modulus = pad.material.youngs_modulus

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
 from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree, few
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,14 +10,6 @@ from mitsuba_taxel import InputError, Scene, check_scene
 from mitsuba_taxel.sensing.runs import prepare
 
 FEW = few(100)
-
-
-@pytest.fixture(scope="module")
-def static():
-    """What is found without deforming pads: the rest is in tests/properties/test_check_and_measure.py."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mitsuba_taxel.check.scene.check_prepared", lambda scene, file: [])
-        yield
 
 
 def assert_findings_of(file) -> None:
