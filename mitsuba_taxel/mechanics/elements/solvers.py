@@ -20,9 +20,9 @@ from mitsuba_taxel.mechanics.elements.memory import require_memory
 MOST_THREADS = 4
 """More threads bring no gain for matrices of pads."""
 
-FEW_UNKNOWNS = 12_000
-"""Smaller matrices are ordered by minimum fill, in half the time of nested dissection, which gives less fill for larger
-ones."""
+FEW_UNKNOWNS = 50_000
+"""Smaller matrices are ordered by minimum fill, in a third of the time of nested dissection, which gives less fill for
+larger ones."""
 
 ANALYSIS_BYTES = 150
 """Memory per entry for the analysis of a pattern, as measured."""
