@@ -38,8 +38,8 @@ FINER_DOMES = 0.5
 share: what is left of the error of mirrors is that of normals, which only the elements there reduce."""
 CAP, CAP_EXPONENT = "spherical", 0.7
 """Caps of spheres are flatter: elements on them are smaller by this power of the share only. Those inside stay as large
-as they are on the default mesh, and are reached the faster, so that there are half as many: readings are as accurate
-(`taxel bench domes`). Hemispheric mirrors would be half a percent worse."""
+as they are on the default mesh, and are reached the faster, so that there are far fewer. Whether readings are accurate
+enough is shown by `taxel bench domes`, for other hemispheric mirrors too, which need small elements inside."""
 CUT = 0.2
 """Relative distance from a singular edge at which elements there are cut."""
 CURVATURE_SAFETY = 2.0
