@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.optimum.descent import descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
-from mitsuba_taxel.optimum.search import Judged, descend
+from mitsuba_taxel.optimum.search import Judged
 
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
@@ -116,10 +117,10 @@ class Course:
             try:
                 if self._read[start] is None or at(np.array(start.x)) is None:
                     return
-                found = descend(at, np.array(start.x))
+                x = descend(at, np.array(start.x))
             except Enough:
                 return
-            end = self._alike(self.plan.design(start.choice, np.clip(found.x[: len(start.x)], 0.0, 1.0).tolist()))
+            end = self._alike(self.plan.design(start.choice, x.tolist()))
             if self._read.get(end) is None or end == start:
                 return
             start = end

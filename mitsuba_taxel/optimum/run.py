@@ -19,7 +19,7 @@ from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan, read_plan
 from mitsuba_taxel.optimum.result import Optimum, told
-from mitsuba_taxel.optimum.search import in_conflict
+from mitsuba_taxel.optimum.search import least_violation
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
@@ -118,7 +118,8 @@ def _no_design(course: Course) -> InputError:
     """The error for contradictory constraints."""
     plan = course.plan
     nearest, judged = course.nearest(plan.goal, plan.limits)
-    weights = in_conflict(np.array(nearest.x), judged)
+    x = np.array(nearest.x)
+    _, _, weights = least_violation(judged, -x, 1 - x)
     sizes = [len(limit.figure.components(course.read(nearest).values)) for limit in plan.limits]
     of_limits = [float(part.sum()) for part in np.split(weights, np.cumsum(sizes)[:-1])]
     order = np.argsort(of_limits)[::-1]

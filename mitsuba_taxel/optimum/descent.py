@@ -1,0 +1,162 @@
+"""Descent to an optimum by sequential quadratic programming in a trust region, for functions that jump a little.
+
+Readings of neighbouring designs differ by the error of their meshes. A line search takes such a jump for the end of the
+descent, and curvature from the gradients of two points that nearly coincide is noise. Here a step counts as a success
+if the loss falls as predicted up to that jump, and gradients are compared over steps that are large enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.optimum.search import TINY, Judged, balanced, least_violation
+
+FIRST_STEP = 0.3
+"""Largest first change of a variable, relative to its bounds' width."""
+LEAST_STEP = 1e-5
+"""Changes below this are no step."""
+COMPARED = 10
+"""Shortest step over which gradients are compared, relative to the jump of figures."""
+JUMP = 1e-3
+"""Relative error of a figure that changes with the mesh."""
+TOLERANCE = 3e-4
+"""A descent ends where a relative improvement by less is expected."""
+STEPS = 100
+
+At = Callable[[np.ndarray], "Judged | None"]
+"""Evaluation at a point of the unit cube; None if it fails."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Step of V variables that is best in the quadratic model.
+
+    Attributes
+    ----------
+    d : (V,) ndarray
+    goal : float
+        Expected decrease of the worst goal.
+    violation : float
+        Expected largest violation of a limit.
+    goals : (N,) ndarray
+        Weights of the goals; their sum is 1.
+    limits : (M,) ndarray
+        Multipliers of the limits.
+    """
+
+    d: np.ndarray
+    goal: float
+    violation: float
+    goals: np.ndarray
+    limits: np.ndarray
+
+
+def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float = JUMP) -> np.ndarray:
+    """Minimise the largest of several goals within limits, from a valid start; returns the last point that was
+    accepted.
+
+    Each step minimises the largest of the linearised goals plus a common quadratic term within the linearised limits
+    and a box around the last point (R. Fletcher, Practical Methods of Optimization, 1987, chapters 12 and 14). The
+    quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978).
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative expected improvement at which to end.
+    jump : float
+        Relative error of goals, absolute one of limits, by which a step may be worse than expected.
+    """
+    here = at(start)
+    assert here is not None
+    x, radius, penalty, fresh, compared = start, FIRST_STEP, 0.0, True, (start, here)
+    curvature = max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(len(x))
+    for _ in range(STEPS):
+        step = best_step(x, here, curvature, radius)
+        size = max(abs(here.worst), TINY)
+        better = here.violation - step.violation
+        if np.abs(step.d).max() < LEAST_STEP or (step.goal < tolerance * size and better < tolerance):
+            break
+        penalty = max(penalty, 2 * float(step.limits.sum()))
+        if better > 0:
+            penalty = max(penalty, -2 * step.goal / better)
+        end = np.clip(x + step.d, 0.0, 1.0)
+        there = at(end)
+        length = float(np.abs(step.d).max())
+        if there is None:
+            radius = 0.4 * length
+            continue
+        if np.abs(end - compared[0]).max() > COMPARED * jump:
+            change = _lagrangian_rate(there, step) - _lagrangian_rate(compared[1], step)
+            curvature, fresh = _updated(curvature, end - compared[0], change, fresh), False
+            compared = end, there
+        expected = step.goal + penalty * better
+        found = here.worst - there.worst + penalty * (here.violation - there.violation)
+        slack = jump * (size + penalty)
+        share = (found + slack) / (expected + slack)
+        if share > 0.1:
+            x, here = end, there
+        if share < 0.3:
+            radius = 0.4 * length
+        elif share > 0.8 and length > 0.9 * radius:
+            radius = min(2 * radius, 1.0)
+    return x
+
+
+def best_step(x: np.ndarray, here: Judged, curvature: np.ndarray, radius: float) -> Step:
+    """The step within a box and the bounds of the unit cube."""
+    from scipy.optimize import minimize
+
+    count = len(x)
+    low, high = np.maximum(-x, -radius), np.minimum(1 - x, radius)
+    first, violation, _ = least_violation(here, low, high)
+    above = np.column_stack([-here.goal_rates, np.ones(len(here.goals))])
+    within = np.column_stack([here.limit_rates, np.zeros(len(here.limits))])
+    rates, offset = np.vstack([above, within]), np.append(-here.goals, here.limits + violation + 1e-9)
+    minimum: Any = minimize
+    found = minimum(
+        lambda z: 0.5 * z[:count] @ curvature @ z[:count] + z[count],
+        np.append(first, float((here.goals + here.goal_rates @ first).max())),
+        jac=lambda z: np.append(curvature @ z[:count], 1.0),
+        bounds=[*zip(low, high, strict=True), (None, None)],
+        constraints={"type": "ineq", "fun": lambda z: rates @ z + offset, "jac": lambda z: rates},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 200},
+    )
+    d = np.clip(found.x[:count], low, high)
+    goals, limits = _multipliers(here, curvature, d, low, high, violation)
+    model = float((here.goals + here.goal_rates @ d).max() + 0.5 * d @ curvature @ d)
+    return Step(d, here.worst - model, violation, goals, limits)
+
+
+def _multipliers(
+    here: Judged, curvature: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, violation: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weights of goals and multipliers of limits that balance the model's gradient at its minimum."""
+    goals, limits = here.goals + here.goal_rates @ d, here.limits + here.limit_rates @ d
+    near = 1e-6 * max(float(np.abs(goals).max()), TINY)
+    worst, held = goals >= goals.max() - near, limits <= 1e-6 - violation
+    ends = np.concatenate([-np.eye(len(d))[d <= low + 1e-9], np.eye(len(d))[d >= high - 1e-9]])
+    weights, multipliers, _, _ = balanced(here.goal_rates[worst], here.limit_rates[held], ends, curvature @ d)
+    of_goals, of_limits = np.zeros(len(goals)), np.zeros(len(limits))
+    of_goals[worst], of_limits[held] = weights, multipliers
+    return of_goals, of_limits
+
+
+def _lagrangian_rate(at: Judged, step: Step) -> np.ndarray:
+    return step.goals @ at.goal_rates - step.limits @ at.limit_rates
+
+
+def _updated(curvature: np.ndarray, s: np.ndarray, y: np.ndarray, fresh: bool) -> np.ndarray:
+    """Damped BFGS update by the change ``y`` of the gradient over the step ``s``; it stays positive definite."""
+    if fresh and s @ y > 0:
+        curvature = float(s @ y / (s @ s)) * np.eye(len(s))
+    pushed = curvature @ s
+    bend = float(s @ pushed)
+    if s @ y < 0.2 * bend:
+        share = 0.8 * bend / (bend - s @ y)
+        y = share * y + (1 - share) * pushed
+    return curvature - np.outer(pushed, pushed) / bend + np.outer(y, y) / float(s @ y)
