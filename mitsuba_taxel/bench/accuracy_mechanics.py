@@ -244,5 +244,5 @@ def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Ite
 
 
 def _forget() -> None:
-    for kept in (path.pad_path, loaded_pad, mirror_images):
+    for kept in (path.shared, loaded_pad, mirror_images):
         kept.cache_clear()

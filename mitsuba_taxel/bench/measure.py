@@ -87,14 +87,14 @@ def failure_of(row: Row, refused: bool = False) -> str:
 def _along_path(case: Case) -> _Outcome:
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     if isinstance(case.load, IndenterForce):
-        path = path._driven  # on which the body is moved
+        path = path.driven  # on which the body is moved
     try:
         (state,) = load_path(case.pad, case.material, [case.value], load=case.load, mesh_size=case.mesh_size)
         return _Outcome(CONVERGED, _figures(case, path) or _own_figures(state), state)
     except InputError as error:
         return _Outcome(f"refused: {error}", {}, None)
     except ComputationError as error:
-        segments = list(path._segments.values())
+        segments = list(path.segments.values())
         if not segments or math.isinf(segments[-1].limit):
             return _Outcome(f"refused: {error}", {}, None)
         last = segments[-1]
@@ -109,7 +109,7 @@ def _along_path(case: Case) -> _Outcome:
 def _in_one_step(case: Case) -> _Outcome:
     value = np.array(case.value)
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
-    pad = path._pad_for(np.zeros_like(value), value)
+    pad = path.pad_for(np.zeros_like(value), value)
     try:
         solution, _ = pad.solve(np.zeros(pad.unknowns), value)
     except Rejected as rejection:
@@ -142,7 +142,7 @@ def _own_figures(state: State) -> dict[str, float | str]:
 
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
-    segments = list(path._segments.values())
+    segments = list(path.segments.values())
     nodes = [node for segment in segments for node in segment.nodes]
     if not nodes:
         return {}
@@ -159,7 +159,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment within the case that inverts an element at a node."""
-    pad = path._pad_for(segment.origin, segment.direction)
+    pad = path.pad_for(segment.origin, segment.direction)
     driven = isinstance(case.load, IndenterForce)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:

@@ -273,7 +273,7 @@ def test_from_nothing_leaves_everything_as_it_was(monkeypatch, tmp_path, kept):
         inside = cache.folder()
         assert inside != folder and not any(inside.iterdir())
         assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == 1e-2
-        assert path.pad_path.cache_info().currsize == loaded_pad.cache_info().currsize == 0
+        assert path.shared.cache_info().currsize == loaded_pad.cache_info().currsize == 0
         raise KeyError
     assert load_segment.INTERPOLATION_TOLERANCE == path.INTERPOLATION_TOLERANCE == before
     assert (

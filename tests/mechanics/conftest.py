@@ -174,9 +174,9 @@ def mapped():
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """An empty cache on disk and nothing in memory; call it to forget what memory holds."""
-    from mitsuba_taxel.mechanics.path.pad_path import pad_path
+    from mitsuba_taxel.mechanics.path.pad_path import shared
 
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / "cache"))
-    pad_path.cache_clear()
-    yield pad_path.cache_clear
-    pad_path.cache_clear()
+    shared.cache_clear()
+    yield shared.cache_clear
+    shared.cache_clear()

@@ -161,14 +161,14 @@ def test_elements_so_large_that_twice_as_large_ones_are_the_same_have_an_error(l
 @pytest.fixture
 def no_second_mesh(monkeypatch):
     """Only meshes as fine as asked for can be loaded."""
-    solve = PadPath._canonical
+    solve = PadPath.canonical
 
     def refused(path, *args):
         if not path.judged:
             raise ComputationError("the load path ends")
         return solve(path, *args)
 
-    monkeypatch.setattr(PadPath, "_canonical", refused)
+    monkeypatch.setattr(PadPath, "canonical", refused)
 
 
 def test_a_target_asks_for_a_finer_mesh_where_the_error_is_unknown(llvm_mono, no_second_mesh, monkeypatch):

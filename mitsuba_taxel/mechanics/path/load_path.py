@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
-from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, among, pad_path
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.timed_path import timed_path
 from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
@@ -98,11 +98,10 @@ def load_path(
     states = []
     with LOCK:
         size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
-        judge = {} if history or judged_on is None else {"judged_on": judged_on}
         bodies = None
         if load.goes_on and obstacles is not None:
             bodies, obstacles = RigidBodies(obstacles.tobytes()), None
-        path = pad_path(pad, law, load, size, **judge, **among(bodies))
+        path = pad_path(pad, law, load, size, judged_on=None if history else judged_on, bodies=bodies)
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):

@@ -44,7 +44,7 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
             path = pad_path(pad, material, load, size)
             if len(path.mesh.tets) > MOST_ELEMENTS_TRIED:
                 break
-            error = path.small_load_error
+            error = path.second_meshes.small_load_error
             if error <= tolerance:
                 return size
             size /= math.sqrt(2)

@@ -1,19 +1,16 @@
-"""Mesh and segments of one path of a pad, which everybody shares, and its error by the same path on another mesh."""
+"""Mesh and segments of one path of a pad, which everybody shares."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -21,8 +18,6 @@ from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
-from mitsuba_taxel.mechanics.elements.memory import memory_for
-from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
@@ -32,25 +27,13 @@ from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, T
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
+from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
-from mitsuba_taxel.mechanics.results.locate import carried
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
-FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
-"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
-thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
-LITTLE_FINER = COARSENING**-0.5
-"""Tried before these under an indenter, where elements are small and many already."""
-LEAST_RATIO = 1.2
-"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
-MOST_ELEMENTS_COMPARED = 250_000
-"""A finer second mesh of more is not tried."""
-
 LONGER_PRESSED = 2.0
 """Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
-SECOND_MESH = "a second mesh"
 LOCK = threading.RLock()
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
@@ -77,18 +60,18 @@ class PadPath:
     ) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
         self.judged = judged and judged_on is None
-        self._judge = None if judged_on is None else pad_path(pad, material, load, judged_on, **among(bodies))
+        self.judge = None if judged_on is None else pad_path(pad, material, load, judged_on, bodies=bodies)
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
-        self._segments: dict[tuple[float, ...], LoadSegment] = {}
+        self.segments: dict[tuple[float, ...], LoadSegment] = {}
         self._asked: dict[LoadSegment, dict[float, Node]] = {}
-        self._compared: dict[float, tuple[PadPath, RoofComparison] | None] = {}
+        self.second_meshes = SecondMeshes(self)
 
     @cached_property
     def mesh(self) -> VolumeMesh:
         if isinstance(self.load, IndenterForce):
-            return self._driven.mesh
+            return self.driven.mesh
         if not isinstance(self.load, IndenterDisplacement):
             return pad_mesh(self.pad, self.mesh_size)
         name = cache.key("mesh", self._identity)
@@ -102,18 +85,18 @@ class PadPath:
         return VolumeMesh(**arrays)
 
     @cached_property
-    def _driven(self) -> PadPath:
+    def driven(self) -> PadPath:
         """The path on which the body is moved that presses with a force."""
         assert isinstance(self.load, IndenterForce)
         moved = IndenterDisplacement(self.load.indenter)
         return pad_path(self.pad, self.material, moved, self.mesh_size, self.judged)
 
-    def _driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
+    def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
         if not value.any():
             return np.zeros(3)
-        driven, down = self._driven, np.array([0.0, 0.0, -1.0])
-        segment, pad = driven._segment(np.zeros(3), down), driven._pad_for(np.zeros(3), down)
+        driven, down = self.driven, np.array([0.0, 0.0, -1.0])
+        segment, pad = driven._segment(np.zeros(3), down), driven.pad_for(np.zeros(3), down)
         name = cache.key("depth", driven._segment_name(segment), value.tolist())
         arrays = cache.load(name)
         if arrays is None:
@@ -122,7 +105,7 @@ class PadPath:
                 if reached > float(np.ptp(self.mesh.points[:, 2])):
                     raise InputError("an indenter that touches nothing cannot press: place it over the pad.")
                 further = (math.floor(reached / segment.step + 0.5 / TICKS) + 1) * segment.step
-                driven._canonical(further * down, [], obstacles)
+                driven.canonical(further * down, [], obstacles)
             depth = depth_under(pad, segment, -value[2])
             arrays = {"depth": np.array(depth)}
             cache.store(name, arrays)
@@ -148,8 +131,8 @@ class PadPath:
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
-        if self._judge and not self._judge.bears(value):
-            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, **among(self.bodies))
+        if self.judge and not self.judge.bears(value):
+            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, bodies=self.bodies)
             return alone.state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact)
@@ -162,7 +145,7 @@ class PadPath:
                 turned = mirror.image(turned)
                 used.append(mirror)
         in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
-        displacement, pressure, at = self._canonical(turned, used, in_the_way)
+        displacement, pressure, at = self.canonical(turned, used, in_the_way)
         compare = partial(self._comparison, turned, used, displacement, pressure)
         rate = partial(self._rate, turned, used)
         for mirror in reversed(used):
@@ -171,11 +154,15 @@ class PadPath:
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         moved = value if isinstance(self.load, IndenterDisplacement) else None
         if isinstance(self.load, IndenterForce):
-            moved = self._driven_to(value, in_the_way)
+            moved = self.driven_to(value, in_the_way)
         return State(
             self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
             indenter_moved=moved, bodies=self.bodies,
         )  # fmt: skip
+
+    def on_elements(self, mesh_size: float) -> PadPath:
+        """The same path on elements of another size, which is not judged."""
+        return pad_path(self.pad, self.material, self.load, mesh_size, judged=False, bodies=self.bodies)
 
     def bears(self, value: np.ndarray) -> bool:
         """Whether its path leads as far as ``value``."""
@@ -190,7 +177,7 @@ class PadPath:
     ) -> Comparison:
         """What a second mesh tells of a canonical state; deviations of that which ``mirrors`` took there."""
         with LOCK:
-            found = self._error(value, displacement, pressure)
+            found = self.second_meshes.comparison(value, displacement, pressure)
         return found._replace(deviate=found.deviate and partial(self._mirrored, found.deviate, mirrors))
 
     def _mirrored(self, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
@@ -206,9 +193,9 @@ class PadPath:
         if isinstance(self.load, IndenterForce):
             return self._rate_of_force(value)
         with LOCK:
-            segment, s = self._segments_to(value)[-1]
+            segment, s = self.segments_to(value)[-1]
             direction = segment.direction
-            pad = self._pad_for(segment.origin, direction)
+            pad = self.pad_for(segment.origin, direction)
             rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
@@ -217,14 +204,14 @@ class PadPath:
 
     def _rate_of_force(self, value: np.ndarray) -> PathRate:
         with LOCK:
-            driven = self._driven
-            ((segment, s),) = driven._segments_to(self._driven_to(value, None))
-            pad = driven._pad_for(segment.origin, segment.direction)
+            driven = self.driven
+            ((segment, s),) = driven.segments_to(self.driven_to(value, None))
+            pad = driven.pad_for(segment.origin, segment.direction)
             node = driven._solved(segment, s, pad)
             displacement = pad.split(node.tangent)[0] / stiffness_at(pad, segment, node)
         return PathRate(value / np.linalg.norm(value), displacement)
 
-    def _canonical(
+    def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
         """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
@@ -235,10 +222,10 @@ class PadPath:
         if not value.any():
             return *found, Interpolated(np.zeros(0), 1.0, 0.0, 0, True, 0.0)
         if isinstance(self.load, IndenterForce):
-            return self._driven._canonical(self._driven_to(value, obstacles), mirrors, obstacles)
+            return self.driven.canonical(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, found), 0.0
-        for segment, s in self._segments_to(value):
-            pad = self._pad_for(segment.origin, segment.direction)
+        for segment, s in self.segments_to(value):
+            pad = self.pad_for(segment.origin, segment.direction)
             touch = obstacles.first if obstacles else _nothing
             if not segment.reaches(s):
                 self._extend(segment, pad, s, start, touch)
@@ -277,105 +264,19 @@ class PadPath:
                     cache.store(name, cache.arrays_of(asked[s]))
         return asked[s]
 
-    def _error(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:
-        """A canonical state compared with that of the same path on the first other mesh that bears the load."""
-        if not value.any():
-            return Comparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
-        for second, comparison in self.comparisons():
-            try:
-                with memory_for(SECOND_MESH):
-                    other, there, at = second._as_on(self.mesh, value, displacement, pressure)
-                    shapes = (self.mesh, displacement, pressure), (second.mesh, other, there)
-                    glued = "top" if self.load.goes_on else "bottom"  # where nothing else touches the pad
-                    forces = (glued_force(mesh, self.material, u, p, region=glued) for mesh, u, p in shapes)
-                    return Comparison(
-                        comparison.error(displacement, other),
-                        partial(comparison.deviations, displacement, other),
-                        comparison.force_error(*forces) if self.load.gives_displacement else 0.0,
-                        at.seconds,
-                    )
-            except ComputationError:  # its path ends before this load, or memory does
-                if second.mesh_size < self.mesh_size:
-                    break  # and so would those of finer ones, after much more time
-        return Comparison()
-
-    def _as_on(
-        self, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """As :meth:`_canonical`; under an indenter without its path, from the same state on another mesh.
-
-        Without friction a state does not depend on the way to it.
-        """
-        if not isinstance(self.load, IndenterDisplacement):
-            return self._canonical(value, [], None)
-        name = cache.key("jump", *self.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
-        with cache.alone(name):
-            arrays = cache.load(name)
-            if arrays is None:
-                began, pad = time.perf_counter(), self._pad_for(np.zeros(3), value)
-                try:
-                    start = pad.gather(*carried(mesh, displacement, pressure, self.mesh, self.mesh_size))
-                    solution, _ = pad.solve_linearised(start, value)
-                except (InputError, Rejected):
-                    return self._canonical(value, [], None)
-                arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
-                cache.store(name, arrays)
-        seconds, pad = float(arrays["seconds"]), self._pad_for(np.zeros(3), value)
-        found = pad.split(arrays["unknowns"])
-        return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
-
-    def comparisons(self) -> Iterator[tuple[PadPath, RoofComparison]]:
-        """The paths on other elements that may tell the error, and how they are compared; the first that can, does."""
-        start = min(self.mesh_size, self.pad.default_mesh_size)  # larger ones may all give the same mesh
-        finer = (LITTLE_FINER, *FINER) if isinstance(self.load, IndenterDisplacement | IndenterForce) else FINER
-        coarser = self._judge.mesh_size if self._judge else COARSENING * self.mesh_size
-        for size in (coarser, *(share * start for share in finer)):
-            if size not in self._compared:
-                self._compared[size] = self._second(size)
-            second = self._compared[size]
-            if second is not None:
-                yield second
-
-    def _second(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
-        second = pad_path(self.pad, self.material, self.load, mesh_size, judged=False, **among(self.bodies))
-        if self._judge and self._judge.mesh_size == mesh_size:
-            second = self._judge
-        try:
-            with memory_for(SECOND_MESH):
-                ratio = size_ratio(self.mesh, second.mesh)
-        except (ComputationError, InputError):
-            return None
-        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
-            return None
-        return second, RoofComparison(self.mesh, second.mesh, self.typical(TYPICAL_ERROR))
-
-    def typical(self, error: float) -> float:
-        """An error that is typical of elements of the default size, on those of this path."""
-        relative_size = min(self.mesh_size / self.pad.default_mesh_size, COARSENING)  # or all are as coarse as can be
-        return error * relative_size**ORDER
-
-    @property
-    def small_load_error(self) -> float:
-        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
-        for second, comparison in self.comparisons():
-            responses = zip(self._small_responses, second._small_responses, strict=True)
-            return max(comparison.error(here, other).relative for here, other in responses)
-        return math.inf
-
     @cached_property
-    def _small_responses(self) -> list[np.ndarray]:
+    def small_responses(self) -> list[np.ndarray]:
         """(N, 3) each: change of the displacement from rest with a normal load, and with a tangential one."""
         size = self.load.components
         directions = [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]
         return [self._rest_rate(direction) for direction in directions]
 
     def _rest_rate(self, direction: np.ndarray) -> np.ndarray:
-        pad = self._pad_for(np.zeros_like(direction), direction)
+        pad = self.pad_for(np.zeros_like(direction), direction)
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
         return pad.split(pad.rate(linearised, at_rest.unknowns, direction, np.zeros_like(direction)))[0]
 
-    def _segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
+    def segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
         """The segments of the path to ``value``, and how far along each it goes."""
         if len(value) == 1:
             return [(self._segment(np.zeros(1), np.sign(value)), abs(value[0]))]
@@ -390,15 +291,15 @@ class PadPath:
 
     def _segment(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
         index = (*origin, *direction)
-        if index not in self._segments:
+        if index not in self.segments:
             step = self._step
-            if not (self.judged or direction[:-1].any() or self._pad_for(origin, direction).solves_between):
+            if not (self.judged or direction[:-1].any() or self.pad_for(origin, direction).solves_between):
                 step *= LONGER_PRESSED
-            segment = self._segments[index] = LoadSegment(origin, direction, step, self.judged)
+            segment = self.segments[index] = LoadSegment(origin, direction, step, self.judged)
             self._take_stored(segment)
-        return self._segments[index]
+        return self.segments[index]
 
-    def _pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
+    def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
         """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
         path = np.stack([origin, direction])
         mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
@@ -438,10 +339,6 @@ class PadPath:
         return [self._identity, material, [_name_of(self.load), asdict(self.load)], *bodies]
 
 
-def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:
-    return hashlib.sha256(mesh.points.tobytes() + displacement.tobytes()).hexdigest()
-
-
 def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return state
 
@@ -464,7 +361,7 @@ def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors:
     further = ""
     if reason.startswith("touches") and load.goes_on:
         further = " It may go on with smaller elements."
-    elif reason.startswith("touches") and hasattr(load, "self_contact"):
+    elif reason.startswith("touches") and not isinstance(load, IndenterDisplacement | IndenterForce):
         further = " With self_contact = true it goes on."
     return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
 
@@ -477,13 +374,6 @@ def _listed(numbers: np.ndarray) -> str:
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
-def among(bodies: RigidBodies | None) -> dict[str, RigidBodies]:
-    """The argument of :func:`pad_path` for bodies, if there are any: a path without is the same however it is asked
-    for."""
-    return {} if bodies is None else {"bodies": bodies}
-
-
-@lru_cache(maxsize=16)
 def pad_path(
     pad: Pad | PadFile,
     material: Material,
@@ -493,7 +383,12 @@ def pad_path(
     judged_on: float | None = None,
     bodies: RigidBodies | None = None,
 ) -> PadPath:
-    return PadPath(pad, material, load, mesh_size, judged, judged_on, bodies)
+    """The shared path, the same whichever arguments are left out."""
+    return shared(pad, material, load, mesh_size, judged, judged_on, bodies)
+
+
+shared = lru_cache(maxsize=16)(PadPath)
+"""The latest paths, by all arguments."""
 
 
 @lru_cache(maxsize=8)

@@ -8,14 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
-from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
-from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
-from mitsuba_taxel.mechanics.path.pad_path import LOCK, SECOND_MESH, pad_path
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
-from mitsuba_taxel.mechanics.results.roof_error import size_ratio
+from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
@@ -49,16 +47,12 @@ def second_state(
 ) -> SecondState | None:
     """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
     with LOCK:
-        judge = {} if judged_on is None else {"judged_on": judged_on}
-        path = pad_path(pad, material, load, chosen_size(pad, material, load, mesh_size, mesh_tolerance), **judge)
-        for second, _ in path.comparisons():
-            try:
-                with memory_for(SECOND_MESH):
-                    state = second.state(np.array(value, dtype=float))
-            except ComputationError:  # its path ends before this load, or memory does
-                if second.mesh_size < path.mesh_size:
-                    break  # and so would those of finer ones, after much more time
-            else:
-                share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
-                return SecondState(state, share, path.typical(TYPICAL_SLOPE_ERROR))
-    return None
+        size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
+        path = pad_path(pad, material, load, size, judged_on=judged_on)
+
+        def told(second: PadPath, comparison: RoofComparison) -> SecondState:
+            state = second.state(np.array(value, dtype=float))
+            share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
+            return SecondState(state, share, path.second_meshes.typical(TYPICAL_SLOPE_ERROR))
+
+        return path.second_meshes.first(told)

@@ -21,7 +21,6 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
-from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
@@ -29,11 +28,11 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
-from mitsuba_taxel.mechanics.path.pad_path import LOCK, SECOND_MESH, PadPath
+from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
 from mitsuba_taxel.mechanics.path.state import Comparison, Memory, State
 from mitsuba_taxel.mechanics.path.time_steps import TIME_TOLERANCE, Ended, Moment, Stretch
 from mitsuba_taxel.mechanics.path.timed_rows import Row, rubs
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison
 
 KEPT = 3
 """Number of rows whose states stay in memory."""
@@ -280,25 +279,22 @@ class TimedPath:
             at, mesh = self.reached(rows), self._path.mesh
             if not at.displacement.any():
                 return Comparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
-            for second, comparison in self._path.comparisons():
-                try:
-                    with memory_for(SECOND_MESH):
-                        other = timed_path(second, self._material)
-                        there, longer = other.reached(rows), self._longer.reached(rows)
-                        solved = (self, at), (other, there), (self, longer)
-                        force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
-                        of_steps = float(np.linalg.norm(force_longer - force))
-                        error = comparison.force_error(force, force_there) + of_steps
-                        return Comparison(
-                            comparison.error(at.displacement, there.displacement),
-                            partial(self._deviations, comparison.deviations, at, there, longer),
-                            error if self._path.load.gives_displacement else 0.0,
-                            there.seconds + (0.0 if longer is at else longer.seconds),
-                        )
-                except ComputationError:  # its path ends before this load, or memory does not suffice
-                    if second.mesh_size < self._path.mesh_size:
-                        break
-            return Comparison()
+
+            def told(second: PadPath, comparison: RoofComparison) -> Comparison:
+                other = timed_path(second, self._material)
+                there, longer = other.reached(rows), self._longer.reached(rows)
+                solved = (self, at), (other, there), (self, longer)
+                force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
+                of_steps = float(np.linalg.norm(force_longer - force))
+                error = comparison.force_error(force, force_there) + of_steps
+                return Comparison(
+                    comparison.error(at.displacement, there.displacement),
+                    partial(self._deviations, comparison.deviations, at, there, longer),
+                    error if self._path.load.gives_displacement else 0.0,
+                    there.seconds + (0.0 if longer is at else longer.seconds),
+                )
+
+            return self._path.second_meshes.first(told) or Comparison()
 
     @cached_property
     def _longer(self) -> TimedPath:

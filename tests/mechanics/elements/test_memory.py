@@ -40,14 +40,14 @@ def test_so_are_its_derivatives(monkeypatch):
 
 
 def test_memory_that_ends_on_a_second_mesh_leaves_the_state_with_an_unknown_error(fresh, monkeypatch):
-    solve = PadPath._canonical
+    solve = PadPath.canonical
 
     def on_the_first_alone(path, *args):
         if not path.judged:
             raise MemoryError("a factored matrix takes 9 GB, and 1 GB are free")
         return solve(path, *args)
 
-    monkeypatch.setattr(PadPath, "_canonical", on_the_first_alone)
+    monkeypatch.setattr(PadPath, "canonical", on_the_first_alone)
     (state,) = load_path(PAD, NeoHookean(), FORCES, mesh_size=1.2)
     assert state.error is None and state.deviations is None and state.displacement[:, 2].min() < -0.001
 

@@ -17,7 +17,7 @@ from started_process import started
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.pad_path import shared
 from mitsuba_taxel.pads import Pad
 
 PAD = Pad("cylindrical", rows=1, columns=1)
@@ -39,9 +39,9 @@ def solved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("solved")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MITSUBA_TAXEL_CACHE", str(folder))
-        pad_path.cache_clear()
+        shared.cache_clear()
         solution = displacement()
-    pad_path.cache_clear()
+    shared.cache_clear()
     return folder, solution
 
 

@@ -14,6 +14,7 @@ from mitsuba_taxel.mechanics import (
     IndenterDisplacement,
     IndenterForce,
     NeoHookean,
+    SpreadForce,
     contact_pressure,
     linearise,
     load_path,
@@ -24,7 +25,8 @@ from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
-from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes, carried_to
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import Pad
 
@@ -181,8 +183,8 @@ def test_forces_change_with_the_shape_as_differences_say():
 def test_a_state_on_another_mesh_needs_no_path_of_its_own():
     (state,) = pressed((0, 0, -0.4), load=ASIDE)
     other = pad_path(PAD, LAW, ASIDE, 2.0, judged=False)
-    jumped, *_ = other._as_on(state.mesh, state.value, state.displacement, state.pressure)
-    walked, *_ = other._canonical(state.value, [], None)
+    jumped, *_ = carried_to(other, state.mesh, state.value, state.displacement, state.pressure)
+    walked, *_ = other.canonical(state.value, [], None)
     np.testing.assert_allclose(jumped, walked, atol=1e-7)
 
 
@@ -223,7 +225,7 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
         def deviations(self, displacement, other):
             return np.zeros((2, *displacement.shape))
 
-    monkeypatch.setattr(PadPath, "comparisons", lambda path: iter([(path, SameMesh())]))
+    monkeypatch.setattr(SecondMeshes, "__iter__", lambda meshes: iter([(meshes._path, SameMesh())]))
     down, aside = np.array([0, 0, -0.5]), np.array([0.2, 0, -0.5])
     (_, state), (_, force) = dragged(down, aside)
     shares = np.arange(1, 6)[:, None] / 5
@@ -235,15 +237,17 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
 
 def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):
     class Ends:
+        load = SpreadForce()
+
         def __init__(self, mesh_size):
             self.mesh_size, self.asked = mesh_size, False
 
-        def _as_on(self, *state):
+        def canonical(self, *state):
             self.asked = True
             raise ComputationError("the load path ends")
 
     others = [Ends(2 * SIZE), Ends(0.7 * SIZE), Ends(0.5 * SIZE)]
-    monkeypatch.setattr(PadPath, "comparisons", lambda path: iter([(other, None) for other in others]))
+    monkeypatch.setattr(SecondMeshes, "__iter__", lambda meshes: iter([(other, None) for other in others]))
     (state,) = pressed((0, 0, -0.2))
     assert state.error is None and state.deviations is None
     assert [other.asked for other in others] == [True, True, False]

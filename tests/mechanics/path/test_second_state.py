@@ -10,6 +10,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, State, linearise, load_path, second_state
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
+from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
 PAD = Pad("parallelepiped", rows=1, columns=1)
@@ -69,7 +70,7 @@ def test_the_least_error_goes_with_the_size_to_the_power_of_one_and_a_half(fresh
 
 
 def test_no_second_mesh_is_none_rather_than_no_error(fresh, monkeypatch):
-    monkeypatch.setattr(PadPath, "comparisons", lambda self: iter(()))
+    monkeypatch.setattr(SecondMeshes, "__iter__", lambda self: iter(()))
     assert second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0) is None
 
 

@@ -123,8 +123,8 @@ def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
     path = pad_path(pad, LAW, load, 2.0, judged=False)
     value = np.array((0.0, 0.0, -0.17))
     path.state(value)
-    ((segment, _),) = path._segments_to(value)
-    part = path._pad_for(segment.origin, segment.direction)
+    ((segment, _),) = path.segments_to(value)
+    part = path.pad_for(segment.origin, segment.direction)
 
     def surplus(node):
         state, value = part.split(node.unknowns), segment.value(node.s)

@@ -1,0 +1,148 @@
+"""The error of a path of a pad, by the same path on another mesh."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
+from mitsuba_taxel.mechanics.elements.memory import memory_for
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.load_segment import Interpolated
+from mitsuba_taxel.mechanics.path.state import Comparison
+from mitsuba_taxel.mechanics.results.locate import carried
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.path.pad_path import PadPath
+
+FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
+"""Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
+thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
+LITTLE_FINER = COARSENING**-0.5
+"""Tried before these under an indenter, where elements are small and many already."""
+LEAST_RATIO = 1.2
+"""Of the sizes that two meshes have in fact, for their difference to tell the error of one."""
+MOST_ELEMENTS_COMPARED = 250_000
+"""A finer second mesh of more is not tried."""
+
+Told = TypeVar("Told")
+
+
+class SecondMeshes:
+    """The paths on other elements that may tell the error of a ``path``, and how they are compared."""
+
+    def __init__(self, path: PadPath) -> None:
+        self._path = path
+        self._known: dict[float, tuple[PadPath, RoofComparison] | None] = {}
+
+    def __iter__(self) -> Iterator[tuple[PadPath, RoofComparison]]:
+        path = self._path
+        start = min(path.mesh_size, path.pad.default_mesh_size)  # larger ones may all give the same mesh
+        finer = (LITTLE_FINER, *FINER) if isinstance(path.load, IndenterDisplacement | IndenterForce) else FINER
+        coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
+        for size in (coarser, *(share * start for share in finer)):
+            if size not in self._known:
+                self._known[size] = self._compared_with(size)
+            second = self._known[size]
+            if second is not None:
+                yield second
+
+    def first(self, told: Callable[[PadPath, RoofComparison], Told]) -> Told | None:
+        """What is ``told`` by the first that bears the load, with the memory that there is; None if none does."""
+        for second, comparison in self:
+            try:
+                with memory_for("a second mesh"):
+                    return told(second, comparison)
+            except ComputationError:  # its path ends before this load, or memory does
+                if second.mesh_size < self._path.mesh_size:
+                    break  # and so would those of finer ones, after much more time
+        return None
+
+    def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:
+        """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
+        path = self._path
+        if not value.any():
+            return Comparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
+
+        def told(second: PadPath, comparison: RoofComparison) -> Comparison:
+            other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
+            shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
+            glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
+            forces = (glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes)
+            return Comparison(
+                comparison.error(displacement, other),
+                partial(comparison.deviations, displacement, other),
+                comparison.force_error(*forces) if path.load.gives_displacement else 0.0,
+                at.seconds,
+            )
+
+        return self.first(told) or Comparison()
+
+    def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
+        """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""
+        path = self._path
+        judge = path.judge
+        second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
+        try:
+            with memory_for("a second mesh"):
+                ratio = size_ratio(path.mesh, second.mesh)
+        except (ComputationError, InputError):
+            return None
+        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
+            return None
+        return second, RoofComparison(path.mesh, second.mesh, self.typical(TYPICAL_ERROR))
+
+    def typical(self, error: float) -> float:
+        """An error that is typical of elements of the default size, on those of the path."""
+        relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
+        return error * relative_size**ORDER  # of larger elements, all may be as coarse as can be
+
+    @property
+    def small_load_error(self) -> float:
+        """Relative error of the roofs' change from rest under small loads; infinite where it is not known."""
+        for second, comparison in self:
+            responses = zip(self._path.small_responses, second.small_responses, strict=True)
+            return max(comparison.error(here, other).relative for here, other in responses)
+        return math.inf
+
+
+def carried_to(
+    path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Interpolated]:
+    """A canonical state of ``path``; under an indenter without its way there, from the same state on another mesh.
+
+    Without friction a state does not depend on the way to it.
+    """
+    if not isinstance(path.load, IndenterDisplacement):
+        return path.canonical(value, [], None)
+    name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
+    with cache.alone(name):
+        arrays = cache.load(name)
+        if arrays is None:
+            began, pad = time.perf_counter(), path.pad_for(np.zeros(3), value)
+            try:
+                start = pad.gather(*carried(mesh, displacement, pressure, path.mesh, path.mesh_size))
+                solution, _ = pad.solve_linearised(start, value)
+            except (InputError, Rejected):
+                return path.canonical(value, [], None)
+            arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
+            cache.store(name, arrays)
+    seconds, pad = float(arrays["seconds"]), path.pad_for(np.zeros(3), value)
+    found = pad.split(arrays["unknowns"])
+    return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
+
+
+def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:
+    return hashlib.sha256(mesh.points.tobytes() + displacement.tobytes()).hexdigest()
