@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from mitsuba_taxel.bench.work_precision import Curve, Point
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
@@ -32,7 +34,7 @@ def plot_accuracy(curves: Sequence[Curve], title: str, folder: Path) -> None:
     save_figure(axes[0, 0].figure, folder, "accuracy")
 
 
-def _panel(ax: Any, curves: Sequence[Curve], part: str) -> None:
+def _panel(ax: Axes, curves: Sequence[Curve], part: str) -> None:
     from matplotlib.ticker import NullFormatter
 
     for number, curve in enumerate(curves):
@@ -58,7 +60,7 @@ def _floors(curves: Sequence[Curve], part: str) -> dict[str, float]:
     return {f"error of the reference of {method}": last.floor for method, last in lasts if last.floor > 0}
 
 
-def _draw(ax: Any, curve: Curve, number: int, labelled: bool) -> None:
+def _draw(ax: Axes, curve: Curve, number: int, labelled: bool) -> None:
     colour = COLOURS[number % len(COLOURS)]
     marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
     line = ("-", "--")[number // len(COLOURS) % 2]
@@ -107,7 +109,7 @@ def _labels(points: Sequence[Point]) -> dict[tuple[float, float], str]:
     return labels
 
 
-def _widen(ax: Any) -> None:
+def _widen(ax: Axes) -> None:
     """Widen the axis of seconds to at least a decade."""
     low, high = ax.get_xlim()
     if high < 10 * low:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ class PointTree:
         self._shift = size - points.min(axis=0)
         self._tree = cKDTree(points + self._shift)
 
-    def query(self, points: np.ndarray, k: Any = 1) -> tuple[np.ndarray, np.ndarray]:
+    def query(self, points: np.ndarray, k: int | Sequence[int] | np.ndarray = 1) -> tuple[np.ndarray, np.ndarray]:
         """Distances and numbers of the nearest points; see scipy."""
         distance, number = self._tree.query(points + self._shift, k=k)
         return np.asarray(distance), np.asarray(number)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.point_tree import PointTree
 
 if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
     from mitsuba_taxel.pads.pad import Pad
 
 MOST_POINTS = 20
@@ -42,8 +44,8 @@ class Meridian:
         s is u to the power of 2 from the axis, where r is then smooth in u, else of 1.
     """
 
-    square: Any
-    height: Any
+    square: PPoly
+    height: PPoly
     power: int
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

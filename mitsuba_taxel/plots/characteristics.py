@@ -36,6 +36,7 @@ from mitsuba_taxel.plots.figures import (
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -184,7 +185,7 @@ def _of_first_unit(experiments: Sequence[Experiment]) -> list[Experiment]:
 
 
 def _draw_against(
-    places: Sequence[Any], name: str, experiments: list[Experiment], channel: Channel, label: str, number: int
+    places: Sequence[Axes], name: str, experiments: list[Experiment], channel: Channel, label: str, number: int
 ) -> None:
     found = []
     for one in experiments:
@@ -249,7 +250,7 @@ def _of(group: _Group) -> str:
     return f", {group.channel}" if group.channel else ""
 
 
-def _finish(group: _Group, axes: Sequence[Any]) -> None:
+def _finish(group: _Group, axes: Sequence[Axes]) -> None:
     forces = np.concatenate([run.force for one in group.lines.values() for run in one.runs])
     for ax in axes:
         force_to_the_right(ax, group.force, forces)
@@ -258,7 +259,7 @@ def _finish(group: _Group, axes: Sequence[Any]) -> None:
         ax.set_xlabel(f"{group.force} [N]")
 
 
-def _draw_run(above: Sequence[Any], below: Sequence[Any], one: Experiment, label: str, number: int) -> None:
+def _draw_run(above: Sequence[Axes], below: Sequence[Axes], one: Experiment, label: str, number: int) -> None:
     """Change and slope of a channel's first run of growing force, and both in percent of rest."""
     run = one.loading_runs[0]
     change = run.samples[..., 0]
@@ -317,14 +318,14 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
     return axes[0, 0].figure
 
 
-def _explain_lines(ax: Any, words: Iterable[str]) -> None:
+def _explain_lines(ax: Axes, words: Iterable[str]) -> None:
     from matplotlib.lines import Line2D
 
     lines = [Line2D([], [], color="black", linestyle=LINES[word], label=word) for word in words]
     ax.legend(handles=lines, frameon=False, fontsize="small")
 
 
-def _arrow(ax: Any, one: TangentialMap) -> None:
+def _arrow(ax: Axes, one: TangentialMap) -> None:
     """The direction of the load, on a strip beside the map; rows count downwards, y upwards."""
     push = one.direction * np.sign(one.force) * (1, -1)
     middle = np.array([one.shape[1], one.shape[0] / 2 - 0.5])
@@ -344,7 +345,7 @@ def _first_cycle(branches: Sequence[Branch]) -> dict[str, Branch]:
 
 
 def _draw(
-    ax: Any,
+    ax: Axes,
     force: np.ndarray,
     samples: np.ndarray,
     label: str | None,

@@ -22,6 +22,7 @@ from mitsuba_taxel.plots.figures import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PLACES = 200
@@ -196,7 +197,7 @@ def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
     figure.suptitle(study.attrs["scene"] + (f" ({left_out} more curves left out)" if left_out else ""))
 
 
-def _draw_lines(ax: Any, curve: Curve, labels: list[Any], first: int = 0) -> None:
+def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> None:
     """Readings of each line with error bars of the light, joined by lines or cubic curves, and bands."""
     replicates = curve.samples.shape[1]
     values = curve.samples.mean(axis=1)
@@ -221,7 +222,7 @@ def _draw_lines(ax: Any, curve: Curve, labels: list[Any], first: int = 0) -> Non
             _draw_cubic(ax, curve.x, curve.smooth[:, number], curve.slope[:, number], look)
 
 
-def _draw_cubic(ax: Any, x: np.ndarray, value: np.ndarray, slope: np.ndarray, look: Mapping[str, str]) -> None:
+def _draw_cubic(ax: Axes, x: np.ndarray, value: np.ndarray, slope: np.ndarray, look: Mapping[str, str]) -> None:
     """The cubic curve through values and slopes."""
     from scipy.interpolate import CubicHermiteSpline
 

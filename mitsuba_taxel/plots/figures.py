@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.units import FORCES, prefixed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FORMS = ("png", "svg")
@@ -27,14 +28,14 @@ NARROW = 4.2
 Case = TypeVar("Case")
 
 
-class Panel(NamedTuple):
+class Panel(NamedTuple, Generic[Case]):
     """Cases compared in one panel: its title, and the cases by name."""
 
     title: str
-    cases: dict[str, Any]
+    cases: dict[str, Case]
 
 
-def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, Any]]) -> tuple[list[Panel], int]:
+def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]]) -> tuple[list[Panel[Case]], int]:
     """Panels of cases that differ in parameters, and the number of cases left out.
 
     A few cases share one panel. Otherwise a panel has the cases that differ in one parameter, the one with most values
@@ -51,7 +52,7 @@ def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, Any]]) 
         shown = np.unique(np.linspace(0, len(cases) - 1, min(len(cases), MOST_LINES)).round().astype(int))
         panel = Panel("", {_words(where(cases[n]), varied): cases[n] for n in shown.tolist()})
         return [panel], len(cases) - len(panel.cases)
-    panels: dict[str, dict[str, Any]] = {}
+    panels: dict[str, dict[str, Case]] = {}
     for case in cases:
         title = _words(where(case), [name for name in varied if name != along])
         panels.setdefault(title, {})[_words(where(case), [along])] = case
@@ -59,11 +60,11 @@ def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, Any]]) 
     return chosen, len(cases) - sum(len(panel.cases) for panel in chosen)
 
 
-def _words(values: Mapping[str, Any], names: Sequence[str]) -> str:
+def _words(values: Mapping[str, object], names: Sequence[str]) -> str:
     return ", ".join(f"{name} = {as_label(values[name])}" for name in names if name in values)
 
 
-def as_label(value: Any) -> str:
+def as_label(value: object) -> str:
     """A parameter's value in a legend."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
@@ -105,7 +106,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
         figure.set_layout_engine(None)  # "none" would still draw once more to lay it out
 
 
-def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
+def label_with_prefix(axes: Iterable[Axes], words: str, unit: str) -> None:
     """Label the y axes of panels that share their range, with the SI prefix that their numbers need."""
     shown = list(axes)
     largest = max(abs(end) for ax in shown for end in ax.get_ylim())
@@ -115,7 +116,7 @@ def label_with_prefix(axes: Iterable[Any], words: str, unit: str) -> None:
     shown[0].set_ylabel(f"{words} [{prefix_and_unit}]")
 
 
-def label_below(figure: Figure, last: Any, words: str) -> None:
+def label_below(figure: Figure, last: Axes, words: str) -> None:
     """Label the common x axis of all panels: below them all, or in one column below the last."""
     if figure.get_figwidth() > NARROW:
         figure.supxlabel(words)
@@ -123,14 +124,14 @@ def label_below(figure: Figure, last: Any, words: str) -> None:
         last.set_xlabel(words)
 
 
-def force_to_the_right(ax: Any, name: str, values: np.ndarray) -> None:
+def force_to_the_right(ax: Axes, name: str, values: np.ndarray) -> None:
     """Let an axis of forces start at 0 on the left, also for negative ones, as in compression."""
     numbers = np.asarray(values)
     if numbers.dtype.kind in "fi" and any(force in name for force in FORCES) and numbers.max(initial=0) <= 0:
         ax.xaxis.set_inverted(True)
 
 
-def style(number: int) -> dict[str, str]:
+def style(number: int) -> dict[str, Any]:
     """Colour, marker and line style of a curve by its number, from 0."""
     return {
         "color": COLOURS[number % len(COLOURS)],
@@ -139,7 +140,7 @@ def style(number: int) -> dict[str, str]:
     }
 
 
-def legend_beside(figure: Figure, axes: Sequence[Any], title: str | None = None) -> None:
+def legend_beside(figure: Figure, axes: Sequence[Axes], title: str | None = None) -> None:
     """The common legend of all panels: to their right; in a narrow figure below them, or in each if they fill more than
     a screen."""
     handles, labels = axes[0].get_legend_handles_labels()

@@ -14,6 +14,7 @@ from mitsuba_taxel.plots.figures import COLOURS, label_with_prefix, panel_axes
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -48,7 +49,7 @@ def plot_optimum(
     return axes[0, 0].figure
 
 
-def _draw_course(ax: Any, history: pandas.DataFrame, goal: Any) -> None:
+def _draw_course(ax: Axes, history: pandas.DataFrame, goal: Any) -> None:
     name = goal.figure.split(" ", 1)[1]
     allowed = history.get("allowed", np.zeros(len(history))) == True  # noqa: E712  (others are missing)
     for rows, label, face in ((history[allowed], "allowed", COLOURS[0]), (history[~allowed], "not allowed", "none")):
@@ -59,7 +60,7 @@ def _draw_course(ax: Any, history: pandas.DataFrame, goal: Any) -> None:
     ax.legend(loc="best", fontsize="small")
 
 
-def _draw_pairs(ax: Any, names: list[str], before: Any, best: Any) -> None:
+def _draw_pairs(ax: Axes, names: list[str], before: Any, best: Any) -> None:
     place = np.arange(len(names))[::-1]
     ax.hlines(place, before, best, color=COLOURS[4], linewidth=3)
     ax.scatter(before, place, 40, color=COLOURS[7], marker="o", label="before", zorder=3)

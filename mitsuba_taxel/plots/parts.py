@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from mitsuba_taxel.parts import Part, Side, mirror_curve
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -22,7 +23,7 @@ def plot_part(part: Part) -> Figure:
     return above.figure
 
 
-def _draw_from_above(ax: Any, part: Part) -> None:
+def _draw_from_above(ax: Axes, part: Part) -> None:
     from matplotlib.patches import Rectangle
 
     length, width, _ = part.body
@@ -52,7 +53,7 @@ def _outline(side: Side) -> np.ndarray:
     return corners + side.window_centre
 
 
-def _draw_curve(ax: Any, part: Part) -> None:
+def _draw_curve(ax: Axes, part: Part) -> None:
     given = np.array(part.distance_curve or np.empty((0, 2)))
     heights = np.geomspace(0.1, max(given[:, 0].max(initial=0.0), 3.0), 80)
     power = mirror_curve(part, heights)

@@ -13,6 +13,7 @@ from mitsuba_taxel.characterise.wording import as_word
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_VARIANTS = 20
@@ -42,7 +43,7 @@ def plot_ranking(found: Comparison) -> Figure:
     return axes[0].figure
 
 
-def _draw_figure(ax: Any, rows: Any, name: str, found: Comparison, colours: list[str]) -> None:
+def _draw_figure(ax: Axes, rows: Any, name: str, found: Comparison, colours: list[str]) -> None:
     value, error = rows[name].to_numpy(), rows[f"{name}_error"].to_numpy()
     if name not in DEVIATIONS:
         value = np.abs(value)

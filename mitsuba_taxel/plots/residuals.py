@@ -10,6 +10,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, force_to_the_right
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 NOT_SETTINGS = ("taxel", "unit", "measured", "model", "residual", "in_errors")
@@ -62,7 +63,7 @@ def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:
         return "row", np.arange(len(residuals))
 
 
-def _draw_correlation(ax: Any, correlation: pandas.DataFrame) -> None:
+def _draw_correlation(ax: Axes, correlation: pandas.DataFrame) -> None:
     values = correlation.to_numpy()
     ax.imshow(np.nan_to_num(values), cmap="PuOr", vmin=-1, vmax=1)
     for (row, column), value in np.ndenumerate(values):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from mitsuba_taxel.plots.figures import COLOURS, axes_of
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLES = {"rest": "reading at rest", "sensitivity": "sensitivity", "crosstalk": "cross-talk"}
@@ -40,7 +41,7 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
     return figure
 
 
-def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
+def _draw_spread(ax: Axes, rows: pandas.DataFrame, name: str) -> None:
     place, unit = np.arange(len(rows)), 100 / rows.nominal.to_numpy()
     low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
     ax.use_sticky_edges = False
@@ -61,7 +62,7 @@ def _draw_spread(ax: Any, rows: pandas.DataFrame, name: str) -> None:
     ax.grid(axis="y", alpha=0.3)
 
 
-def _draw_parameters(ax: Any, parameters: pandas.DataFrame, name: str) -> None:
+def _draw_parameters(ax: Axes, parameters: pandas.DataFrame, name: str) -> None:
     rows = parameters.iloc[::-1]
     ax.barh(rows.parameter, rows[f"total_{name}"], color=COLOURS[2])
     ax.set_xlim(0, max(1.0, float(np.nanmax(rows[f"total_{name}"], initial=0.0))))

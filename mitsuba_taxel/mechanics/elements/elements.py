@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.past import Past
+
+Result = TypeVar("Result")
 
 # The corners and the middles of the faces: exact to degree 3, as the forces of a homogeneous state need on curved
 # elements. A volume that shrinks to nothing at a corner costs infinite energy. With points inside only it does not:
@@ -196,7 +198,7 @@ class Elements:
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
 
 
-def in_turns(work: Callable[[int], Any], count: int) -> list[Any]:
+def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
     """Results of ``work`` for each chunk of :data:`ELEMENTS_AT_ONCE` of ``count`` elements, given its first."""
     starts = range(0, count, ELEMENTS_AT_ONCE)
     threads = min(thread_count(), len(starts))

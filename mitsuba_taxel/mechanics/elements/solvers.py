@@ -9,13 +9,16 @@ and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refin
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.mechanics.elements.memory import require_memory
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 MOST_THREADS = 4
 """More threads bring no gain for matrices of pads."""
@@ -120,7 +123,7 @@ def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarra
 class _SuperLuFactorisation:
     negative_pivots: int | None = None
 
-    def __init__(self, factor: Any) -> None:
+    def __init__(self, factor: SuperLU) -> None:
         self._factor = factor
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:

@@ -11,7 +11,6 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
-from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.past import Relaxing, spread
@@ -248,7 +247,7 @@ class TimedPath:
             self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._moving, mirrors, images)
         return self._pads[mirrors]
 
-    def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Any:
+    def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Contact | None:
         return self._path.contact.find(pad.split(unknowns)[0])
 
     def _end(self, ended: Ended, start: float, duration: float) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from mitsuba_taxel.geometry.cutaway import cut_open
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 
@@ -17,7 +17,7 @@ PLATE = 0.1
 """Thickness of a plate, relative to the pad's longest side."""
 
 
-def indenter_surface(pad: Any, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
+def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
     """Vertices (V, 3) in mm and triangles (T, 3) of the body that presses on a live `deformable_pad`, if one does.
 
     Of a body larger than the pad, what lies further from its tip than the longest side of that is left out.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,12 +11,19 @@ from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.plots.figures import axes_of
 from mitsuba_taxel.sensing.ray_paths import RayPaths, find_taxel
 
+if TYPE_CHECKING:
+    import mitsuba as mi
+    from matplotlib.axes import Axes
+    from trimesh import Trimesh
+
+    from mitsuba_taxel.kernels.faces import FaceGrid
+
 PICTURES = (".png", ".svg", ".pdf")
 REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000", "#D55E00", "#009E73"
 """Palette of M. Okabe and K. Ito, distinguishable with any colour vision; line widths differ too."""
 
 
-def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
+def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
     """Write a picture of a taxel's paths, seen along y and along x, in mm.
 
     The section of the scene's surfaces with the plane through the taxel's centre is black; paths are projected onto
@@ -24,8 +31,8 @@ def plot_paths(scene: Any, paths: RayPaths, name: str, file: Path) -> None:
 
     Parameters
     ----------
-    scene : Any
-        The ``mi.Scene`` of the paths.
+    scene : mi.Scene
+        The scene of the paths.
     name : str
         Name of the scene in the title.
     """
@@ -82,7 +89,7 @@ def write_vtk(paths: RayPaths, file: Path) -> None:
     write_text(file, "\n".join(lines) + "\n")
 
 
-def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces: dict, centre: np.ndarray) -> None:
+def _draw_panel(ax: Axes, across: int, paths: RayPaths, meshes: list[Trimesh], faces: dict, centre: np.ndarray) -> None:
     """One view along axis ``across``: paths first, surfaces on top."""
     from matplotlib.collections import LineCollection
 
@@ -104,7 +111,7 @@ def _draw_panel(ax: Any, across: int, paths: RayPaths, meshes: list[Any], faces:
         )
 
 
-def _section(mesh: Any, across: int, centre: np.ndarray) -> np.ndarray:
+def _section(mesh: Trimesh, across: int, centre: np.ndarray) -> np.ndarray:
     """(S, 2, 3) segments in which a mesh intersects the plane through ``centre`` normal to an axis."""
     import trimesh
 
@@ -114,7 +121,7 @@ def _section(mesh: Any, across: int, centre: np.ndarray) -> np.ndarray:
     return trimesh.intersections.mesh_plane(mesh, normal, origin)
 
 
-def shape_mesh(shape: Any) -> Any:
+def shape_mesh(shape: mi.Shape) -> Trimesh | None:
     """A shape as a triangle mesh, or None if it has no triangles."""
     import mitsuba as mi
     import trimesh
@@ -130,7 +137,7 @@ def shape_mesh(shape: Any) -> Any:
     return trimesh.Trimesh(vertices, np.array(parameters["faces"]).reshape(-1, 3), process=False)
 
 
-def face_corners(faces: Any, index: int) -> np.ndarray:
+def face_corners(faces: FaceGrid, index: int) -> np.ndarray:
     """(4, 3) corners in mm of one face."""
     import mitsuba as mi
 

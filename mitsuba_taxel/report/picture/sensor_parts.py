@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.cutaway import Half, cut_open, is_closed
 from mitsuba_taxel.geometry.triangles import components, neighbours, unit, volume
-from mitsuba_taxel.kernels.protocols import is_pad
+from mitsuba_taxel.kernels.protocols import PadShape, is_pad
 from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
 from mitsuba_taxel.report.picture.indenters import indenter_surface
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 FACING = np.array([0.0, 1.0, 0.0])
 """Normal of the cut, towards the part that is kept."""
@@ -64,7 +67,9 @@ class ShownPart:
         return float(places.min()), float(places.max())
 
 
-def shown_parts(scene: Any, cut: float | str = "middle", magnify: float = 1.0) -> tuple[list[ShownPart], float | None]:
+def shown_parts(
+    scene: mi.Scene, cut: float | str = "middle", magnify: float = 1.0
+) -> tuple[list[ShownPart], float | None]:
     """The parts of a picture of a ``mi.Scene``, and the position of its cut in mm, None if there is none.
 
     Of pads and other surfaces the part at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
@@ -122,11 +127,11 @@ def _bodies(part: ShownPart) -> list[ShownPart]:
     return [part.chosen(number == body) for body in range(number.max() + 1)]
 
 
-def _solid(shape: Any, magnify: float) -> ShownPart | None:
+def _solid(shape: mi.Shape, magnify: float) -> ShownPart | None:
     """A mesh of a scene; None for other shapes."""
     import mitsuba as mi
 
-    further: Any = 0.0
+    further: np.ndarray | float = 0.0
     pressure = None
     if is_pad(shape) and shape.contact_pressure is not None:
         pressure = shape.contact_pressure[shape.surface.triangles]
@@ -152,7 +157,7 @@ def _solid(shape: Any, magnify: float) -> ShownPart | None:
     return ShownPart(vertices, triangles, material, cell, pressure)
 
 
-def _indenter(shape: Any, magnify: float) -> ShownPart | None:
+def _indenter(shape: mi.Shape, magnify: float) -> ShownPart | None:
     surface = indenter_surface(shape, magnify) if is_pad(shape) else None
     if surface is None:
         return None
@@ -160,13 +165,13 @@ def _indenter(shape: Any, magnify: float) -> ShownPart | None:
     return ShownPart(*surface, np.full(count, "indenter"), np.zeros(count, dtype=int))
 
 
-def _displacements(pad: Any) -> np.ndarray:
+def _displacements(pad: PadShape) -> np.ndarray:
     """(V, 3) mm, displacements of the vertices of a pad's closed surface from the unloaded state."""
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
     return np.einsum("vi,ji->vj", pad.surface.vertices, turn) + shift - pad.undeformed.vertices
 
 
-def _sheet(rectangle: Any) -> ShownPart:
+def _sheet(rectangle: mi.Shape) -> ShownPart:
     """A rectangle as a thin sheet behind its front."""
     import mitsuba as mi
 
