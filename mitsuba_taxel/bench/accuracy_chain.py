@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, Limit, from_nothing
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
 from mitsuba_taxel.sensing.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
-from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings, standard_error
+from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
 from mitsuba_taxel.sensing.scene import Scene
 
 TARGETS = (0.02, 0.01, 0.005, 0.002)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
 from mitsuba_taxel.mechanics import load_path
 from mitsuba_taxel.mechanics.elements.loads import Load
@@ -23,7 +24,7 @@ from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure
-from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings, standard_error
+from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_ELEMENTS

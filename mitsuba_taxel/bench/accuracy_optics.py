@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.accuracy_methods import (
     METHODS,
     Estimate,
@@ -23,7 +24,6 @@ from mitsuba_taxel.bench.accuracy_methods import (
     stray_light,
 )
 from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
-from mitsuba_taxel.sensing.readings import standard_error
 from mitsuba_taxel.sensing.runs import derived_seed
 from mitsuba_taxel.sensing.scene import Scene
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise.replicates import standard_error
+from mitsuba_taxel.base.replicates import standard_error
 
 
 class Tangents(NamedTuple):

@@ -1,10 +1,12 @@
-"""Estimates and their errors from replicates that all readings of an experiment share."""
+"""The largest of many noisy numbers, from replicates that all readings of an experiment share."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+
+from mitsuba_taxel.base.replicates import standard_error
 
 HALVES = (slice(0, None, 2), slice(1, None, 2))
 DRAWS = 64
@@ -39,14 +41,6 @@ class Largest(NamedTuple):
     def error_of(self, samples: np.ndarray) -> np.ndarray:
         """Standard error (channels,) of the mean of samples (replicates, channels) computed from :attr:`magnitude`."""
         return np.hypot(standard_error(samples), self.choice_error)
-
-
-def standard_error(samples: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Standard error of the mean over the replicates along ``axis``; NaN if there is only one."""
-    count = samples.shape[axis]
-    if count < 2:
-        return np.full(np.delete(samples.shape, axis), np.nan)
-    return samples.std(axis=axis, ddof=1) / np.sqrt(count)
 
 
 def at_largest(samples: np.ndarray) -> Largest:

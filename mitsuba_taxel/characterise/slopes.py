@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.characterise.experiment import Branch, Tangents
-from mitsuba_taxel.characterise.replicates import at_largest, standard_error
+from mitsuba_taxel.characterise.replicates import at_largest
 
 PLACES = 1001
 """Evenly spaced points of a run at which the largest slope of curves is searched."""

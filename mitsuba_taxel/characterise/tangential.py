@@ -12,10 +12,10 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
-from mitsuba_taxel.characterise.replicates import standard_error
 
 if TYPE_CHECKING:
     import pandas

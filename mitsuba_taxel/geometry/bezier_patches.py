@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import block_diag
 
+from mitsuba_taxel.geometry import quadratic_shapes
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 
 BATCH = 256
@@ -31,11 +32,9 @@ Place = tuple[float, float, float]
 
 def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(3, N) control points of curved triangles (B, 6) with ``nodes`` (N, 3); those of edges lie off the surface."""
-    control = nodes.T.copy()
-    for k, (i, j) in enumerate(FACE_EDGES, start=3):
-        ends = nodes[faces[:, i]] + nodes[faces[:, j]]
-        control[:, faces[:, k]] = (2 * nodes[faces[:, k]] - ends / 2).T
-    return control
+    control = nodes.copy()
+    control[faces] = quadratic_shapes.control_points(nodes[faces])
+    return control.T
 
 
 def first_touch(one: np.ndarray, other: np.ndarray, shared: str, tolerance: float) -> Place | None:

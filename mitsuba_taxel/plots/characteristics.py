@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.atomic import replacing
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_RESOLVED, SLOPES
 from mitsuba_taxel.characterise.equations import from_line
 from mitsuba_taxel.characterise.experiment import Branch, Experiment
-from mitsuba_taxel.characterise.replicates import standard_error
 from mitsuba_taxel.characterise.slopes import relative_slope, slopes
 from mitsuba_taxel.characterise.summary import Channel, common_channel
 from mitsuba_taxel.characterise.tangential import TangentialMap

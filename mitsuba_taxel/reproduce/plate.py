@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from mitsuba_taxel.characterise.replicates import standard_error
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.studies import sweep

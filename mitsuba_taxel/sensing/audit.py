@@ -17,13 +17,13 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.arguments import check_progress
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
-from mitsuba_taxel.sensing.readings import standard_error
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.taxels import taxels_of

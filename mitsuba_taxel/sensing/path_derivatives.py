@@ -18,11 +18,11 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import FACETS_SHARE
 from mitsuba_taxel.base.differences import STENCILS
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS, Derivatives, unit_of
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.mechanics_error import restored
 from mitsuba_taxel.sensing.moved_scene import MovedScene, Walls, walls_on
-from mitsuba_taxel.sensing.readings import standard_error
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, Prepared, derived_seed
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import Rates

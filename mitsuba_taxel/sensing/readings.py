@@ -11,15 +11,11 @@ import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, FACETS_SHARE
 from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.replicates import standard_error
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
     from mitsuba_taxel.sensing.derivative_values import Derivatives
-
-
-def standard_error(replicates: np.ndarray) -> np.ndarray:
-    """One standard deviation of the mean over the first axis of ``replicates`` (R, ...), from their scatter."""
-    return (replicates - replicates[0]).std(axis=0, ddof=1) / math.sqrt(len(replicates))  # exactly 0 if all are equal
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:

@@ -16,9 +16,10 @@ import numpy as np
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share, standard_error
+from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads

@@ -9,12 +9,13 @@ import pytest
 
 from mitsuba_taxel import Pad, PadSensor, Readings, Scene, Wall, measure
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
 from mitsuba_taxel.mechanics.path.state import Comparison
 from mitsuba_taxel.sensing import targets
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.readings import mechanics_share, standard_error
+from mitsuba_taxel.sensing.readings import mechanics_share
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, prepare
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_RUNGS, RUNG, _powers, _timed, mechanics_of, rungs_to

@@ -12,16 +12,11 @@ import xarray as xr
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.readings import (
-    describe_mechanics,
-    error_budget,
-    geometry_share,
-    mechanics_share,
-    standard_error,
-)
+from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share
 from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
