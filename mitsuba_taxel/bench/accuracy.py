@@ -20,7 +20,7 @@ from mitsuba_taxel.bench.accuracy_mechanics import (
 from mitsuba_taxel.bench.accuracy_optics import REFERENCE_TIME, optics_curves
 from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import write_csv
-from mitsuba_taxel.bench.work_precision import Curve
+from mitsuba_taxel.bench.work_precision import ErrorCurve
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -31,7 +31,7 @@ from mitsuba_taxel.studies.plan.files import make_folder
 
 def accuracy(
     scene: Scene, folder: Path, seconds: float, starting: Callable[[str], None] = lambda step: None
-) -> list[Curve]:
+) -> list[ErrorCurve]:
     """Measure error against time, and write ``accuracy.csv``, ``accuracy.png`` and ``accuracy.svg`` to a folder.
 
     Parameters
@@ -63,15 +63,15 @@ def accuracy(
         curves += _with_pads(scene, pads, seconds, starting)
     elif loaded:
         reason = "the scene fixes the mesh size of its loaded pads: there is nothing to compare it with"
-        curves += [Curve(part, "", [], remark=reason) for part in ("mechanics", "chain")]
+        curves += [ErrorCurve(part, "", [], remark=reason) for part in ("mechanics", "chain")]
     else:
-        curves.append(Curve("mechanics", "", [], remark="no pad of the scene is loaded"))
+        curves.append(ErrorCurve("mechanics", "", [], remark="no pad of the scene is loaded"))
         curves.append(reading_curve(scene, light, REFERENCE_TIME * seconds, starting))
     _write(curves, scene, folder)
     return curves
 
 
-def _write(curves: Sequence[Curve], scene: Scene, folder: Path) -> None:
+def _write(curves: Sequence[ErrorCurve], scene: Scene, folder: Path) -> None:
     write_csv(curves, folder / "accuracy.csv")
     plot_accuracy(curves, title(scene), folder)
 
@@ -84,7 +84,7 @@ def title(scene: Scene) -> str:
 
 def _with_pads(
     scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
-) -> list[Curve]:
+) -> list[ErrorCurve]:
     """Curves of the mechanics and of the whole chain."""
     near = near_load(scene)
     try:
@@ -92,7 +92,7 @@ def _with_pads(
         starting(f"mechanics: reference on elements of {judge:.2g} mm")
         found = limits([scene, near.scene] if near else [scene], judge)
     except ComputationError as reason:
-        return [Curve(part, "", [], remark=str(reason)) for part in ("mechanics", "chain")]
+        return [ErrorCurve(part, "", [], remark=str(reason)) for part in ("mechanics", "chain")]
     truth = found[0].truth
     sizes = size_errors(solved, found[0], ended)
     middle = min(solved, key=lambda h: abs(h - DEFAULT_MESH_SIZE))

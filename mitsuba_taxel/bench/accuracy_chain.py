@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, Limit, from_nothing
-from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
+from mitsuba_taxel.bench.accuracy_mechanics import POINTS, SEED, FineMeshLimit, from_nothing
+from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.sensing.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
@@ -50,13 +50,13 @@ def near_load(scene: Scene) -> Near | None:
     return None
 
 
-def slope_limit(limit: Limit, near_limit: Limit, step: float) -> Limit:
+def slope_limit(limit: FineMeshLimit, near_limit: FineMeshLimit, step: float) -> FineMeshLimit:
     """Slope of readings in the limit of small elements, in W/N."""
     replicates = (limit.replicates - near_limit.replicates) / step
-    return Limit(replicates, (limit.change - near_limit.change) / step, limit.size)
+    return FineMeshLimit(replicates, (limit.change - near_limit.change) / step, limit.size)
 
 
-def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> Curve:
+def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable[[str], None]) -> ErrorCurve:
     """Curve of the reading alone, for a scene whose pads are not loaded.
 
     Parameters
@@ -70,12 +70,12 @@ def reading_curve(scene: Scene, truth: Truth, seconds: float, starting: Callable
         starting(f"chain: target {target:.1%}")
         found, spent = _timed(scene, target, seconds)
         points.append(_reading_point(found, truth.power, spent, target, truth))
-    return Curve("chain", "reading", points, launched=True)
+    return ErrorCurve("chain", "reading", points, launched=True)
 
 
 def chain_curves(
     scene: Scene, truth: Truth, near: Near | None, slope: Truth | None, seconds: float, starting: Callable[[str], None]
-) -> list[Curve]:
+) -> list[ErrorCurve]:
     """A curve for the reading, and one for its slope if there is a nearby load; all solved without caches.
 
     The slope takes another reading, on the mesh and with the points chosen for the target error.
@@ -93,8 +93,8 @@ def chain_curves(
             on_this_mesh = scene.with_mesh_size(found.mesh_size)
             long = measure(on_this_mesh, points=POINTS, seed=SEED, mechanics_error=False).power
         readings.append(_reading_point(found, long, spent, target, truth))
-    curves = [Curve("chain", "reading", readings)]
-    return curves if near is None else [*curves, Curve("chain", f"slope over {near.force}", slopes)]
+    curves = [ErrorCurve("chain", "reading", readings)]
+    return curves if near is None else [*curves, ErrorCurve("chain", f"slope over {near.force}", slopes)]
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
-from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
+from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.mechanics import load_path
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -63,7 +63,7 @@ class Solved:
 
 
 @dataclass(frozen=True)
-class Limit:
+class FineMeshLimit:
     """Readings in the limit of small elements.
 
     Attributes
@@ -148,7 +148,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
             return SizeRuns(solved, judge, ended)
 
 
-def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
+def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
     """Readings of scenes in the limit of small elements, from those of ``size`` [mm] and twice that.
 
     The error of a reading falls with the power `ORDER` of the mesh size, and follows from two sizes (L. F. Richardson,
@@ -161,40 +161,41 @@ def limits(scenes: Sequence[Scene], size: float) -> list[Limit]:
         )
     changes = [ERROR_SHARE * (there.replicates - here.replicates) for here, there in zip(coarse, fine, strict=True)]
     return [
-        Limit(there.replicates + change, change.mean(axis=0), size) for there, change in zip(fine, changes, strict=True)
+        FineMeshLimit(there.replicates + change, change.mean(axis=0), size)
+        for there, change in zip(fine, changes, strict=True)
     ]
 
 
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
-) -> tuple[dict[float, Solved], Limit]:
+) -> tuple[dict[float, Solved], FineMeshLimit]:
     """The scene on one mesh with load steps of different tolerances, and with very small ones."""
     solved = {}
     for tolerance in (*TOLERANCES, STRICT):
         starting(f"mechanics: step tolerance {tolerance:g}, elements of {size:.2g} mm")
         solved[tolerance] = solve(scene, pads, size, tolerance)
     strict = solved.pop(STRICT).readings
-    return solved, Limit(strict.replicates, np.zeros(len(strict.taxel)), size)
+    return solved, FineMeshLimit(strict.replicates, np.zeros(len(strict.taxel)), size)
 
 
-def size_errors(solved: Mapping[float, Solved], limit: Limit, remark: str) -> Curve:
+def size_errors(solved: Mapping[float, Solved], limit: FineMeshLimit, remark: str) -> ErrorCurve:
     """The curve of element sizes."""
     reference = limit.truth.name
     points = []
     for size, run in solved.items():
         stated = relative_rms(run.readings.mechanics_error, run.readings.power)
         points.append(_point(f"{size:.3g} mm", run, limit, stated, reference))
-    return Curve("mechanics", "element size", points, remark=remark)
+    return ErrorCurve("mechanics", "element size", points, remark=remark)
 
 
-def tolerance_errors(solved: Mapping[float, Solved], strict: Limit) -> Curve:
+def tolerance_errors(solved: Mapping[float, Solved], strict: FineMeshLimit) -> ErrorCurve:
     """The curve of step tolerances, on one mesh; readings state no error due to steps."""
     reference = f"step tolerance {STRICT:g}, elements of {strict.size:.2g} mm"
     points = [_point(f"{tolerance:g}", run, strict, math.nan, reference) for tolerance, run in solved.items()]
-    return Curve("mechanics", "step tolerance", points)
+    return ErrorCurve("mechanics", "step tolerance", points)
 
 
-def _point(setting: str, run: Solved, limit: Limit, stated: float, reference: str) -> Point:
+def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, reference: str) -> Point:
     """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates

@@ -23,7 +23,7 @@ from mitsuba_taxel.bench.accuracy_methods import (
     offset_share,
     stray_light,
 )
-from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, now, relative_rms
+from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
 from mitsuba_taxel.sensing.runs import derived_seed
 from mitsuba_taxel.sensing.scene import Scene
 
@@ -71,7 +71,7 @@ class _Trial:
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 
 
-def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None]) -> tuple[list[Curve], Truth]:
+def optics_curves(scene: Scene, seconds: float, starting: Callable[[str], None]) -> tuple[list[ErrorCurve], Truth]:
     """A curve for each method, and the reference for `taxel_tracer`.
 
     Parameters
@@ -164,18 +164,18 @@ def _other(references: Mapping[Method, Truth], method: Method) -> Truth:
     return next(truth for known, truth in references.items() if known.integrator != method.integrator)
 
 
-def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> Curve:
+def _curve(trial: _Trial, truth: Truth, unbounded: bool) -> ErrorCurve:
     method = trial.method
     points = [_point(rung, truth) for rung in trial.rungs]
     remarks = [trial.reason] if trial.reason else []
     if unbounded and method.integrator == "path":
         remarks.append("isotropic walls give paths from the detector weights without bound: the error may fall slowly")
     if trial.rungs and not trial.rungs[-1].power.any():
-        return Curve("optics", method.name, [], remark="it finds no light here")
+        return ErrorCurve("optics", method.name, [], remark="it finds no light here")
     off, z = _bias(trial.rungs, truth) if trial.rungs else (0.0, 0.0)
     if abs(z) > SIGNIFICANT:
         remarks.append(f"off by {off:+.1g} of the reference ({z:+.0f} standard errors)")
-    return Curve("optics", method.name, points, launched=True, remark="; ".join(remarks))
+    return ErrorCurve("optics", method.name, points, launched=True, remark="; ".join(remarks))
 
 
 def _point(rung: Rung, truth: Truth) -> Point:

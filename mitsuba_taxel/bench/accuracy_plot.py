@@ -12,14 +12,14 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from mitsuba_taxel.bench.work_precision import Curve, Point
+    from mitsuba_taxel.bench.work_precision import ErrorCurve, Point
 
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 LABELLED = ("mechanics", "chain")
 """Parts with few points, which are labelled."""
 
 
-def plot_accuracy(curves: Sequence[Curve], title: str, folder: Path) -> None:
+def plot_accuracy(curves: Sequence[ErrorCurve], title: str, folder: Path) -> None:
     """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
 
     Filled markers are significant errors, hollow ones lie below the error of the reference, a dashed line. Dotted lines
@@ -34,7 +34,7 @@ def plot_accuracy(curves: Sequence[Curve], title: str, folder: Path) -> None:
     save_figure(axes[0, 0].figure, folder, "accuracy")
 
 
-def _panel(ax: Axes, curves: Sequence[Curve], part: str) -> None:
+def _panel(ax: Axes, curves: Sequence[ErrorCurve], part: str) -> None:
     from matplotlib.ticker import NullFormatter
 
     for number, curve in enumerate(curves):
@@ -52,7 +52,7 @@ def _panel(ax: Axes, curves: Sequence[Curve], part: str) -> None:
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2, fontsize=9, frameon=False)
 
 
-def _floors(curves: Sequence[Curve], part: str) -> dict[str, float]:
+def _floors(curves: Sequence[ErrorCurve], part: str) -> dict[str, float]:
     """Errors of the references by label: those of the light are shared by many methods."""
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
     if part == "optics":
@@ -60,7 +60,7 @@ def _floors(curves: Sequence[Curve], part: str) -> dict[str, float]:
     return {f"error of the reference of {method}": last.floor for method, last in lasts if last.floor > 0}
 
 
-def _draw(ax: Axes, curve: Curve, number: int, labelled: bool) -> None:
+def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
     colour = COLOURS[number % len(COLOURS)]
     marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
     line = ("-", "--")[number // len(COLOURS) % 2]

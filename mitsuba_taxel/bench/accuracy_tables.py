@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.bench.work_precision import Curve, slope
+from mitsuba_taxel.bench.work_precision import ErrorCurve, slope
 
 COLUMNS = (
     "part", "method", "setting", "seconds", "error", "stated_error", "floor", "reference", "runs", "light_error",
@@ -23,7 +23,7 @@ PEERS = (
 )
 
 
-def write_csv(curves: Sequence[Curve], file: Path) -> None:
+def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
     """Write all points in full precision, one per line; unknown values are empty."""
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, COLUMNS)
@@ -41,7 +41,7 @@ def write_csv(curves: Sequence[Curve], file: Path) -> None:
                 writer.writerow({"part": one.part, "method": one.method, "remark": one.remark})
 
 
-def cells(curve: Curve) -> list[str]:
+def cells(curve: ErrorCurve) -> list[str]:
     """One method's row of the table, in the order of :data:`HEADINGS`, from its last point."""
     if not curve.points:
         return [curve.part, curve.method or "-", "0", "-", "-", "-", "-", "-", f"not possible: {curve.remark}"]

@@ -36,7 +36,7 @@ read = partial(measure, mechanics_error=False)
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedReading:
     """A reading of the worst taxel and its reference, with their errors in W, and a remark."""
 
     power: float
@@ -53,14 +53,14 @@ class ReadingCase:
 
     Attributes
     ----------
-    look : Callable[[], Compared]
+    look : Callable[[], ComparedReading]
         Reads the scene and compares; raises the program's exceptions.
     refused : bool
         Whether the scene must be refused.
     """
 
     name: str
-    look: Callable[[], Compared]
+    look: Callable[[], ComparedReading]
     refused: bool = False
 
     def measured(self) -> ReadingRow:
@@ -167,12 +167,12 @@ def _plate(**parameters: object) -> Callable[[], Scene]:
     return partial(Scene.from_file, "plate.xml", **parameters)
 
 
-def _read(scene: Callable[[], Scene]) -> Compared:
+def _read(scene: Callable[[], Scene]) -> ComparedReading:
     found = read(scene(), points=256)
     return _compared(found, found, "nothing")
 
 
-def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compared:
+def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> ComparedReading:
     """A reading compared with counted rays."""
     import mitsuba as mi
 
@@ -181,30 +181,30 @@ def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compa
     return _compared(read(ready, points=4096, seed=1), read(counting, points=points, seed=2), "counted rays")
 
 
-def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> Compared:
+def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> ComparedReading:
     """The taxel that differs most; both have the same error of the mechanics."""
     spread = np.hypot(ours.standard_error, theirs.standard_error) + rounding * theirs.power
     change = np.abs(ours.power - theirs.power)
     worst = int(np.argmax(np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)))
     errors = (float(part[worst]) for part in (ours.standard_error, theirs.standard_error + rounding * theirs.power))
     error, reference_error = errors
-    return Compared(float(ours.power[worst]), error, float(theirs.power[worst]), reference_error, by, remark)
+    return ComparedReading(float(ours.power[worst]), error, float(theirs.power[worst]), reference_error, by, remark)
 
 
-def _all_but_closed() -> Compared:
+def _all_but_closed() -> ComparedReading:
     """Light in a narrow gap is proportional to the square of its height."""
     near, nearer = (read(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
     theirs = replace(near, replicates=near.replicates * 1e-2)
     return _compared(nearer, theirs, "law of scale", rounding=1e-2)
 
 
-def _closed() -> Compared:
+def _closed() -> ComparedReading:
     found = read(_plate(z=0, scattering="lambertian")(), points=1 << 12)
     said = any("no light found" in note for note in found.notes)
     return replace(_compared(found, found, "nothing passes"), reference=0.0, remark="said so" if said else "NOT SAID")
 
 
-def _little_light(watts: float) -> Compared:
+def _little_light(watts: float) -> ComparedReading:
     """Readings are proportional to the power of the LED."""
 
     def at(power: float) -> Readings:
@@ -216,7 +216,7 @@ def _little_light(watts: float) -> Compared:
     return _compared(at(watts), replace(one, replicates=one.replicates * watts), "law of scale", rounding=ROUNDING)
 
 
-def _next_to_nothing(force: float) -> Compared:
+def _next_to_nothing(force: float) -> ComparedReading:
     """A force that moves nothing changes nothing."""
     loaded, unloaded = (
         read(PadSensor(pad=Pad("spherical", 1, 1), force=(0.0, 0.0, z)).scene(), points=4096) for z in (force, 0.0)
@@ -224,7 +224,9 @@ def _next_to_nothing(force: float) -> Compared:
     return _compared(loaded, unloaded, "the unloaded pad", rounding=ROUNDING)
 
 
-def _relaxed(prony: tuple[tuple[float, float], ...], force: float, rise: float, held: float, left: float) -> Compared:
+def _relaxed(
+    prony: tuple[tuple[float, float], ...], force: float, rise: float, held: float, left: float
+) -> ComparedReading:
     """An incompressible pad, loaded within a time and held for another, of whose stiffness a share is left: that of an
     elastic one."""
     law, load = NeoHookean(poisson_ratio=0.5), (0.0, 0.0, force)
@@ -236,21 +238,21 @@ def _relaxed(prony: tuple[tuple[float, float], ...], force: float, rise: float, 
     return _compared(ours, theirs, "an elastic pad", rounding=OF_TIME_STEPS)
 
 
-def _million_scenes() -> Compared:
+def _million_scenes() -> ComparedReading:
     from mitsuba_taxel.studies import sweep
 
     sweep("pad.xml", {"fz": "0:-20:-0.00002"}, points=64)
     raise AssertionError("a million scenes were read")
 
 
-def _million_states() -> Compared:
+def _million_states() -> ComparedReading:
     from mitsuba_taxel.mechanics import load_path
 
     load_path(Pad(), NeoHookean(), np.linspace([0, 0, 0], [0, 0, -20.0], 1_000_000))
     raise AssertionError("a million states were kept")
 
 
-def _scaled(scale: float) -> Compared:
+def _scaled(scale: float) -> ComparedReading:
     """A pad with its contents in another unit of length."""
     import mitsuba as mi
 
@@ -269,7 +271,7 @@ def _scaled(scale: float) -> Compared:
     )
 
 
-def _many_taxels() -> Compared:
+def _many_taxels() -> ComparedReading:
     """Under a wide plate, all taxels read the same."""
 
     def at(rows: int, points: int, seed: int) -> Readings:
@@ -302,7 +304,7 @@ def _array(rows: int, columns: int) -> Scene:
     return Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, "r": reflectors, "plate": plate})
 
 
-def _billion() -> Compared:
+def _billion() -> ComparedReading:
     """2^30 paths at once, and for comparison a running sum of as many numbers in single precision."""
     many = read(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
     few = read(_array(8, 4), points=1 << 16, seed=2)

@@ -69,7 +69,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ErrorCurve:
     """One method's points in order of their work.
 
     Attributes
@@ -96,7 +96,7 @@ class Slope(NamedTuple):
     standard_error: float
 
 
-def slope(curve: Curve) -> Slope:
+def slope(curve: ErrorCurve) -> Slope:
     """Slope of a method's error against its seconds, by least squares over the points after warm-up.
 
     For methods with a launch, the seconds of the shortest run, which does almost nothing, are subtracted, and points

@@ -10,7 +10,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import respond
-from mitsuba_taxel.fitting.plan import CIRCUIT, Plan
+from mitsuba_taxel.fitting.plan import CIRCUIT, FitPlan
 from mitsuba_taxel.sensing.derivable import without_derivative
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch
 from mitsuba_taxel.studies.plan.vary import STEP
@@ -23,14 +23,14 @@ SMALL = 1e-6
 """The same without noise."""
 
 
-class Model:
+class ReadingModel:
     """Readings (rows, taxels) of the data's settings, and derivatives (rows, taxels, unknowns).
 
     Derivatives with respect to parameters of the scene come with readings without random numbers where available;
     otherwise they are differences of readings that share their random numbers.
     """
 
-    def __init__(self, plan: Plan, pool: Pool) -> None:
+    def __init__(self, plan: FitPlan, pool: Pool) -> None:
         self._plan, self._pool = plan, pool
         self._names = [unknown.name for unknown in plan.unknowns]
         self._in_scene = [number for number, unknown in enumerate(plan.unknowns) if unknown.in_scene]
@@ -115,7 +115,7 @@ class Model:
         return response.voltage, response.rate
 
 
-def _distinct(plan: Plan) -> tuple[dict[str, list[str]], np.ndarray]:
+def _distinct(plan: FitPlan) -> tuple[dict[str, list[str]], np.ndarray]:
     """The distinct settings of the data, and their index for each row."""
     rows = list(zip(*plan.data.settings.values(), strict=True)) or [()] * plan.data.rows
     distinct = list(dict.fromkeys(rows))

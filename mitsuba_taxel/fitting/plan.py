@@ -37,7 +37,7 @@ class Unknown:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class FitPlan:
     """A fit: the scene as for `make_batch`, the circuit, the unknowns, and the data."""
 
     scene: str
@@ -49,7 +49,7 @@ class Plan:
     data: Data
 
 
-def read_plan(file: Path) -> Plan:
+def read_plan(file: Path) -> FitPlan:
     """The plan in a study file.
 
     Raises
@@ -70,7 +70,7 @@ def read_plan(file: Path) -> Plan:
     data = read_data(folder / table["data"])
     circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
     unknowns = [_unknown(name, given) for name, given in table["unknowns"].items()]
-    plan = Plan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)
+    plan = FitPlan(str(scene.get("scene", "")), folder, dict(scene.get("define", {})), content, circuit, unknowns, data)
     _check(plan)
     return plan
 
@@ -86,7 +86,7 @@ def _unknown(name: str, given: object) -> Unknown:
     return Unknown(name, **{key: float(value) for key, value in numbers.items()})
 
 
-def _check(plan: Plan) -> None:
+def _check(plan: FitPlan) -> None:
     names = [unknown.name for unknown in plan.unknowns]
     for name in names:
         if name in plan.defines or name in plan.data.settings:

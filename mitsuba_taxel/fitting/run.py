@@ -11,9 +11,9 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_progress, path_of
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.fitting.model import Model
-from mitsuba_taxel.fitting.plan import Plan, read_plan
-from mitsuba_taxel.fitting.solve import Solution, solve
+from mitsuba_taxel.fitting.model import ReadingModel
+from mitsuba_taxel.fitting.plan import FitPlan, read_plan
+from mitsuba_taxel.fitting.solve import LeastSquares, solve
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.residuals import plot_residuals
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -87,7 +87,7 @@ def run_fit(
     plan = read_plan(file)
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
-        model = Model(plan, pool)
+        model = ReadingModel(plan, pool)
         shape = plan.data.readings.shape
 
         def flat(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +103,7 @@ def run_fit(
     return result
 
 
-def _told(plan: Plan, model: Model, solution: Solution, shape: tuple[int, ...]) -> FitResult:
+def _told(plan: FitPlan, model: ReadingModel, solution: LeastSquares, shape: tuple[int, ...]) -> FitResult:
     import pandas
 
     names = [unknown.name for unknown in plan.unknowns]

@@ -22,7 +22,7 @@ may go on, depending on rounding."""
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LeastSquares:
     """Solution of least squares.
 
     Attributes
@@ -55,7 +55,7 @@ def solve(
     data: np.ndarray,
     errors: np.ndarray | None,
     unknowns: Sequence[Unknown],
-) -> Solution:
+) -> LeastSquares:
     """Estimate the unknowns of a model.
 
     Parameters
@@ -111,7 +111,7 @@ def solve(
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
     warnings = [*_doubts(found, found.success or exact, unknowns), *_alike(correlation, silent, names)]
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
-    return Solution(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
+    return LeastSquares(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
 
 
 def _covariance(jacobian: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:

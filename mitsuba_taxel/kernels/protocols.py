@@ -32,7 +32,7 @@ class TaxelEnd(Protocol):
     def get_shape(self) -> Any: ...
 
 
-class Led(TaxelEnd, Protocol):
+class LedEmitter(TaxelEnd, Protocol):
     """An `annular_led`, one or an array."""
 
     power: mi.Float
@@ -46,7 +46,7 @@ class Led(TaxelEnd, Protocol):
     def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool: ...
 
 
-class Phototransistor(TaxelEnd, Protocol):
+class PhototransistorSensor(TaxelEnd, Protocol):
     """A `phototransistor`, one or an array, with what pilot runs have learned (None: not yet).
 
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
@@ -67,7 +67,7 @@ class Phototransistor(TaxelEnd, Protocol):
     def pixel(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point2f: ...
 
 
-class Package(Protocol):
+class PackageShape(Protocol):
     """A `photo_reflector`: the sides of its ``body``, and where along x the faces' ``centres`` lie."""
 
     body: np.ndarray
@@ -115,7 +115,7 @@ class PadShape(Protocol):
     def second_state(self) -> Any: ...
 
 
-class Region(Protocol):
+class RegionBsdf(Protocol):
     """A `region`: BSDFs by the name of the region."""
 
     walls: Mapping[str, Any]
@@ -129,11 +129,11 @@ class TaxelIntegrator(Protocol):
     ) -> Any: ...
 
 
-def is_led(emitter: Any) -> TypeGuard[Led]:
+def is_led(emitter: Any) -> TypeGuard[LedEmitter]:
     return _plugin_of(emitter) == "annular_led"
 
 
-def is_phototransistor(sensor: Any) -> TypeGuard[Phototransistor]:
+def is_phototransistor(sensor: Any) -> TypeGuard[PhototransistorSensor]:
     return _plugin_of(sensor) == "phototransistor"
 
 
@@ -141,7 +141,7 @@ def has_faces(end: Any) -> TypeGuard[TaxelEnd]:
     return is_led(end) or is_phototransistor(end)
 
 
-def is_package(shape: Any) -> TypeGuard[Package]:
+def is_package(shape: Any) -> TypeGuard[PackageShape]:
     return _plugin_of(shape) == "photo_reflector"
 
 
@@ -149,7 +149,7 @@ def is_pad(shape: Any) -> TypeGuard[PadShape]:
     return _plugin_of(shape) == "deformable_pad"
 
 
-def is_region(bsdf: Any) -> TypeGuard[Region]:
+def is_region(bsdf: Any) -> TypeGuard[RegionBsdf]:
     return _plugin_of(bsdf) == "region"
 
 

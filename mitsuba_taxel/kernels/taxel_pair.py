@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mitsuba_taxel.kernels.protocols import Led, Phototransistor
+from mitsuba_taxel.kernels.protocols import LedEmitter, PhototransistorSensor
 
 
 @dataclass(frozen=True)
 class TaxelPair:
     """An `annular_led` and the `phototransistor` read against it, each an array of the same number of faces."""
 
-    led: Led
-    sensor: Phototransistor
+    led: LedEmitter
+    sensor: PhototransistorSensor
 
     @property
     def count(self) -> int:

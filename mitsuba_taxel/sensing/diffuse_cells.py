@@ -21,8 +21,8 @@ from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.transport.box import Box
-from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
-from mitsuba_taxel.transport.ends import CosinePower, End, Law, uniform_cone
+from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
+from mitsuba_taxel.transport.ends import AngularLaw, CosinePower, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 
@@ -213,7 +213,7 @@ class DiffuseCells:
     def solved(self, number: int, mesh: Mesh, places: np.ndarray) -> Cell:
         """The light in a cell, whose walls are at ``places`` (F, 15, 3)."""
         taxel, cell = self.taxels[number], self.cells[number]
-        parts = Walls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor, taxel.body
+        parts = ScatteringWalls(places, cell.isotropic, cell.lambertian), taxel.led, taxel.phototransistor, taxel.body
         return kept_cell(mesh, pickle.dumps(parts)) if len(places) <= MOST_KEPT else Cell(mesh, *parts)
 
 
@@ -312,7 +312,7 @@ def _bodies(pair: TaxelPair, into_pad: Any, scale: float) -> list[Box | None]:
     return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
 
 
-def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: Law, into_pad: Any) -> list[End]:
+def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: Any) -> list[End]:
     axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     offsets, weights = rule
     around = offsets @ axes[:2]
@@ -321,7 +321,7 @@ def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: Law, into_p
     return [End(into_pad(centre + around), weights, normal, law) for centre in centres]
 
 
-def _law_of_led(stated: Any) -> Law:
+def _law_of_led(stated: Any) -> AngularLaw:
     if stated.law == "uniform_solid_angle":
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
     if stated.law == "lambertian":
@@ -331,7 +331,7 @@ def _law_of_led(stated: Any) -> Law:
     raise NotDiffuse(f"the LED's law is {stated.law}")
 
 
-def _law_of_phototransistor(stated: Any) -> Law:
+def _law_of_phototransistor(stated: Any) -> AngularLaw:
     if stated.response == "ideal":
         return CosinePower(1.0, 0.0)
     if stated.response == "cosine_power":

@@ -33,7 +33,7 @@ BESIDE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class MovingWalls:
     """How the walls of a pad lie and move.
 
     Attributes
@@ -51,14 +51,14 @@ class Walls:
     chords: bool = False
 
 
-def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> Walls:
+def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWalls:
     """The state and rates of a pad on elements of their own, at the nodes of ``mesh``, of the same pad."""
     from mitsuba_taxel.mechanics.results.locate import PointLocator
     from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
     state = linear.state
     if state.mesh is mesh:
-        return Walls(state.displacement, nodal)
+        return MovingWalls(state.displacement, nodal)
     location = PointLocator(state.mesh).locate(mesh.points, BESIDE * np.ptp(mesh.points[:, 2]))
     rate, velocity = location.interpolate(nodal.displacement), np.zeros_like(mesh.points)
     for name, by in nodal.dimensions.items():
@@ -66,7 +66,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> Walls:
     if nodal.dimensions:  # nodes of the two meshes that are at one point may move apart
         past = velocity - location.interpolate(nodal.velocity)
         rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), past)
-    return Walls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
+    return MovingWalls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
 
 
 class MovedScene:
@@ -85,7 +85,7 @@ class MovedScene:
             raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
         self._scenes: dict[float, Any] = {0.0: ready.scene}
 
-    def largest_step(self, walls: Walls) -> float:
+    def largest_step(self, walls: MovingWalls) -> float:
         """Change of the parameter, in its unit, for which the scene may still be read."""
         mesh, nodal = self._pad.state.mesh, walls.nodal
         nodes = np.unique(mesh.faces[mesh.face_cell > 0])
@@ -95,7 +95,7 @@ class MovedScene:
             steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
         return float(min(steps))
 
-    def power(self, offset: float, walls: Walls, seed: int, points: int) -> np.ndarray:
+    def power(self, offset: float, walls: MovingWalls, seed: int, points: int) -> np.ndarray:
         """(R, T) W, the readings with the parameter changed by ``offset``; the scene's pad stays where it is moved.
 
         Raises
@@ -109,7 +109,7 @@ class MovedScene:
         run.extend_to(points)
         return run.powers
 
-    def _places(self, offset: float, walls: Walls) -> Places:
+    def _places(self, offset: float, walls: MovingWalls) -> Places:
         nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
         if nodal.dimensions:
             pad = replace(pad)  # with derived dimensions as if they were given

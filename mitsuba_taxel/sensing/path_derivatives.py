@@ -22,7 +22,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS, Derivatives, unit_of
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.mechanics_error import restored
-from mitsuba_taxel.sensing.moved_scene import MovedScene, Walls, walls_on
+from mitsuba_taxel.sensing.moved_scene import MovedScene, MovingWalls, walls_on
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, Prepared, derived_seed
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import Rates
@@ -115,7 +115,7 @@ class _Along:
             return _root_mean_square(changes[:, lit]) if lit.any() else 0.0
 
         if self._whole.pad.is_curved:
-            chords = Walls(self._walls.displacement, self._walls.nodal, chords=True)
+            chords = MovingWalls(self._walls.displacement, self._walls.nodal, chords=True)
             errors.append(FACETS_SHARE * mean(read.over(chosen.step, chords) - near) * lit)
         if self._whole.displaced:
             errors.append(self._of_mechanics(chosen, read, near, mean) * lit)
@@ -141,7 +141,7 @@ class _Along:
         scene = MovedScene(self._whole.ready, replace(self._change, scenes=[]))
         still = Nodal(displacement, np.zeros_like(displacement), {})
         read = _Differences(scene, STENCILS[0], self._whole.seed, chosen.points)
-        return read.over(chosen.step, Walls(self._walls.displacement, still))
+        return read.over(chosen.step, MovingWalls(self._walls.displacement, still))
 
     def _chosen(self) -> _Chosen:
         """Step, stencil and points with the least error, as pilot runs predict it.
@@ -202,14 +202,14 @@ class _Differences:
 
     def __init__(self, scene: MovedScene, stencil: Stencil, seed: int, points: int) -> None:
         self._scene, self.stencil, self._seed, self._points = scene, stencil, seed, points
-        self._known: dict[tuple[float, Walls], np.ndarray] = {}
+        self._known: dict[tuple[float, MovingWalls], np.ndarray] = {}
 
-    def over(self, step: float, walls: Walls) -> np.ndarray:
+    def over(self, step: float, walls: MovingWalls) -> np.ndarray:
         """(R, T) W per unit of the parameter."""
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 
-    def _power(self, offset: float, walls: Walls) -> np.ndarray:
+    def _power(self, offset: float, walls: MovingWalls) -> np.ndarray:
         place = offset, walls
         if place not in self._known:
             self._known[place] = self._scene.power(offset, walls, self._seed, self._points)

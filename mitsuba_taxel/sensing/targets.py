@@ -65,7 +65,7 @@ class Settings(NamedTuple):
     mesh_size: float | None
 
 
-class Mechanics(NamedTuple):
+class MechanicsError(NamedTuple):
     """Error of readings by that of the mechanics.
 
     Attributes
@@ -80,7 +80,7 @@ class Mechanics(NamedTuple):
     share: float
 
 
-class Geometry(NamedTuple):
+class GeometryError(NamedTuple):
     """Error of readings by the flat triangles of curved walls.
 
     Attributes
@@ -98,28 +98,28 @@ class Geometry(NamedTuple):
     pilot: Run | None
 
 
-FLAT = Geometry(None, 0.0, None)
+FLAT = GeometryError(None, 0.0, None)
 
 
 class PreparedFor(NamedTuple):
     """A scene prepared for a target error, the error of its shape, and the points to trace or the power in W."""
 
     ready: Prepared
-    mechanics: Mechanics
-    geometry: Geometry
+    mechanics: MechanicsError
+    geometry: GeometryError
     settings: Settings
     power: np.ndarray | None = None
 
 
-class Judged(NamedTuple):
+class ShapeErrors(NamedTuple):
     """The errors of a scene's shape, and the power of each taxel in W where it is known without random numbers."""
 
-    mechanics: Mechanics
-    geometry: Geometry
+    mechanics: MechanicsError
+    geometry: GeometryError
     power: np.ndarray | None = None
 
 
-def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> Geometry:
+def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> GeometryError:
     """Error of a scene's readings by facets, from two short traces, of as many points as in :func:`mechanics_of`."""
     if not curved_pads(ready.scene):
         return FLAT
@@ -134,11 +134,11 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
         share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
         more = _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
-            return Geometry(facets, share, pilot)
+            return GeometryError(facets, share, pilot)
         points = min(points * more, most)
 
 
-def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: bool = True) -> Judged | None:
+def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: bool = True) -> ShapeErrors | None:
     """Readings of diffuse cells and their errors; None if the scene needs random paths for this relative error.
 
     What discretises the light is part of the geometry.
@@ -152,31 +152,31 @@ def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: 
     found = deterministic_light(ready.scene, mechanics_error)
     if found is None or not np.all(found.error <= min(most_error, TRUSTED) * found.power):
         return None
-    mechanics, facets = Mechanics(None, 0.0), found.error / FACETS_SHARE
+    mechanics, facets = MechanicsError(None, 0.0), found.error / FACETS_SHARE
     if found.deviation is not None:
-        mechanics = Mechanics(found.deviation, mechanics_share(found.deviation, found.power))
-    return Judged(mechanics, Geometry(facets, geometry_share(facets, found.power), None), found.power)
+        mechanics = MechanicsError(found.deviation, mechanics_share(found.deviation, found.power))
+    return ShapeErrors(mechanics, GeometryError(facets, geometry_share(facets, found.power), None), found.power)
 
 
-def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> Mechanics:
+def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsError:
     """Error of a scene's readings by that of the mechanics, from three short traces.
 
     Their number of points is chosen to resolve it, or to reach a relative ``tolerance``, up to ``most``.
     """
     if not loaded_pads(ready.scene):
-        return Mechanics(None, 0.0)
+        return MechanicsError(None, 0.0)
     points = DEVIATION_POINTS
     while True:
         before, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
         power = before.mean(axis=0)
         if changes is None:
-            return Mechanics(np.full_like(power, math.nan), math.nan)
+            return MechanicsError(np.full_like(power, math.nan), math.nan)
         deviation = combined(changes.mean(axis=1))
         noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
         share = mechanics_share(deviation, power)
         more = _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
-            return Mechanics(deviation, share)
+            return MechanicsError(deviation, share)
         points = min(points * more, most)
 
 
@@ -225,13 +225,13 @@ def prepare_for(
     scene = described(scene)
     ready, seconds = _timed(scene)
 
-    def judged() -> Judged:
+    def judged() -> ShapeErrors:
         found = None if random else without_random_numbers(ready, LIGHT_SHARE * target_error)
         if found is not None:
             return found
         tolerance = NEGLIGIBLE * target_error
         mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
-        return Judged(mechanics, geometry_of(ready, seed, tolerance=tolerance))
+        return ShapeErrors(mechanics, geometry_of(ready, seed, tolerance=tolerance))
 
     mechanics, geometry, power = judged()
     tried: list[tuple[float, float]] = []

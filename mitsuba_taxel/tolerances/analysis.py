@@ -15,7 +15,7 @@ from mitsuba_taxel.electronics import in_volts
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
-from mitsuba_taxel.tolerances.plan import FEWEST, Plan
+from mitsuba_taxel.tolerances.plan import FEWEST, TolerancePlan
 from mitsuba_taxel.tolerances.shares import fewest_of, fitted, indices
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Tolerance:
     notes: list[str]
 
 
-def analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
+def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
     """The result, from the study of the mean sensor and that of the samples, with further notes.
 
     Raises
@@ -104,7 +104,7 @@ def analysed(plan: Plan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]
     return Tolerance(spread, shares, _parameters(plan, spread, shares), table, notes)
 
 
-def _samples(plan: Plan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
+def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:
     """One row per sample: its parameters, and its figures (samples, taxels), of which there may be fewer."""
     import pandas
 
@@ -135,7 +135,7 @@ def _notes_of_few(spread: pandas.DataFrame, exact: int, others: int, parameters:
     return notes
 
 
-def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
+def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
     """(samples, forces, taxels) in W, or V with a circuit."""
     readings = (study if plan.batch.circuit is None else in_volts(study, plan.batch.circuit))[name]
     if "replicate" in readings.dims:
@@ -145,7 +145,7 @@ def _readings(plan: Plan, study: xr.Dataset, name: str) -> np.ndarray:
     return readings.transpose(STEP, plan.force or "force", "taxel").values
 
 
-def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
+def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
     """(forces, taxels, parameters), NaN where there is no derivative."""
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
@@ -161,7 +161,7 @@ def _rates(plan: Plan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
 
 
 def _of_figure(
-    plan: Plan,
+    plan: TolerancePlan,
     name: str,
     at_mean: np.ndarray,
     exact: np.ndarray,
@@ -209,14 +209,14 @@ def _of_figure(
 
 
 def _corrected(
-    plan: Plan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, others: np.ndarray
+    plan: TolerancePlan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, others: np.ndarray
 ) -> dict[str, np.ndarray]:
     """See :func:`corrected`; where there is no linear answer it is 0."""
     linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, each)) for each in (z, others))
     return corrected(exact, linear, of_others, plan.batch.seed)
 
 
-def _linear(plan: Plan, at_mean: np.ndarray, slopes: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Linear answer (samples, T) in the parameters that have a derivative."""
     known = np.where(np.isfinite(slopes), slopes, 0.0)
     return at_mean + z @ (known * [law.deviation for law in plan.laws]).T
@@ -234,12 +234,12 @@ def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return deviation, np.divide(of_variance, 2 * deviation, out=np.zeros_like(deviation), where=deviation > 0)
 
 
-def _units(plan: Plan) -> dict[str, str]:
+def _units(plan: TolerancePlan) -> dict[str, str]:
     unit = "W" if plan.batch.circuit is None else "V"
     return {"rest": unit, "sensitivity": f"{unit}/N", "crosstalk": "1"}
 
 
-def _parameters(plan: Plan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
+def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
     import pandas
 
     table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])

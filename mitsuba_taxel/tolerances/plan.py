@@ -25,7 +25,7 @@ BEYOND = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TolerancePlan:
     """A tolerance study.
 
     Attributes
@@ -66,7 +66,7 @@ class Plan:
         return {law.name: [f"{v:.12g}" for v in column] for law, column in zip(self.laws, columns, strict=True)}
 
 
-def read_plan(file: Path, exact: int | None = None) -> Plan:
+def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
     """The plan in a study file with a table ``[tolerance]``, whose own ``exact`` counts if none is given here.
 
     Raises
@@ -89,7 +89,7 @@ def read_plan(file: Path, exact: int | None = None) -> Plan:
     batch = batch_from(content, 0, file.resolve().parent)
     shares = _shares(table.get("samples", SAMPLES), table.get("sampling", SAMPLINGS[0]), len(laws), batch.seed)
     count = _exact(table.get("exact", len(shares)) if exact is None else exact, len(shares))
-    plan = Plan(laws, _force(batch), shares, count, replace(batch, name="nominal"))
+    plan = TolerancePlan(laws, _force(batch), shares, count, replace(batch, name="nominal"))
     for law in laws:
         _check_range(batch, law)
     return plan

@@ -22,7 +22,7 @@ from mitsuba_taxel.studies.run.pool import open_pool
 from mitsuba_taxel.studies.run.study import Progress, run_batch
 from mitsuba_taxel.studies.store.folder import begin_tree
 from mitsuba_taxel.tolerances.analysis import Tolerance, analysed
-from mitsuba_taxel.tolerances.plan import Plan, read_plan
+from mitsuba_taxel.tolerances.plan import TolerancePlan, read_plan
 
 if TYPE_CHECKING:
     import pandas
@@ -82,7 +82,7 @@ def run_tolerance(
     return result
 
 
-def _like(mean: xr.Dataset, plan: Plan) -> Batch:
+def _like(mean: xr.Dataset, plan: TolerancePlan) -> Batch:
     """The samples, read like the mean sensor: without random numbers if possible, by derivatives if readings have
     them."""
     points = int(mean.attrs["points"])
@@ -92,7 +92,7 @@ def _like(mean: xr.Dataset, plan: Plan) -> Batch:
     return replace(batch, derivatives=(by,)) if smooth else batch
 
 
-def _as_tree(plan: Plan) -> dict[str, Any]:
+def _as_tree(plan: TolerancePlan) -> dict[str, Any]:
     """Both batches as a study of two scenes, for ``open_study`` and ``taxel status``."""
     tables = ("scene", "define", "vary", "together")
     both = {batch.name: batch.as_toml() for batch in (plan.batch, plan.samples(1, None))}
@@ -101,7 +101,7 @@ def _as_tree(plan: Plan) -> dict[str, Any]:
     return {**shared, "scenes": scenes}
 
 
-def _with_derivatives(plan: Plan) -> tuple[Batch, list[str]]:
+def _with_derivatives(plan: TolerancePlan) -> tuple[Batch, list[str]]:
     """The mean batch with derivatives with respect to all parameters that have one, and a note for each other one."""
     values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
     names = [law.name for law in plan.laws]

@@ -22,7 +22,7 @@ from mitsuba_taxel.transport.emission import emission
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
 from mitsuba_taxel.transport.pairs import Pairs, pairs_of
-from mitsuba_taxel.transport.patches import Points
+from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import triangle_rule
 
@@ -31,7 +31,7 @@ DISTANCE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class ScatteringWalls:
     """The patches of a cell that scatter light.
 
     Attributes
@@ -62,7 +62,7 @@ class Mesh:
         rule, _ = triangle_rule(degree)
         self.rest, self.degree = rest, degree
         self.own = np.repeat(np.arange(len(rest)), len(rule))
-        self.targets = Points(self.own, np.tile(rule, (len(rest), 1)))
+        self.targets = PatchPoints(self.own, np.tile(rule, (len(rest), 1)))
 
     @cached_property
     def pairs(self) -> Pairs:
@@ -74,7 +74,9 @@ class Mesh:
 class Cell:
     """A cell in one state, with its LED and phototransistor, which may be at the top of a ``box``."""
 
-    def __init__(self, mesh: Mesh, walls: Walls, led: End, phototransistor: End, box: Box | None = None) -> None:
+    def __init__(
+        self, mesh: Mesh, walls: ScatteringWalls, led: End, phototransistor: End, box: Box | None = None
+    ) -> None:
         self._mesh, self._walls = mesh, walls
         self._led, self._phototransistor = led, phototransistor
         self._at, self._area = mesh.targets.placed(walls.places)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from mitsuba_taxel.transport.ends import End
-from mitsuba_taxel.transport.patches import Points
+from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.pieces import Pieces, cut_near, quartered
 from mitsuba_taxel.transport.rules import coefficients, gauss, monomials, triangle_rule
 
@@ -26,21 +26,21 @@ _SIX = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
 
 
 @dataclass(frozen=True, eq=False)
-class Lit:
+class LitPoints:
     """Points lit by points of LEDs; ``edge`` are those at the edge of the cone.
 
     Attributes
     ----------
     source : (N,) ndarray
         Number of the LED's point.
-    points : Points
+    points : PatchPoints
         N of them.
     weight : (N,) ndarray
         In the integral over s and t; at the edge, lit area per change of the cosine.
     """
 
     source: np.ndarray
-    points: Points
+    points: PatchPoints
     weight: np.ndarray
 
 
@@ -51,8 +51,8 @@ class Emission:
     led: End
     places: np.ndarray
     degree: int
-    inside: Lit
-    edge: Lit
+    inside: LitPoints
+    edge: LitPoints
 
     @cached_property
     def power(self) -> np.ndarray:
@@ -70,10 +70,10 @@ class Emission:
         by_places = self.inside.points.gradient(self.places, at * rays.by_place, at * rays.by_area)
         return by_places + self.edge.points.gradient(self.places, passed * rim.of_cosine, np.zeros_like(rim.of_cosine))
 
-    def _shares(self, lit: Lit) -> np.ndarray:
+    def _shares(self, lit: LitPoints) -> np.ndarray:
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
-    def _at(self, lit: Lit, values: np.ndarray) -> np.ndarray:
+    def _at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
         shares = self._shares(lit)
         known = values.reshape(len(self.places), -1)[lit.points.face]
         return np.einsum("nq,nq->n", shares, known)[:, None]
@@ -82,7 +82,7 @@ class Emission:
 class _Rays:
     """Rays from points of an LED to the points that they light."""
 
-    def __init__(self, led: End, lit: Lit, places: np.ndarray) -> None:
+    def __init__(self, led: End, lit: LitPoints, places: np.ndarray) -> None:
         self._led = led
         at, self.area = lit.points.placed(places)
         away = at - led.points[lit.source]
@@ -129,7 +129,9 @@ def emission(led: End, places: np.ndarray, rest: np.ndarray, degree: int) -> Emi
     return Emission(led, places, degree, inside, edge)
 
 
-def _clipped(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces, degree: int) -> tuple[Lit, Lit]:
+def _clipped(
+    led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces, degree: int
+) -> tuple[LitPoints, LitPoints]:
     rule, weights = triangle_rule(degree)
     found, tipped = [], []
     for cut in range(MOST_EDGE_CUTS + 1):
@@ -197,20 +199,22 @@ def _lit(
     sizes: Sequence[int],
     points: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
-) -> Lit:
+) -> LitPoints:
     """All points of pieces with numbers ``sizes`` of points, in the order of the patches."""
     source, face = (
         np.concatenate([np.repeat(each, size) for each, size in zip(rows, sizes, strict=True)])
         for rows in (sources, faces)
     )
     order = np.argsort(face, kind="stable")
-    return Lit(source[order], Points(face[order], np.concatenate(points)[order]), np.concatenate(weights)[order])
+    return LitPoints(
+        source[order], PatchPoints(face[order], np.concatenate(points)[order]), np.concatenate(weights)[order]
+    )
 
 
 def _heights(led: End, places: np.ndarray, source: np.ndarray, pieces: Pieces) -> np.ndarray:
     """(M, 6) cosine at corners and midpoints of sides of pieces, minus that at the edge of the cone."""
     order = np.argsort(pieces.face, kind="stable")
-    points = Points(np.repeat(pieces.face[order], 6), pieces.points(_SIX)[order].reshape(-1, 2))
+    points = PatchPoints(np.repeat(pieces.face[order], 6), pieces.points(_SIX)[order].reshape(-1, 2))
     at = np.empty((len(order), 6, 3))
     at[order] = points.places(places).reshape(-1, 6, 3)
     away = at - led.points[source][:, None]

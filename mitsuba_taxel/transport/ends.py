@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 
-class Law(Protocol):
+class AngularLaw(Protocol):
     """A function of the cosine of the angle to the normal, for cosines of at least ``cutoff``; 0 below."""
 
     @property
@@ -59,14 +59,14 @@ class End:
         Of an LED, shares of its power; of a phototransistor, areas in mm².
     normal : (3,) ndarray
         Unit normal, in the viewing direction.
-    law : Law
+    law : AngularLaw
         Of an LED, share of its power per solid angle; of a phototransistor, response relative to the ideal one.
     """
 
     points: np.ndarray
     weights: np.ndarray
     normal: np.ndarray
-    law: Law
+    law: AngularLaw
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, End) and all(

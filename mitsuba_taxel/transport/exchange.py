@@ -42,7 +42,7 @@ class Starts:
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class LightRates:
     """Derivatives of the light on a surface, as components (N,): by its position (with opposite sign, by that of the
     start), by its area normal, by the unit normal at the start, and by a common translation of both relative to a
     box."""
@@ -87,7 +87,7 @@ class Exchange:
             value = pair.per_facing * pair.facing
             return np.array(value if self._box is None else value * self._passage(self._box).share)
 
-    def slopes(self, given: np.ndarray, wider: float = 1.0) -> Slopes:
+    def slopes(self, given: np.ndarray, wider: float = 1.0) -> LightRates:
         """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor."""
         with _TURN:
             pair, factor = self._pairs(), Float64(given)
@@ -102,7 +102,7 @@ class Exchange:
                 found = [each * passage.share for each in found]
                 found = [found[0] + of_end, *found[1:], of_both]
             dr.eval(found)
-            return Slopes(*([np.array(part) for part in each] for each in found))
+            return LightRates(*([np.array(part) for part in each] for each in found))
 
     def _passage(self, box: Box) -> Passage:
         at, there = (

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mitsuba_taxel.transport.patches import Points
+from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.pieces import cut_near
 from mitsuba_taxel.transport.rules import coefficients, monomials, polar_rule, triangle_rule
 
@@ -29,7 +29,7 @@ class Pairs:
         Numbers of target and point of each pair, ordered by target.
     weight : (N,) ndarray
         Of the point in the integral over s and t.
-    points : Points
+    points : PatchPoints
         All points.
     degree : int
         Of the polynomials of values on patches.
@@ -38,7 +38,7 @@ class Pairs:
     target: np.ndarray
     point: np.ndarray
     weight: np.ndarray
-    points: Points
+    points: PatchPoints
     degree: int
 
     @cached_property
@@ -85,6 +85,6 @@ def pairs_of(targets: np.ndarray, places: np.ndarray, own: np.ndarray, degree: i
         of_target[by_target],
         number[np.concatenate(point)[by_target]],
         np.concatenate(weight)[by_target],
-        Points(faces[order], np.concatenate(at)[order]),
+        PatchPoints(faces[order], np.concatenate(at)[order]),
         degree,
     )

@@ -17,7 +17,7 @@ _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class PatchPoints:
     """Points of patches.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.transport.patches import Points
+from mitsuba_taxel.transport.patches import PatchPoints
 
 MOST_CUTS = 7
 WHOLE = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
@@ -43,7 +43,7 @@ class Pieces:
     def extents(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Middle (M, 3) and longest side (M,) in mm, on patches with ``places`` (F, 15, 3)."""
         corners = self.points(WHOLE).reshape(-1, 2)
-        at = Points(np.repeat(self.face, 3), corners).places(places).reshape(-1, 3, 3).transpose(1, 0, 2)
+        at = PatchPoints(np.repeat(self.face, 3), corners).places(places).reshape(-1, 3, 3).transpose(1, 0, 2)
         sides = [np.linalg.norm(at[k] - at[k - 1], axis=1) for k in range(3)]
         return at.mean(axis=0), np.max(sides, axis=0)
 

@@ -24,7 +24,7 @@ from mitsuba_taxel.bench.accuracy_mechanics import from_nothing, open_pads, solv
 from mitsuba_taxel.bench.accuracy_methods import METHODS, Method, estimator, is_bounded, offset_share, stray_light
 from mitsuba_taxel.bench.accuracy_plot import plot_accuracy
 from mitsuba_taxel.bench.accuracy_tables import COLUMNS, HEADINGS, cells, write_csv
-from mitsuba_taxel.bench.work_precision import Curve, Point, Truth, relative_rms, slope
+from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, relative_rms, slope
 from mitsuba_taxel.mechanics.path import cache, load_segment
 from mitsuba_taxel.mechanics.path import pad_path as path
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
@@ -95,7 +95,7 @@ def line(exponent, launch=0.0, count=8, floor=0.0, noise=None, readings=8, launc
         Point(str(n), launch + s, math.hypot(e, floor), e, floor, "truth", 4, readings)
         for n, (s, e) in enumerate(zip(work, error, strict=True))
     ]
-    return Curve("optics", "line", points, launched)
+    return ErrorCurve("optics", "line", points, launched)
 
 
 @pytest.mark.parametrize("exponent", [-0.5, -1.0, -1.5])
@@ -368,7 +368,7 @@ def test_plots_show_points_that_cannot_be_claimed(tmp_path):
     shown = line(-0.5)
     hidden = replace(shown, method="other", points=[replace(p, floor=1.0, stated=math.nan) for p in shown.points])
     zero = replace(shown, part="mechanics", points=[replace(p, error=0.0) for p in shown.points])
-    empty = Curve("chain", "", [], remark="no pad")
+    empty = ErrorCurve("chain", "", [], remark="no pad")
     plot_accuracy([shown, hidden, zero, empty], "scene", tmp_path)
     with Image.open(tmp_path / "accuracy.png") as image:
         assert image.width > 1000

@@ -10,7 +10,7 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process
-from mitsuba_taxel.bench.reading_cases import Compared, ReadingCase, reading_cases, running_sum_error
+from mitsuba_taxel.bench.reading_cases import ComparedReading, ReadingCase, reading_cases, running_sum_error
 from mitsuba_taxel.bench.reading_row import ReadingRow
 from mitsuba_taxel.bench.row import cells, headings
 from mitsuba_taxel.bench.stability import check
@@ -18,7 +18,7 @@ from mitsuba_taxel.bench.tables import write_csv, write_markdown
 
 
 def known(power, reference):
-    return lambda: Compared(power, 1e-3, reference, 0.0, "hand")
+    return lambda: ComparedReading(power, 1e-3, reference, 0.0, "hand")
 
 
 def refusing(error):

@@ -10,7 +10,7 @@ import pytest
 from mitsuba_taxel.bench.sphere_light import Dome
 from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport import exchange
-from mitsuba_taxel.transport.cell import Cell, Mesh, Walls
+from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import rectangle_rule, square_annulus_rule
@@ -86,7 +86,7 @@ def hexagon(count):
 def cell(places, isotropic, spacing, law, rest=None, degree=2, hole=0.0, reflectance=1.0):
     shares = [np.full(len(places), reflectance * share) for share in (isotropic, 1 - isotropic)]
     mesh = Mesh(places if rest is None else rest, degree)
-    return Cell(mesh, Walls(places, *shares), led(spacing, law, hole), phototransistor(spacing))
+    return Cell(mesh, ScatteringWalls(places, *shares), led(spacing, law, hole), phototransistor(spacing))
 
 
 @pytest.mark.parametrize(

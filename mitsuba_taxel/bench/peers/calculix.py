@@ -22,7 +22,7 @@ _JOB = "pad"
 
 
 @dataclass(frozen=True)
-class Result:
+class CalculixRun:
     """Result of one run of the program.
 
     Attributes
@@ -48,7 +48,7 @@ def installed() -> bool:
     return shutil.which("ccx") is not None
 
 
-def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> Result:
+def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:
     """Deform a pad glued to the board by a dead load spread over its undeformed top.
 
     Increments and tolerances are the program's defaults: the whole load at once, reduced if that fails.
@@ -78,7 +78,7 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
             raise ComputationError(f"ccx stopped: {_complaint(run.stdout + run.stderr)}.")
         status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
         increments = sum(not row[2].endswith("U") for row in status)  # U: given up
-        return Result(read_displacement(folder / f"{_JOB}.dat"), seconds, increments, len(convergence))
+        return CalculixRun(read_displacement(folder / f"{_JOB}.dat"), seconds, increments, len(convergence))
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:

@@ -15,7 +15,7 @@ CLEARANCE = 1e-5  # mm, of a new ray from the surface that it leaves
 
 
 @dataclass(frozen=True)
-class Geometry:
+class Triangles:
     """Triangles of a whole scene: their normals, and whether they reflect (reflectance 1) or absorb."""
 
     embree: Any
@@ -38,7 +38,7 @@ def prepare(case: PeerCase) -> Estimator:
     mesh = TriangleMesh(scene, triangles.astype(np.float32))
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    geometry = Geometry(scene, mesh, normals, reflects, centres, 0.5 * spacing, case.isotropic)
+    geometry = Triangles(scene, mesh, normals, reflects, centres, 0.5 * spacing, case.isotropic)
 
     def estimate(samples: int, seed: int) -> np.ndarray:
         rng = np.random.default_rng(seed)
@@ -68,7 +68,7 @@ def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, floa
     return np.concatenate(triangles), np.concatenate(reflects), 0.5 * (led + detector), float((detector - led)[0, 0])
 
 
-def _trace(geometry: Geometry, taxel: int, count: int, rng: np.random.Generator) -> float:
+def _trace(geometry: Triangles, taxel: int, count: int, rng: np.random.Generator) -> float:
     """Sum over ``count`` paths of the power that each brings to the phototransistor, per W emitted."""
     centre = geometry.centres[taxel]
     origin = centre + np.column_stack([(rng.random((count, 2)) - 0.5) * LED_SIDE, np.full(count, CLEARANCE)])
@@ -89,7 +89,7 @@ def _trace(geometry: Geometry, taxel: int, count: int, rng: np.random.Generator)
     return total
 
 
-def _connect(geometry: Geometry, centre, origin, normal, rng: np.random.Generator) -> float:
+def _connect(geometry: Triangles, centre, origin, normal, rng: np.random.Generator) -> float:
     """Power sent directly to a random point of the phototransistor."""
     target = centre + np.column_stack([(rng.random((len(origin), 2)) - 0.5) * DETECTOR, np.zeros(len(origin))])
     target[:, 0] += geometry.half_spacing

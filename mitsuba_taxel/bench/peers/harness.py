@@ -21,7 +21,7 @@ _TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # apart from those of the runs
 
 
 @dataclass(frozen=True)
-class Result:
+class PeerResult:
     """Result of the runs of one system on one case.
 
     Attributes
@@ -61,7 +61,7 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
         samples *= 2 if quickest > seconds / 16 else 8
 
 
-def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result:
+def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> PeerResult:
     """Run a warm estimator with ``runs`` seeds.
 
     The variance is taken about the truth if that is exact, so that an error common to all runs shows, else about the
@@ -75,7 +75,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: Truth) -> Result
     z = means.mean() / math.hypot(means.std(ddof=1) / math.sqrt(runs), truth.floor / math.sqrt(len(truth.power)))
     agrees = abs(z) < stats.t.isf(FALSE_ALARM_RATE / 2, runs - 1)
     seconds = sum(elapsed for elapsed, _ in timed) / runs
-    return Result(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
+    return PeerResult(math.sqrt(variance), float(means.mean()), float(z), bool(agrees), seconds)
 
 
 def truth_of(case: PeerCase, seconds: float) -> Truth:

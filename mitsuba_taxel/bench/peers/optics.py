@@ -12,7 +12,7 @@ from functools import partial
 from mitsuba_taxel.base.arguments import refusal
 from mitsuba_taxel.bench.peers import ours
 from mitsuba_taxel.bench.peers.cases import CASES, Estimator, PeerCase, Unsuitable
-from mitsuba_taxel.bench.peers.harness import Result, Truth, repeat, samples_for, truth_of
+from mitsuba_taxel.bench.peers.harness import PeerResult, Truth, repeat, samples_for, truth_of
 
 REFERENCE = "taxel_tracer"
 """The system against which ratios are taken; it always runs first."""
@@ -73,7 +73,7 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
         yield _row(case.name, name, result, set_up, reference)
 
 
-def _run(prepare: Callable[[], Estimator], truth: Truth, runs: int, seconds: float) -> tuple[Result, float]:
+def _run(prepare: Callable[[], Estimator], truth: Truth, runs: int, seconds: float) -> tuple[PeerResult, float]:
     """Outcome of a system's runs, and the seconds until its first small answer (loading, compilation)."""
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     start = time.perf_counter()
@@ -91,7 +91,7 @@ def _prepare_peer(peer: tuple[str, dict[str, str]], case: PeerCase) -> Estimator
         raise Unsuitable(f"{error.name} is not installed") from error
 
 
-def _row(case: str, system: str, result: Result, set_up: float, reference: float) -> tuple[str, ...]:
+def _row(case: str, system: str, result: PeerResult, set_up: float, reference: float) -> tuple[str, ...]:
     return (
         case,
         system,

@@ -21,7 +21,7 @@ LIFT = 0.01
 """Height in mm at which faces are drawn above their package."""
 
 
-class Lit:
+class LitScene:
     """A loaded scene, and the taxel whose light is shown: the one nearest the middle of ``box`` (2, 3)."""
 
     def __init__(self, live: Any, box: np.ndarray) -> None:

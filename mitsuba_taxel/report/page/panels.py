@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.report.page.light import Lit
+from mitsuba_taxel.report.page.light import LitScene
 from mitsuba_taxel.report.page.solids import Packing, ShownSurface, Topologies, read_surfaces
 from mitsuba_taxel.studies.plan.batch import Batch
 
@@ -132,7 +132,7 @@ def _light(
 ) -> None:
     """Add light and packages of a step's scene to a panel, or to ``left_out`` why there are none."""
     try:
-        lit = Lit(batch.scene(values).load(), box)
+        lit = LitScene(batch.scene(values).load(), box)
         panel["steps"][number]["rays"] = lit.paths(packing)
         panel["steps"][number]["indenters"] = lit.indenters(packing)
     except (InputError, ComputationError) as error:

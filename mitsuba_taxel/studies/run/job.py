@@ -81,7 +81,7 @@ class Job:
         return describe(self.varied)
 
 
-class Result(NamedTuple):
+class JobResult(NamedTuple):
     """Result of a job: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
 
     readings: Readings
@@ -109,7 +109,7 @@ class Failure:
         return (InputError if self.bad_input else ComputationError)(self.message)
 
 
-def run(job: Job) -> Result | Failure:
+def run(job: Job) -> JobResult | Failure:
     """Read the scene of a job. Exceptions are returned as failures, so that other jobs continue; interrupts are
     raised."""
     try:
@@ -134,7 +134,7 @@ def describe(values: Mapping[str, str]) -> str:
 
 
 @in_turn
-def _read(job: Job) -> Result:
+def _read(job: Job) -> JobResult:
     with stages.record() as seconds:
         scene = Scene(job.file, job.parameters, job.mesh_size)
         ready = prepare(scene)
@@ -154,7 +154,7 @@ def _read(job: Job) -> Result:
                 files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
             if job.maps:
                 files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
-    return Result(replace(readings, irradiance=None, mesh_size=job.mesh_size, roof_errors=errors), seconds, files)
+    return JobResult(replace(readings, irradiance=None, mesh_size=job.mesh_size, roof_errors=errors), seconds, files)
 
 
 def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:

@@ -18,14 +18,14 @@ from mitsuba_taxel.base.arguments import is_whole, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.threads import set_thread_count
 from mitsuba_taxel.studies.run import processes
-from mitsuba_taxel.studies.run.job import Failure, Job, Result, failure_of, run
+from mitsuba_taxel.studies.run.job import Failure, Job, JobResult, failure_of, run
 
 MOST_WORKERS = 120
 """Each uses eight of the 1024 open files that a process is commonly allowed."""
 
 Curve = Sequence[Job]
 """Jobs that may share a load path."""
-Outcomes = Iterator[tuple[Job, "Result | Failure"]]
+Outcomes = Iterator[tuple[Job, "JobResult | Failure"]]
 
 
 class Pool(Protocol):
@@ -107,7 +107,7 @@ class _Processes:
         for job, outcome in self._spread([deadly], 1):
             yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
 
-    def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, Result | Failure | None]]:
+    def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, JobResult | Failure | None]]:
         """The outcomes of jobs from so many processes, as they arrive; None if the process died.
 
         Each process works along a curve, then along the next unassigned one, then joins the one with most jobs left.
@@ -115,8 +115,8 @@ class _Processes:
         threads = processes.share_of_cores(min(count, max(len(curves), 1)))
         untouched = deque(map(deque, curves))
         ahead: list[deque[Job]] = [deque()] * count
-        running: dict[Future[Result | Failure], tuple[int, Job]] = {}
-        came: list[tuple[Job, Result | Failure | None]] = []
+        running: dict[Future[JobResult | Failure], tuple[int, Job]] = {}
+        came: list[tuple[Job, JobResult | Failure | None]] = []
         idle = list(range(count))
         while True:
             for process in idle:
@@ -136,7 +136,7 @@ class _Processes:
                     processes.end(self._executors.pop(process))
                 came.append((job, None if died else future.result()))
 
-    def _submit(self, process: int, job: Job, threads: int) -> Future[Result | Failure]:
+    def _submit(self, process: int, job: Job, threads: int) -> Future[JobResult | Failure]:
         if process not in self._executors:
             self._executors[process] = processes.start(1, sharing=self._count)
         try:
@@ -151,7 +151,7 @@ class _Processes:
         self._executors.clear()
 
 
-def do(job: Job, threads: int) -> Result | Failure:
+def do(job: Job, threads: int) -> JobResult | Failure:
     """Execute a job in a worker process, with so many threads for the mechanics."""
     set_thread_count(threads)
     return run(job)

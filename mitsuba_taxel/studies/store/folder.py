@@ -33,7 +33,7 @@ from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.plan.growth import TARGETS, moves
-from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, Result
+from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, Job, JobResult
 
 STUDY, LOCK, RUN, CHOICE = "study.toml", ".lock", "run.json", "points.json"
 JOBS, FAILED = "jobs", "failed"
@@ -193,7 +193,7 @@ class Store:
         for file in (self.folder / FAILED).glob("*.json"):
             file.unlink()
 
-    def keep(self, job: Job, outcome: Result | Failure) -> None:
+    def keep(self, job: Job, outcome: JobResult | Failure) -> None:
         """Store the outcome of a job; it is on disk when this returns. Raises `StoreError`."""
         try:
             if isinstance(outcome, Failure):
@@ -232,7 +232,7 @@ class Store:
         return self.folder / FAILED / f"{number:06d}.json"
 
 
-def keepable(result: Result) -> Kept:
+def keepable(result: JobResult) -> Kept:
     """A result with the names of its files instead of their contents."""
     return Kept(result.readings, result.seconds, list(result.files))
 

@@ -8,7 +8,7 @@ import pytest
 
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.studies.run import job
-from mitsuba_taxel.studies.run.job import Failure, Job, Result
+from mitsuba_taxel.studies.run.job import Failure, Job, JobResult
 
 
 def one_of(name, **parameters):
@@ -16,7 +16,7 @@ def one_of(name, **parameters):
     return Job(0, find_scene(name), values, values, 64, 0, None, False, False, False)
 
 
-@pytest.mark.parametrize("parameters, kind", [({"fz": -1}, Result), ({"spacing": 30}, Failure)])
+@pytest.mark.parametrize("parameters, kind", [({"fz": -1}, JobResult), ({"spacing": 30}, Failure)])
 def test_no_scene_lives_on(llvm_mono, monkeypatch, parameters, kind):
     def plugins():
         return sum(isinstance(thing, llvm_mono.Object) for thing in gc.get_objects())
