@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import subprocess
 
 import pytest
-from taxel_program import run_program
 
 from mitsuba_taxel.check.schema import schema
 
@@ -19,12 +17,9 @@ SCENE = """<scene version="3.9.0">
 
 
 @pytest.fixture
-def taxel(tmp_path):
-    def run(*words: str) -> subprocess.CompletedProcess:
-        return run_program(tmp_path, *words)
-
+def taxel(taxel, tmp_path):
     (tmp_path / "scene.xml").write_text(SCENE)
-    return run
+    return taxel
 
 
 def test_a_sound_scene(taxel):
