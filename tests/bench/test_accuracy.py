@@ -357,8 +357,8 @@ def test_the_load_nearby(write, values, expected):
 
 
 def test_a_slope_in_the_limit_keeps_the_sign_of_its_extrapolation():
-    limit = accuracy_mechanics.Limit(np.array([[3.0, 2.0], [3.2, 2.2]]), np.array([0.1, -0.1]), 0.5)
-    near = accuracy_mechanics.Limit(np.array([[1.0, 1.0], [1.2, 1.2]]), np.array([0.08, 0.1]), 0.5)
+    limit = accuracy_mechanics.FineMeshLimit(np.array([[3.0, 2.0], [3.2, 2.2]]), np.array([0.1, -0.1]), 0.5)
+    near = accuracy_mechanics.FineMeshLimit(np.array([[1.0, 1.0], [1.2, 1.2]]), np.array([0.08, 0.1]), 0.5)
     truth = accuracy_chain.slope_limit(limit, near, 2.0).truth
     assert truth.power == pytest.approx([1.0, 0.5]) and truth.error == pytest.approx([0.01, 0.1])
 

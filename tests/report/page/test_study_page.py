@@ -281,7 +281,7 @@ def test_meshes_beside_the_pad_fit_into_16_bits(tmp_path, llvm_mono):
     live = Scene({"type": "scene", "integrator": {"type": "taxel_tracer"}, **parts}).load()
     box = np.array([[-3.0, -3, 0], [3, 3, 7]])
     packing = Packing(8.0)
-    fixed = light.Lit(live, box).fixed(packing)
+    fixed = light.LitScene(live, box).fixed(packing)
     assert [solid["kind"] for solid in fixed] == ["other", "other", "led", "phototransistor"]
     shown = trimesh.Trimesh(
         numbers(fixed[1]["vertices"], "<i2") * packing.unit, numbers(fixed[1]["triangles"], "<u2"), process=False
