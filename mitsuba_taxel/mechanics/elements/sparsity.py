@@ -11,9 +11,6 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 
-_UPPER = np.array([1, 2, 5])
-"""Entries of a diagonal block that follow from its symmetry."""
-
 
 class Sparsity:
     """The lower triangle of a symmetric matrix over the degrees of freedom of a mesh, as a list of entries.

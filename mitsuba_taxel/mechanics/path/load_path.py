@@ -17,14 +17,15 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
+from mitsuba_taxel.mechanics.path.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.path.state import State
-from mitsuba_taxel.mechanics.path.timed_path import timed_path
+from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.mechanics.path.timed_rows import timed_rows
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
@@ -106,7 +107,7 @@ def load_path(
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
                 if history:
-                    states.append(timed_path(path, remembering(material)).state(history[: earlier + done], obstacles))
+                    states.append(_in_time(path, material).state(history[: earlier + done], obstacles))
                 else:
                     states.append(path.state(value, obstacles))
             if progress is not None:
@@ -127,17 +128,22 @@ def state_after(
 ) -> State:
     """The last state of :func:`load_path`, if states depend on earlier ones, without keeping these in memory."""
     rows = _checked(values, load)
-    history, remembers = timed_rows(material, load, rows, times), remembering(material)
+    history, law = timed_rows(material, load, rows, times), remembering(material).law
     with LOCK:
-        law = remembers.law
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-            return timed_path(path, remembers).state(history, obstacles)
+            return _in_time(path, material).state(history, obstacles)
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
     """A material as a viscoelastic one, without terms if it is elastic."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
+
+
+def _in_time(path: PadPath, material: Material | Viscoelastic) -> TimedPath:
+    """The shared path of a pad whose states depend on earlier ones."""
+    kind = PushedPath if isinstance(path.load, IndenterForce) else TimedPath
+    return kind.of(path, remembering(material))
 
 
 def _check_room(states: int, path: PadPath) -> None:

@@ -90,6 +90,12 @@ class TimedPath:
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
 
+    @classmethod
+    @lru_cache(maxsize=4)
+    def of(cls, path: PadPath, material: Viscoelastic) -> TimedPath:
+        """The shared path of a pad and material."""
+        return cls(path, material)
+
     def state(self, rows: tuple[Row, ...], obstacles: np.ndarray | None = None) -> State:
         """The deformed pad at the end of some rows, in which it must not touch ``obstacles``."""
         if obstacles is not None:
@@ -280,7 +286,7 @@ class TimedPath:
                 return Comparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
 
             def told(second: PadPath, comparison: RoofComparison) -> Comparison:
-                other = timed_path(second, self._material)
+                other = self.of(second, self._material)
                 there, longer = other.reached(rows), self._longer.reached(rows)
                 solved = (self, at), (other, there), (self, longer)
                 force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
@@ -318,11 +324,3 @@ class TimedPath:
         path = self._path
         numerics = [path.judged, RESIDUAL_TOLERANCE, TIME_TOLERANCE, available_solvers()[0], self._coarsening]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
-
-
-@lru_cache(maxsize=4)
-def timed_path(path: PadPath, material: Viscoelastic) -> TimedPath:
-    """The shared path of a pad and material."""
-    from mitsuba_taxel.mechanics.path.pushed_path import PushedPath  # which is made of this
-
-    return (PushedPath if isinstance(path.load, IndenterForce) else TimedPath)(path, material)

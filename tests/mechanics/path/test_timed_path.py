@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics import (
     reactions,
     state_after,
 )
-from mitsuba_taxel.mechanics.path.timed_path import timed_path
+from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
 PAD, SIZE = Pad(rows=1, columns=1), 3.0
@@ -141,7 +141,7 @@ def same(one, other):
 
 def test_a_state_depends_on_the_rows_before_it_alone():
     together = states(ROWS, [1, 2, 3])
-    timed_path.cache_clear()  # what is on disk remains
+    TimedPath.of.cache_clear()  # what is on disk remains
     for count in (3, 1, 2):
         assert same(
             together[count - 1], state_after(PAD, SOFT, ROWS[:count], [1, 2, 3][:count], load=PLATE, mesh_size=SIZE)
