@@ -44,11 +44,11 @@ class Reactions:
         N mm, on the deformed pad; including that which keeps a bonded plate from rotating.
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
-    force_error : float
-        In N, discretisation error of `force`; NaN if unknown.
     kept : float
         In N, sum of the magnitudes of the board's nodal forces, for a viscoelastic silicone, which may have residual
         stress without a load; else 0.
+    state : State
+        The deformed pad.
     """
 
     force: np.ndarray
@@ -56,8 +56,16 @@ class Reactions:
     applied_force: np.ndarray
     applied_moment: np.ndarray
     size: float
-    force_error: float
-    kept: float = 0.0
+    kept: float
+    state: State
+
+    @property
+    def force_error(self) -> float:
+        """In N, discretisation error of `force`; NaN if unknown.
+
+        Of a moved plate or indenter, from a second mesh, which is solved when this is first read.
+        """
+        return self.state.force_error
 
     @property
     def imbalance(self) -> float:
@@ -97,8 +105,8 @@ def reactions(state: State) -> Reactions:
         applied.sum(axis=0),
         np.cross(places, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),
-        state.force_error,
         float(np.linalg.norm(board[bottom], axis=1).sum()) if state.memory else 0.0,
+        state,
     )
 
 
