@@ -15,6 +15,7 @@ from mitsuba_taxel.bench.row import CONVERGED, Row
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import load_path
@@ -202,9 +203,11 @@ def _looked_at(state: State | None) -> dict[str, float | str]:
 
 
 def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray) -> float:
-    """Smallest volume ratio J at any of the ten nodes of any element, at a displacement (N, 3) in mm."""
+    """Smallest volume ratio J of any element at a judged node or a corner, at a displacement (N, 3) in mm."""
     before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
-    return float((after / before).min())
+    judged = judged_nodes(mesh)[mesh.tets]
+    judged[:, :4] = True
+    return float((after / before)[judged].min())
 
 
 def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:

@@ -24,6 +24,8 @@ REACH_AT_REST = 0.5
 """The same, at most, relative to the smallest distance of triangles of the undeformed pad that share no corner."""
 APPROACH = 0.9
 """Share of a distance to a collision that a step may go."""
+CLOSE = 0.99
+"""Share of a distance up to which a collision is looked for: `APPROACH` leaves room enough."""
 
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _FOURTHS = np.array([[4 - i - j, i, j] for i in range(5) for j in range(5 - i)]) / 4
@@ -66,6 +68,7 @@ class Barrier:
         self.reach = REACH * height
         self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
+        self._ccd = additive_ccd(ipc)
 
         self._board = float(mesh.points[:, 2].min())
         face, point = np.nonzero(mesh.points[faces, 2] @ _POINTS.T >= self._board + STRIP * height)
@@ -107,7 +110,7 @@ class Barrier:
     def free_share(self, before: np.ndarray, after: np.ndarray) -> float:
         """Share, at most 1, of the way from one displacement (N, 3) to another that meets nothing, with a margin."""
         start, end = self._places(before), self._places(after)
-        share = float(self._ipc.compute_collision_free_stepsize(self._mesh, start, end))
+        share = float(self._ipc.compute_collision_free_stepsize(self._mesh, start, end, narrow_phase_ccd=self._ccd))
         high, low = self._height(before), self._height(after)
         down = low <= (1 - APPROACH) * high
         above_board = float((APPROACH * high[down] / (high - low)[down]).min(initial=1.0))
@@ -133,6 +136,13 @@ class Barrier:
         pairs.use_area_weighting = True
         pairs.build(self._mesh, places, self.reach)
         return pairs
+
+
+def additive_ccd(ipctk: Any) -> Any:
+    """Search for collisions by advancing as far as distances allow: milliseconds, where that by inclusion, which
+    `ipctk` has as a default, takes half the time of a step (M. Li, D. M. Kaufman and C. Jiang, ACM Trans. Graph. 40,
+    2021)."""
+    return ipctk.AdditiveCCD(conservative_rescaling=CLOSE)
 
 
 def ipctk_of_one_thread() -> Any:

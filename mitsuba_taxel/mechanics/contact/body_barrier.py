@@ -10,15 +10,13 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.box_tree import overlapping
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, ipctk_of_one_thread
+from mitsuba_taxel.mechanics.contact.barrier import APPROACH, REACH, REACH_AT_REST, additive_ccd, ipctk_of_one_thread
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.surface.cutting import cut_faces
 from mitsuba_taxel.pads.pad import REGIONS
 
 CUTS = 6
 """Triangles along the longest edge of a face: as many as light meets by default."""
-CLOSE = 0.99
-"""Share of a distance up to which a collision is looked for: `APPROACH` leaves room enough."""
 
 
 class BodyBarrier:
@@ -69,7 +67,7 @@ class BodyBarrier:
         self.reach = REACH * float(np.ptp(mesh.points[:, 2]))
         self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
-        self._ccd = ipc.AdditiveCCD(conservative_rescaling=CLOSE)
+        self._ccd = additive_ccd(ipc)
 
     def gap(self, displacement: np.ndarray) -> float:
         """Smallest distance in mm of the pad from a body, if below the reach, which else it is."""

@@ -39,6 +39,19 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
     return np.linalg.norm(towards - part[:, None] * along, axis=1) - width
 
 
+def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
+    """(N,) whether elements must not be inverted at a node: those on the cells' walls, which light meets, except within
+    the strip.
+
+    Elsewhere an element may fold at the middle of an edge, as it does where silicone rolls over onto the board. The
+    energy of an element is that at its quadrature points, where it may not.
+    """
+    walls = np.isin(mesh.face_region, [REGIONS["roof"], REGIONS["side"]])
+    judged = np.zeros(len(mesh.points), dtype=bool)
+    judged[mesh.faces[walls]] = True
+    return judged & (beyond_strip(mesh) > 0)
+
+
 def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
     """(E, 3) corners and middle node of singular edges."""
     sides = mesh.faces[:, [[i, j, k] for k, (i, j) in enumerate(FACE_EDGES, start=3)]].reshape(-1, 3)

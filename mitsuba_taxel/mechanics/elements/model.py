@@ -152,10 +152,11 @@ class Model:
         entries = self.numbering.sign[free], (free, self.numbering.unknown[free])
         return sparse.csr_array(entries, shape=(degrees, self.assembly.unknowns))
 
-    def least_nodal_jacobian(self, displacement: np.ndarray) -> float:
-        """Smallest volume ratio J at any node of any element, which may be far below that at quadrature points."""
+    def least_nodal_jacobian(self, displacement: np.ndarray, nodes: np.ndarray) -> float:
+        """Smallest volume ratio J of elements at some ``nodes`` (n,), which may be far below that at quadrature points;
+        1 without nodes."""
         deformed = map_determinants(self.mesh.points + displacement, self.mesh.tets)
-        return float((deformed / self._determinants).min())
+        return float((deformed / self._determinants)[nodes[self.mesh.tets]].min(initial=1.0))
 
     def load_vector(self, displacement: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Forces of the load over the unknowns, linear in ``value``; zero for a prescribed displacement."""

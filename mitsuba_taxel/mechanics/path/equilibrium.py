@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import (
     SPREAD_FORCE,
     IndenterDisplacement,
@@ -55,7 +56,8 @@ class Solution:
     Attributes
     ----------
     min_jacobian : float
-        Smallest volume ratio J at any quadrature point and node of the elements.
+        Smallest volume ratio J at any quadrature point of the elements, corners among them, and of
+        :func:`~mitsuba_taxel.mechanics.contact.singular_edges.judged_nodes`.
     residual : float
         Largest out-of-balance force, relative to the load.
     stability_checked : bool
@@ -297,10 +299,14 @@ class LoadedPad:
         return error
 
     def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
-        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0])
+        least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0], self._judged_nodes)
         if not least > 0:
             raise Rejected(f"an element would be inverted at a node (J = {least:.2g})")
         return least
+
+    @cached_property
+    def _judged_nodes(self) -> np.ndarray:
+        return judged_nodes(self.whole)[self.part.nodes]
 
     def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
         """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""

@@ -12,13 +12,23 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
-from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.unstable_modes import unstable_modes
 
+MOST_ITERATIONS = 40
+"""More than of a pad without contact, as its corners may slide off others on the way."""
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that does not bring the pad closer to balance."""
+OVERSHOT = 0.5
+"""Slope of the energy along a step, relative to that at its begin, up to which it may rise again at its end."""
+NEAR_STRIP = 2.0
+"""Distance from singular edges, relative to the width of the strip beside them, and ..."""
+FOLDED = 0.5
+"""... share of the squared motion of nodes there, above which a mode only folds the strip."""
 
 
 class SelfTouchingPad(LoadedPad):
@@ -68,12 +78,26 @@ class SelfTouchingPad(LoadedPad):
 
     def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
-        bodies that are sharper than the elements."""
+        bodies that are sharper than the elements. Nor does it matter how the strip beside singular edges folds."""
         try:
             return super()._is_stable(linearised, unknowns, value)
         except Rejected:
             steady = self._linearised(linearised.entries, unknowns, value, steady=True)
-            return super()._is_stable(steady, unknowns, value)
+            return self._only_folds(steady) or super()._is_stable(steady, unknowns, value)
+
+    def _only_folds(self, linearised: Linearised) -> bool:
+        """Whether all displacements against which the pad is unstable are those of the strip beside singular edges."""
+        surplus = (linearised.negative or 0) - self.numbering.pressures
+        if surplus <= 0 or self._driven:  # of a moved plate, modes are constrained
+            return False
+        modes = unstable_modes(linearised.lower, linearised.factor, self.numbering.displacements, surplus)
+        moved = [np.square(self.split(mode)[0]).sum(axis=1) for mode in modes.T]
+        return len(moved) == surplus and all(of[self._near_strip].sum() > FOLDED * of.sum() for of in moved)
+
+    @cached_property
+    def _near_strip(self) -> np.ndarray:
+        """(N,) whether a node is near the strip."""
+        return beyond_strip(self.whole) < (NEAR_STRIP - 1) * STRIP * self.height
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""
@@ -89,24 +113,54 @@ class SelfTouchingPad(LoadedPad):
             if (linearised.negative or 0) > self.numbering.pressures:  # a step would lead to a saddle
                 linearised = self._linearised(state.entries, unknowns, value, steady=True)
             step = linearised.step(self._left(state), self._gap(unknowns, value))
-            unknowns = self._shortened(unknowns, -step, value, error)
+            unknowns = self._along(unknowns, -step, state, value)
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _shortened(self, unknowns: np.ndarray, step: np.ndarray, value: np.ndarray, error: float) -> np.ndarray:
-        """The best place along a step, or the first that is good enough."""
-        best, least = unknowns, math.inf
+    def _along(self, unknowns: np.ndarray, step: np.ndarray, state: Configuration, value: np.ndarray) -> np.ndarray:
+        """The first place along a step, halved until so, that is closer to balance, or not far beyond the least energy.
+
+        Out-of-balance forces may grow on the way to a minimum of the energy, where a corner slides off an edge. There
+        the step is doubled as long as the energy falls on.
+        """
+        error, least, best = self._error(state, unknowns, value), math.inf, unknowns
         step = self.towards(unknowns, unknowns + step) - unknowns
+        slope = self._slope(step, state)
         for halvings in range(MOST_HALVINGS):
-            tried = unknowns + 0.5**halvings * step
-            state = self._evaluate(tried, value, with_tangent=False)
-            left = self._error(state, tried, value) if state.min_jacobian > 0 else math.inf
+            share = 0.5**halvings
+            tried = unknowns + share * step
+            there = self._evaluate(tried, value, with_tangent=False)
+            if not there.min_jacobian > 0:
+                continue
+            left = self._error(there, tried, value)
+            if left < (1 - 0.25 * share) * error:
+                return tried
+            if self._slope(step, there) < -OVERSHOT * slope:
+                return self._further(unknowns, step, share, there, value)
             if left < least:
                 best, least = tried, left
-            if least < (1 - 0.25 * 0.5**halvings) * error:
-                break
         if math.isinf(least):
             raise Rejected("an element would be inverted")
         return best
+
+    def _further(
+        self, unknowns: np.ndarray, step: np.ndarray, share: float, there: Configuration, value: np.ndarray
+    ) -> np.ndarray:
+        """The place at a share of a step that leads down, which is doubled while the energy falls on."""
+        slope = self._slope(step, there)
+        for _ in range(MOST_HALVINGS):
+            here, tried = unknowns + share * step, unknowns + 2 * share * step
+            if not slope < 0 or not np.array_equal(self.towards(here, tried), tried):
+                break
+            there = self._evaluate(tried, value, with_tangent=False)
+            if not there.min_jacobian > 0 or not self._slope(step, there) < -OVERSHOT * slope:
+                break
+            share, slope = 2 * share, self._slope(step, there)
+        return unknowns + share * step
+
+    def _slope(self, step: np.ndarray, state: Configuration) -> float:
+        """Derivative of the energy at a state by the share of a step."""
+        moved = slice(self.numbering.displacements)
+        return float(step[moved] @ self._left(state)[moved])
 
     def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
         state = super()._evaluate(unknowns, value, with_tangent)

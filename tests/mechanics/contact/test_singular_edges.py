@@ -11,7 +11,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.bezier_patches import first_touch
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES
 from mitsuba_taxel.mechanics import NeoHookean, load_path
-from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
+from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip, judged_nodes
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.pads.parametric.meshing import mesh_pad
 
@@ -32,6 +32,16 @@ def test_distances_from_the_edges_of_a_square_cell():
         np.testing.assert_allclose(found[nodes], expected, atol=1e-9)
     top = mesh.points[:, 2] == pad.height
     assert (found[top] > pad.height - pad.top_of_cell - 1e-9).all()
+
+
+def test_elements_must_not_be_inverted_where_light_meets_them_beyond_the_strip():
+    pad = Pad(rows=1, columns=1)
+    mesh, half, width = mesh_pad(pad, 2.0), pad.cell_size / 2, STRIP * pad.height
+    x, y, z = np.abs(mesh.points).T
+    to_wall, to_other = np.sort([half - x, half - y], axis=0)
+    on_wall = np.isclose(to_wall, 0) & (np.min([to_other, z, pad.top_of_cell - z], axis=0) > width)
+    on_roof = np.isclose(z, pad.top_of_cell) & (to_wall > width)
+    np.testing.assert_array_equal(judged_nodes(mesh), on_wall | on_roof)
 
 
 @pytest.mark.parametrize(("border", "touch"), [(-1.0, True), (0.25, True), (0.75, False), (2.0, False)])
