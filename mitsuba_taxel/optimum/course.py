@@ -12,7 +12,7 @@ from mitsuba_taxel.optimum.descent import descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
-from mitsuba_taxel.optimum.search import Judged
+from mitsuba_taxel.optimum.search import Balance, Judged, balance
 
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
@@ -20,6 +20,8 @@ ROUNDS = 3
 """Most successive descents with tolerances, which are evaluated at the start of each."""
 SAME = 1e-6
 """Relative to the bounds' width: designs that differ by less count as equal, as another mesh makes more difference."""
+NEAR = 0.02
+"""The same for designs whose gradients differ by their meshes rather than by the designs."""
 HELD = 1e-3
 """Allowed violation of a constraint, relative to its bound."""
 
@@ -134,6 +136,21 @@ class Course:
         """The best design so far that meets all constraints; None if there is none."""
         kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
+
+    def balanced(self, best: Design) -> Balance:
+        """What holds a design: by its own gradients, or by their mean over those of designs near it if that leaves a
+        lesser slope, as gradients scatter from mesh to mesh."""
+        x, own = np.array(best.x), self.judged(best, self.plan.goal, self.plan.limits)
+        assert own is not None
+        near = [
+            each
+            for design, each in self._all(self.plan.goal, self.plan.limits)
+            if design.choice == best.choice and np.abs(np.subtract(design.x, x)).max() <= NEAR
+        ]
+        goal_rates = np.mean([each.goal_rates for each in near], axis=0)
+        limit_rates = np.mean([each.limit_rates for each in near], axis=0)
+        mean = Judged(own.goals, goal_rates, own.limits, limit_rates)
+        return min((balance(x, own), balance(x, mean)), key=lambda held: held.left)
 
     def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
         """The design that violates its constraints least."""

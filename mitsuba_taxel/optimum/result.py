@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.plan import Design, Plan
-from mitsuba_taxel.optimum.search import BALANCED, Balance, balance
+from mitsuba_taxel.optimum.search import BALANCED, Balance
 
 if TYPE_CHECKING:
     import pandas
@@ -44,7 +44,7 @@ class Optimum:
         improvement with that change as standard deviation.
     unbalanced : float
         Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
-        objective; 0 at an optimum.
+        objective; 0 at an optimum. It is that of the mean gradients of designs near it if that is less.
     load_steps : int
         Computed for all designs, without the finer mesh.
     seconds : float
@@ -77,9 +77,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
         notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
-    judged = course.judged(best, plan.goal, plan.limits)
-    assert judged is not None
-    held = balance(np.array(best.x), judged)
+    held = course.balanced(best)
     if again is None:
         notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
     else:

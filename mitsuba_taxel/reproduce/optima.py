@@ -31,7 +31,7 @@ PROFILE_HEIGHT = 2.4
 """Height in mm to which z of a profile is relative: the largest of all shapes."""
 POINTS = {"r1": (1, 0.8, 1), "z1": (0.6458, 0.5, 1), "r2": (0.7071, 0.3, 0.95), "z2": (0.6458, 0.5, 1)}
 POINTS["z3"] = POINTS["z1"]
-"""Coordinates of the points of a profile from its rim to its crown, with their bounds; they begin as the cylinder."""
+"""Coordinates of the points of a profile from its rim to its crown, with their bounds; they begin as a flat roof."""
 VARIABLES = {"cell_size": (2.2, 2.75), "height": (3.6, 5.5), "wall": (0.8, 1.6)}
 TABLES = ("figures", "variables")
 
@@ -52,10 +52,13 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
     ),
 }
 """By name: the taxels that are read, and the problem."""
-SHAPES = {name: (*paper.CELLS, *([PROFILE] if name == "normal" else [])) for name in PURPOSES}
-EFFORT = {("normal", "parallelepiped"): (3, 12), ("normal", PROFILE): (3, 24)}
+SQUARE = f"square {PROFILE}"
+"""A profile whose cells are square from above."""
+PROFILES = (PROFILE, SQUARE)
+SHAPES = {name: (*paper.CELLS, *(PROFILES if name == "normal" else ())) for name in PURPOSES}
+EFFORT = {("normal", cell): (3, 13) for cell in PROFILES}
 """Starts, and most evaluations of each, where they are not one and :data:`EVALUATIONS`."""
-EVALUATIONS = 8
+EVALUATIONS = 12
 
 _SCENE = """\
 <!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
@@ -65,7 +68,7 @@ _SCENE = """\
     <default name="height" value="4.55"/> <default name="wall" value="1"/>
     <integrator type="taxel_tracer"/>
     <shape type="deformable_pad">
-        <string name="cell" value="{cell}"/>{profile} <string name="read_cells" value="{cells}"/>
+        <string name="cell" value="{shape}"/>{profile} <string name="read_cells" value="{cells}"/>
         <float name="cell_size" value="$cell_size"/> <float name="cell_height" value="$cell_height"/>
         <float name="height" value="$height"/> <float name="wall" value="$wall"/>
         <vector name="force" value="$fx, $fy, $fz"/>
@@ -104,7 +107,7 @@ def optima(store: PaperStudies, *, workers: int | None) -> dict[str, dict[str, x
 
 
 def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) -> xr.Dataset:
-    name = f"optimum/{purpose}_{cell}"
+    name = f"optimum/{purpose}_{cell}".replace(" ", "_")
 
     def compute() -> xr.Dataset:
         from mitsuba_taxel.optimum import optimise
@@ -118,7 +121,7 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
 
 def _study(purpose: str, cell: str) -> str:
     roof = {"cell_height": (LEAST_HEIGHT.get(cell, LOWEST), PROFILE_HEIGHT)}
-    if cell == PROFILE:
+    if cell in PROFILES:
         roof = {name: (low, high) for name, (_, low, high) in POINTS.items()}
     starts, evaluations = EFFORT.get((purpose, cell), (1, EVALUATIONS))
     return _STUDY.format(
@@ -138,14 +141,15 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
     points = [f' <default name="{name}" value="{start}"/>' for name, (start, _, _) in POINTS.items()]
-    profile = ' <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
+    section = "square" if cell == SQUARE else "round"
+    profile = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
     scene = _SCENE.format(
-        cell=cell,
+        shape=PROFILE if cell in PROFILES else cell,
         cells=cells,
         cell_height=HEIGHTS.get(cell, PROFILE_HEIGHT),
         reflectors=reflectors,
-        points="".join(points) if cell == PROFILE else "",
-        profile=profile if cell == PROFILE else "",
+        points="".join(points) if cell in PROFILES else "",
+        profile=profile if cell in PROFILES else "",
     )
     for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell))):
         write_text(folder / file, text)

@@ -13,7 +13,6 @@ import xarray as xr
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.search import BALANCED
-from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.optima import (
@@ -27,6 +26,7 @@ from mitsuba_taxel.reproduce.optima import (
     NOISE,
     POINTS,
     PROFILE_HEIGHT,
+    PROFILES,
     VARIABLES,
 )
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -47,7 +47,8 @@ cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone,
 
 A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
 variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
-{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder.
+{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
+sides, as pyramids do, and starts as the paper's parallelepiped.
 
 Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
 mesh. *Held by* names active bounds, and *left* is the unbalanced slope of the objective, relative to it and over the
@@ -134,7 +135,8 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
     """The best of the paper's shapes compared with the best of all."""
     scale, unit = SCALES[purpose]
     sign = -1 if purpose == "resolution" else 1
-    before, best = (max(found, key=lambda cell: sign * _goal(found[cell])[k]) for k in (0, 1))
+    before = max((cell for cell in found if cell not in PROFILES), key=lambda cell: sign * _goal(found[cell])[0])
+    best = max(found, key=lambda cell: sign * _goal(found[cell])[1])
     values = _goal(found[before])[0], _goal(found[best])[1]
     ratio = max(values) / min(values)
     nonlinear = ""
@@ -143,21 +145,19 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
         nonlinear = f", with a nonlinearity of {of[1]:.1%} instead of {of[0]:.1%}"
     return (
         f"Of the paper's four the {before} one is best, with {scale * values[0]:.3g} {unit}; of those found the {best} "
-        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profile_of(found)}"
+        f"one, with {scale * values[1]:.3g} {unit}: {ratio:.2f} times better{nonlinear}.{_profiles_of(found)}"
     )
 
 
-def _profile_of(found: Mapping[str, xr.Dataset]) -> str:
-    """The best profile compared with the paper's shapes, before and after."""
-    if PROFILE not in found:
-        return ""
-    best = _goal(found[PROFILE])[1]
-    ends = [(cell, *_goal(one)) for cell, one in found.items() if cell != PROFILE]
+def _profiles_of(found: Mapping[str, xr.Dataset]) -> str:
+    """The best profiles compared with the paper's shapes, before and after."""
+    ends = [(cell, *_goal(one)) for cell, one in found.items() if cell not in PROFILES]
     (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
-    _, _, rounded = max((row for row in ends if row[0] != "parallelepiped"), key=lambda row: row[2])
-    return (
-        f" The best profile is {best / before:.2f} times as sensitive as the paper's {first} cells, {best / after:.2f} "
-        f"times as sensitive as the best {second} ones, and {best / rounded:.2f} times as the best round ones."
+    best = {cell: _goal(found[cell])[1] for cell in PROFILES if cell in found}
+    return "".join(
+        f" The best {cell} is {value / before:.2f} times as sensitive as the paper's {first} cells, and "
+        f"{value / after:.2f} times as sensitive as the best {second} ones."
+        for cell, value in best.items()
     )
 
 
@@ -225,6 +225,11 @@ def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:
     goals, place = scale * np.array([_goal(one) for one in of.values()]), np.arange(len(of))
     for shift, values, label, colour in ((-0.2, goals[:, 0], "paper", 7), (0.2, goals[:, 1], "best", 1)):
         ax.bar(place + shift, values, 0.4, label=label, color=COLOURS[colour])
-    ax.set_xticks(place, [cell[:6] + "." for cell in of])
+    ax.set_xticks(place, [_short(cell) for cell in of], fontsize="small")
     ax.set_title(TITLES[purpose], fontsize="small")
     ax.set_ylabel(f"[{unit}]")
+
+
+def _short(cell: str) -> str:
+    """Such as ``parall.`` and ``square\nprofil.``."""
+    return "\n".join(word if len(word) < 7 else f"{word[:6]}." for word in cell.split())

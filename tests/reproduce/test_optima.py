@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import read_plan
-from mitsuba_taxel.reproduce.optima import PURPOSES, SHAPES, optima, write_study
+from mitsuba_taxel.pads.profile import control_points
+from mitsuba_taxel.reproduce.optima import PROFILES, PURPOSES, SHAPES, SQUARE, optima, write_study
 from mitsuba_taxel.reproduce.page import write_pages
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 
@@ -17,13 +19,13 @@ ROOF = {"r1": 1.0, "z1": 0.7, "r2": 0.6, "z2": 0.5, "z3": 0.5}
 
 
 def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Dataset:
-    roof = ROOF if cell == "profile" else {"cell_height": 1.2}
+    roof = ROOF if cell in PROFILES else {"cell_height": 1.2}
     figures = {"before": [before, 0.02], "best": [0.9 * best, 0.03]}
     figures |= {f"{name}_finer": [value, 0.02] for name, value in (("before", before), ("best", best))}
     named = roof | {"cell_size": 2.5, "height": 4.5, "wall": 0.8}
     variables = {"variable": list(named), "best": list(named.values()), "at": ["low"] + [""] * (len(named) - 1)}
     numbers = {"gain": best / before - 1, "gain_error": 0.1, "unbalanced": 0.01, "designs": 9, "failed": 1}
-    descents = 2 if cell == "profile" else 1
+    descents = 2 if cell in PROFILES else 1
     return xr.Dataset(
         {"descent_best": ("descent", [best, np.nan][:descents]), "descent_designs": ("descent", [8, 3][:descents])}
         | {f"figures_{name}": ("figures", values) for name, values in figures.items()}
@@ -34,7 +36,9 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
 
 @pytest.mark.usefixtures("painted_figures")
 def test_the_page(tmp_path):
-    shapes = {cell: (1e-5 * (5 - number), ["so so"] * bool(number)) for number, cell in enumerate(SHAPES["normal"])}
+    shapes = {
+        cell: (1e-5 * max(5 - number, 1), ["so so"] * bool(number)) for number, cell in enumerate(SHAPES["normal"])
+    }
     found = {
         purpose: {cell: made_up(before, 6e-5, said, cell) for cell, (before, said) in shapes.items() if cell in cells}
         for purpose, cells in SHAPES.items()
@@ -44,23 +48,38 @@ def test_the_page(tmp_path):
     assert page.name == "optimum.md" and (tmp_path / "optimum" / "optima.png").stat().st_size > 5000
     assert "| cylindrical | 40 | 60 | 50% ± 10% | 1.2 | 2.5 | 4.5 | 0.8 | cell_height (low) | 1.0% |" in text
     assert "Of the paper's four the parallelepiped one is best, with 50 µW/N; of those found" in text
-    assert "- hemispheric: so so" in text and "117 designs with 351 load steps" in text
+    assert "- hemispheric: so so" in text and "126 designs with 378 load steps" in text
     assert (
         "- profile: points (r, z) of the roof in mm, from the rim to the crown: (1.25, 1.68), (0.75, 1.2), (0, 1.2)"
         in text
     )
     assert "- profile: its descents ended at 60 (8), none (3) µW/N" in text and "a *profile* is any" in text.lower()
-    assert "The best profile is 1.20 times as sensitive as the paper's parallelepiped cells, 1.00 times as" in text
+    for cell in PROFILES:
+        assert f"The best {cell} is 1.20 times as sensitive as the paper's parallelepiped cells, and 1.00 times" in text
     assert "{" not in text.replace("{cite}", "")
 
 
 @pytest.mark.parametrize(
-    ("purpose", "cell", "starts"), [*((purpose, "hemispheric", 1) for purpose in PURPOSES), ("normal", "profile", 3)]
+    ("purpose", "cell", "starts"),
+    [*((purpose, "hemispheric", 1) for purpose in PURPOSES), *(("normal", cell, 3) for cell in PROFILES)],
 )
 def test_studies_can_be_read(purpose, cell, starts, tmp_path):
     write_study(tmp_path, purpose, cell)
     plan = read_plan(tmp_path / "study.toml")
     assert plan.refusal(plan.before) is None and len(plan.begun()) == starts
+
+
+def test_square_profiles_begin_as_the_paper_has_its_box(tmp_path):
+    shapes = []
+    for cell in ("parallelepiped", SQUARE):
+        write_study(tmp_path / cell, "normal", cell)
+        (pad,) = pads_of(read_plan(tmp_path / cell / "study.toml").batch.scene({}))
+        shapes.append(pad.as_profile(3))
+    box, square = shapes
+    assert square.section == box.section == "square" and square.cell_size == box.cell_size
+    points = [pad.cell_height * control_points(pad.profile)[:, 1] for pad in shapes]
+    np.testing.assert_allclose(points[1], points[0], rtol=1e-4)
+    assert square.top_of_cell == pytest.approx(box.top_of_cell, rel=1e-4)
 
 
 def test_nothing_is_computed_where_a_page_is_written(tmp_path):

@@ -1,0 +1,51 @@
+"""What holds a design whose gradients scatter from mesh to mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_taxel.optimum.course import Course
+from mitsuba_taxel.optimum.designs import Read
+from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.plan import read_plan
+
+STUDY = """
+scene = "pad.xml"
+[optimise]
+minimise = "rest"
+[optimise.variables]
+spacing = { low = 0.8, high = 0.9, start = 0.85 }
+"""
+SCATTER = {0.49: -0.3, 0.5: 0.3, 0.51: 0.0, 0.6: 5.0}
+
+
+class Scattered:
+    """Designs of one taxel, whose light is 1 + (x - 0.5)^2 with a rate that is off by its design."""
+
+    failures: dict = {}
+
+    def read(self, designs):
+        return [self._read(design.x[0]) for design in designs]
+
+    def _read(self, x):
+        rate = 2 * (x - 0.5) + SCATTER[x]
+        value = 1 + (x - 0.5) ** 2
+        seen = [
+            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1))}, {}, None)
+            for power in (value + 0j, value + 1j * TINY * rate)
+        ]
+        return Read(seen[0], seen[1:], [])
+
+
+def test_gradients_that_scatter_are_averaged(tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY)
+    plan = read_plan(tmp_path / "study.toml")
+    course = Course(plan, Scattered(), None)
+    lone, *others = [plan.design((), [x]) for x in (0.5, 0.49, 0.51, 0.6)]
+    course.look([lone])
+    assert course.balanced(lone).left == pytest.approx(0.3)
+    course.look(others)
+    assert course.best(plan.goal, plan.limits) == lone
+    assert course.balanced(lone).left == pytest.approx(0, abs=1e-12), "0.6 is too far to count"
+    assert course.balanced(others[1]).left == pytest.approx(0.02 / 1.0001), "its own is better balanced"
