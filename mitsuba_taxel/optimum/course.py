@@ -98,7 +98,7 @@ class Course:
             margins.append((limit.sign * limit.bound - values) / size)
             rates.append(-slopes / size)
         found = Judged(goals / scale, goal_rates / scale, np.concatenate(margins), np.concatenate(rates))
-        return found if all(np.isfinite(each).all() for each in vars(found).values()) else None
+        return found if goals.size and all(np.isfinite(each).all() for each in vars(found).values()) else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
         """Descend from a design; all evaluated designs are in the history.

@@ -75,8 +75,9 @@ def optimise(
     make_folder(folder)
     with open_pool(workers, scheduler) as pool:
         course = Course(plan, Designs(plan, pool, folder / "designs", retry_failed), progress)
-        _refuse_what_cannot_be_told(course, begun)
-        for start in begun:
+        starts = readable_starts(course, begun)
+        _refuse_what_cannot_be_told(course, starts)
+        for start in starts:
             course.descend(start, plan.goal, plan.limits)
         best = course.best(plan.goal, plan.limits)
         if best is None:
@@ -96,11 +97,24 @@ def _in_view(plan: Plan, designs: list[Design]) -> Plan:
     return replace(plan, limits=[*plan.limits, Limit(Figure("view_angle", {}, "degrees"), -1, IN_VIEW)])
 
 
-def _refuse_what_cannot_be_told(course: Course, begun: list[Design]) -> None:
-    """Evaluate the initial designs, and raise if a figure of the study cannot be computed for this scene."""
-    reads = [read for read in course.look(begun) if read is not None]
-    if not reads:
-        raise ComputationError(f"no design can be read to begin with: {next(iter(course.designs.failures.values()))}")
+def readable_starts(course: Course, begun: list[Design]) -> list[Design]:
+    """The initial designs that can be read; if none can, the first one that can of as many more as a descent may
+    have."""
+    plan = course.plan
+    found = [design for design, read in zip(begun, course.look(begun), strict=True) if read is not None]
+    others = [] if found else replace(plan, starts=plan.starts + plan.evaluations).begun()
+    for other in others:
+        if course.look([other]) != [None]:
+            return [other]
+    if not found:
+        why = next(iter(course.designs.failures.values()))
+        raise ComputationError(f"none of {len(course.history)} designs can be read to begin with: {why}")
+    return found
+
+
+def _refuse_what_cannot_be_told(course: Course, starts: list[Design]) -> None:
+    """Raise if a figure of the study cannot be computed for this scene."""
+    reads = [course.read(design) for design in starts]
     for asked in [*course.plan.asked, *([course.plan.front[0]] if course.plan.front else [])]:
         try:
             found = [asked.figure.components(read.values) for read in reads]

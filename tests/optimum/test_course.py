@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.optimum.course import Course
 from mitsuba_taxel.optimum.designs import Read
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.optimum.run import readable_starts
 
 STUDY = """
 scene = "pad.xml"
@@ -49,3 +51,29 @@ def test_gradients_that_scatter_are_averaged(tmp_path):
     assert course.best(plan.goal, plan.limits) == lone
     assert course.balanced(lone).left == pytest.approx(0, abs=1e-12), "0.6 is too far to count"
     assert course.balanced(others[1]).left == pytest.approx(0.02 / 1.0001), "its own is better balanced"
+
+
+class Dark:
+    """Designs that can be read above 0.7 only."""
+
+    def __init__(self):
+        self.failures = {}
+
+    def read(self, designs):
+        self.failures |= {design: "no light" for design in designs if design.x[0] <= self.least}
+        return [None if design in self.failures else Scattered()._read(0.5) for design in designs]
+
+    least = 0.7
+
+
+def test_where_no_initial_design_can_be_read_others_are_tried(tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY)
+    plan = read_plan(tmp_path / "study.toml")
+    course = Course(plan, Dark(), None)
+    (start,) = readable_starts(course, plan.begun())
+    assert start.x[0] > 0.7 and start == course.history[-1] and len(course.history) > 1
+    assert readable_starts(course, [start]) == [start]
+    hopeless = Course(plan, Dark(), None)
+    hopeless.designs.least = 1.0
+    with pytest.raises(ComputationError, match="none of 13 designs can be read to begin with: no light"):
+        readable_starts(hopeless, plan.begun())
