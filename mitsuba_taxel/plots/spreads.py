@@ -65,5 +65,5 @@ def _draw_spread(ax: Axes, rows: pandas.DataFrame, name: str) -> None:
 def _draw_parameters(ax: Axes, parameters: pandas.DataFrame, name: str) -> None:
     rows = parameters.iloc[::-1]
     ax.barh(rows.parameter, rows[f"total_{name}"], color=COLOURS[2])
-    ax.set_xlim(0, max(1.0, float(np.nanmax(rows[f"total_{name}"], initial=0.0))))
+    ax.set_xlim(0, max(1.0, rows[f"total_{name}"].max()))  # NaN where unknown
     ax.grid(axis="x", alpha=0.3)

@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
-from mitsuba_taxel.sensing import Scene, measure
+from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 SIDE = 5
@@ -38,7 +38,12 @@ _SCENE = """\
     <default name="radius" value="1"/>
     <default name="x" value="0"/>
     <default name="y" value="0"/>
+    <default name="friction" value="0"/>
     <default name="uz" value="0"/>
+    <default name="youngs_modulus" value="1"/>
+    <default name="prony" value=""/>
+    <default name="history" value=""/>
+    <default name="time" value="0"/>
     <default name="mesh_size" value="{mesh_size}"/>
 
     <integrator type="taxel_tracer"/>
@@ -48,12 +53,15 @@ _SCENE = """\
         <float name="pitch" value="{pitch}"/> <float name="wall" value="{wall}"/>
         <float name="cell_size" value="{core}"/> <float name="cell_height" value="{free}"/>
         <float name="height" value="$height"/>
-        <!-- Forces are relative to the modulus. -->
-        <float name="youngs_modulus" value="1"/> <float name="poisson_ratio" value="{poisson_ratio}"/>
+        <!-- Forces are relative to the long-term modulus. -->
+        <float name="youngs_modulus" value="$youngs_modulus"/> <float name="poisson_ratio" value="{poisson_ratio}"/>
+        <string name="prony" value="$prony"/> <string name="history" value="$history"/>
+        <float name="time" value="$time"/>
         <float name="mesh_size" value="$mesh_size"/>
         <string name="load" value="indenter_displacement"/>
         <string name="indenter" value="$indenter"/> <float name="indenter_radius" value="$radius"/>
         <float name="indenter_x" value="$x"/> <float name="indenter_y" value="$y"/>
+        <float name="friction" value="$friction"/>
         <vector name="displacement" value="0, 0, $uz"/>
         <bsdf type="region">
             <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
@@ -111,6 +119,15 @@ class Press(NamedTuple):
         return f"{self.indenter}_{self.radius:g}_on_{self.height:g}{place}"
 
 
+class Reading(NamedTuple):
+    """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error."""
+
+    force: float
+    force_error: float
+    change: np.ndarray
+    change_error: np.ndarray
+
+
 def path(
     store: PaperStudies,
     press: Press,
@@ -138,37 +155,50 @@ def path(
 
 def _computed(file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float) -> xr.Dataset:
     write_scene(file)
-    above = {"height": press.height - measured.COLLAR_HEIGHT, "mesh_size": mesh_size}
-    defines: dict[str, Any] = press._asdict() | above
+    defines = defines_of(press) | {"mesh_size": mesh_size}
     at_rest = measure(Scene(file, defines), points=POINTS, mechanics_error=False)
-    rows: list[tuple[Any, ...]] = []
+    rows: list[Reading] = []
     end = ""
     for travel in travels:
-        scene = Scene(file, defines | {"uz": -travel})
         try:
-            found = measure(scene, points=POINTS, mechanics_error=with_errors)
+            rows.append(read(Scene(file, defines | {"uz": -travel}), at_rest, POINTS, with_errors))
         except ComputationError as stopped:
             if not rows:
                 raise
             end = str(stopped)
             break
-        state = deformed_pads(scene.load())[0].state
-        force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
-        force_error = state.force_error if with_errors else np.nan
-        shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
-        light = shares.std(axis=0, ddof=1) / np.sqrt(len(shares))
-        shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
-        rows.append((travel, force, force_error, shares.mean(axis=0), np.hypot(light, shape)))
-    borne, forces, force_errors, changes, errors = map(np.array, zip(*rows, strict=True))
+    study = dataset("travel", rows)
+    return study.assign_coords(travel=("travel", np.array(travels[: len(rows)]), {"units": "mm"})).assign_attrs(end=end)
+
+
+def defines_of(press: Press) -> dict[str, Any]:
+    """Values of the scene's parameters."""
+    return press._asdict() | {"height": press.height - measured.COLLAR_HEIGHT}
+
+
+def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> Reading:
+    """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
+    found = measure(scene, points=points, mechanics_error=with_errors)
+    state = deformed_pads(scene.load())[0].state
+    force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
+    force_error = state.force_error if with_errors else np.nan
+    shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
+    light = shares.std(axis=0, ddof=1) / np.sqrt(len(shares))
+    shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
+    return Reading(force, force_error, shares.mean(axis=0), np.hypot(light, shape))
+
+
+def dataset(dim: str, rows: list[Reading]) -> xr.Dataset:
+    """Readings one after the other, by ``dim`` and ``taxel``."""
+    forces, force_errors, changes, errors = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
         {
-            "force": ("travel", forces, {"units": "N"}),
-            "force_error": ("travel", force_errors, {"units": "N"}),
-            "change": (("travel", "taxel"), changes),
-            "change_error": (("travel", "taxel"), errors),
+            "force": (dim, forces, {"units": "N"}),
+            "force_error": (dim, force_errors, {"units": "N"}),
+            "change": ((dim, "taxel"), changes),
+            "change_error": ((dim, "taxel"), errors),
         },
-        coords={"travel": ("travel", borne, {"units": "mm"}), "taxel": np.arange(1, SIDE**2 + 1)},
-        attrs={"end": end},
+        coords={"taxel": np.arange(1, SIDE**2 + 1)},
     )
 
 

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 REST_VOLTAGE, HELD_SHARE = 1.68, 0.173
 """Mean of 25 taxels, in V; change of that of taxel 13 while it is held, relative to its own at rest."""
+REST_SPREAD, REST_VOLTAGES = 18.0, (0.84, 2.04)
+"""Standard deviation of the voltages at rest in percent of their mean, of the 25 taxels; lowest and highest, in V."""
 LOAD_RESISTANCE, ADC_REFERENCE, ADC_BITS = 22e3, 3.3, 12
 """Electronics, in Ohm and V."""
 
@@ -74,6 +76,8 @@ HOLD_FORCES = ((1.795, 0.072), (1.735, 0.042), (1.721, 0.028), (1.723, 0.018))
 CYCLE_SECONDS = 147.0
 FORCE_LOOP, ENERGY_LOST = 7.5, 8.8
 """In percent: difference of the force at equal travel, relative to its largest; energy lost in a cycle."""
+VOLTAGE_LOOP_AT_FORCE, VOLTAGE_LOOP_AT_TRAVEL = 4.7, 4.3
+"""In percent of the largest change of the voltage."""
 
 MEASURED_HYSTERESIS = {"parallelepiped": 1.88, "spherical": 6.87, "hemispheric": 10.3}
 """The paper's e_h in percent (section 3.1), for the most sensitive taxel."""

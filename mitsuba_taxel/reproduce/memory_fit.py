@@ -1,61 +1,173 @@
-"""A Prony series fitted to the voltage after release, and its predictions of holds and slow cycles."""
+"""A Prony series fitted to the voltage after release, with the pad under its indenter, and its loops."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+import xarray as xr
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
+from scipy.optimize import least_squares
 
-from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, Viscoelastic, load_path, reactions
-from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import measured
+from mitsuba_taxel.reproduce.bench_pad import Press
+from mitsuba_taxel.reproduce.bench_pad_in_time import HOLD_TIMES, Prony, cycle, hold_and_release
+from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 TIMES = (0.05, 0.5, 5.0)
 """Relaxation times in s, one per decade of the record; their shares are fitted."""
-TRAVEL, STEPS = 0.6, 10
-"""Travel in mm of a plate on one cell, a sixth of the height, and number of steps."""
+SETTLED = 0.03
+"""Relative change of the shares below which the fit ends."""
+MOST_PATHS = 5
+FRICTION = 0.3
+"""Of the indenter, assumed to show what it would change."""
 
 
 class Loop(NamedTuple):
-    """Width of a cycle at equal travel, in percent of the largest force, and energy lost, in percent."""
+    """Widths of a cycle, in percent of the largest force or change, and energy lost, in percent of that of loading.
 
-    width: float
-    energy: float
-
-
-def fitted_terms() -> tuple[tuple[float, float], ...]:
-    """Shares of the three terms by least squares of the relative error of the tail.
-
-    A pad released after a long hold keeps about the sum of g exp(-t / tau) of its strain.
+    Attributes
+    ----------
+    force : float
+        Of the force at equal travel.
+    energy : float
+    change_at_force, change_at_travel : float
+        Of the change of the reading at equal force, and at equal travel.
     """
-    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
-    decays = np.exp(-np.array(measured.TAIL_TIMES)[:, None] / TIMES)
-    shares, _ = nnls(decays / left[:, None], np.ones(len(left)))
-    return tuple((float(share), time) for share, time in zip(shares, TIMES, strict=True))
+
+    force: float
+    energy: float
+    change_at_force: float
+    change_at_travel: float
 
 
-def tail(terms: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """Remaining strain after release, relative to the hold, at the times of the record."""
-    shares, times = np.array(terms).T
-    return np.exp(-np.array(measured.TAIL_TIMES)[:, None] / times) @ shares
+class Memory(NamedTuple):
+    """Attributes
+    ----------
+    terms : tuple[tuple[float, float], ...]
+        Shares and relaxation times in s.
+    paths : int
+        Of finite elements, for the fit.
+    tail : (8,) ndarray
+        Change after release, relative to that during the hold, at the times of the record.
+    hold : (4,) ndarray
+        Force in the windows of the hold, relative to the last.
+    held_change : float
+        Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on.
+    loop, rubbed : Loop
+        Of the slow cycle, and with friction in place of the series.
+    stiffer : float
+        Largest force of the cycle with friction, relative to that of the slow one.
+    """
+
+    terms: Prony
+    paths: int
+    tail: np.ndarray
+    hold: np.ndarray
+    held_change: float
+    loop: Loop
+    rubbed: Loop
+    stiffer: float
 
 
-def hold(terms: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """Force in the windows of the hold, relative to the last."""
-    silicone = Viscoelastic(NeoHookean(), terms)
-    forces = [silicone.relaxation(np.linspace(*window, 1000)).mean() for window in measured.HOLD_WINDOWS]
-    return np.array(forces) / forces[-1]
+def results(store: PaperStudies, press: Press) -> Memory:
+    """Fit of the series to the tail, and predictions; missing paths are computed."""
+
+    def computed(terms: Prony) -> np.ndarray:
+        return tail_of(hold_and_release(store, press, terms))
+
+    terms, paths = fit(computed)
+    study = hold_and_release(store, press, terms)
+    slow, rubbed = cycle(store, press, terms), cycle(store, press, (), FRICTION)
+    change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
+    late = change[np.array(HOLD_TIMES) >= 0.5]
+    return Memory(
+        terms,
+        paths,
+        tail_of(study),
+        hold_of(study),
+        float(np.abs(late / change[-1] - 1).max()),
+        loop_of(slow),
+        loop_of(rubbed),
+        float(rubbed.force.max() / slow.force.max()),
+    )
 
 
-def slow_loop(terms: tuple[tuple[float, float], ...]) -> Loop:
-    """A cycle of a plate on one cell, with the duration of the measurement."""
-    way = np.concatenate([np.linspace(0, TRAVEL, STEPS + 1)[1:], np.linspace(TRAVEL, 0, STEPS + 1)[1:]])
-    times = measured.CYCLE_SECONDS * np.arange(1, 2 * STEPS + 1) / (2 * STEPS)
-    values = [(0.0, 0.0, -travel) for travel in way]
-    silicone, pad = Viscoelastic(NeoHookean(), terms), Pad(rows=1, columns=1)
-    states = load_path(pad, silicone, values, times=times, load=PlateDisplacement())
-    force = np.array([0.0, *(-reactions(state).applied_force[2] for state in states)])
-    loading, unloading = force[: STEPS + 1], force[STEPS:][::-1]
-    gap = loading - unloading
-    return Loop(100 * gap.max() / force.max(), 100 * np.sum(gap[1:] + gap[:-1]) / np.sum(loading[1:] + loading[:-1]))
+def measured_tail() -> np.ndarray:
+    """(8,) change left after release, relative to that during the hold."""
+    return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
+
+
+def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
+    """The series whose tail ``computed(terms)`` is nearest to the measured one, and the number of series tried.
+
+    Least squares of the relative errors of :func:`linear_tail`, times the ratio of the computed tail to it at the
+    shares before, until the shares settle (space mapping; J. W. Bandler et al., 1994).
+    """
+    left, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
+    ratio = np.ones(len(left))
+
+    def misfit(logs: np.ndarray) -> np.ndarray:
+        return linear_tail(np.exp(logs)) * ratio / left - 1
+
+    for count in range(MOST_PATHS + 1):
+        before, shares = shares, np.exp(least_squares(misfit, np.log(shares)).x)
+        terms = tuple((float(f"{share:.4g}"), time) for share, time in zip(shares, TIMES, strict=True))
+        if count == MOST_PATHS or (count and np.all(np.abs(shares - before) <= SETTLED * shares)):
+            break
+        ratio = computed(terms) / linear_tail(np.array([share for share, _ in terms]))
+    return terms, count
+
+
+def linear_tail(shares: np.ndarray) -> np.ndarray:
+    """(8,) small strain after a long hold and a release of the stress, relative to that held, at the record's times.
+
+    With p the strain of each dashpot's spring less that of the solid, times its share g, the strain is the negative sum
+    of all p, and dp/dt = -(p + g strain) / tau; after the hold p = -g.
+    """
+    rates = -(np.eye(len(shares)) - shares[:, None]) / np.array(TIMES)[:, None]
+    return np.array([(expm(rates * time) @ shares).sum() for time in measured.TAIL_TIMES])
+
+
+def tail_of(study: xr.Dataset) -> np.ndarray:
+    """(8,) changes after release, relative to that at the end of the hold."""
+    change = study.change.sel(taxel=measured.PRESSED).values
+    return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]
+
+
+def hold_of(study: xr.Dataset) -> np.ndarray:
+    """(4,) mean forces in the windows of the hold, relative to the last; linear in the logarithm of time between."""
+    force = study.force.values[1 : 1 + len(HOLD_TIMES)]
+    means = []
+    for window in measured.HOLD_WINDOWS:
+        times = np.linspace(*window, 1000)
+        means.append(np.interp(np.log(times), np.log(HOLD_TIMES), force).mean())
+    return np.array(means) / means[-1]
+
+
+def loop_of(study: xr.Dataset) -> Loop:
+    """Figures of a cycle, from rest to rest."""
+    change = study.change.sel(taxel=measured.PRESSED).values
+    half = len(change) // 2 + 1
+    travel = np.insert(study.travel.values[:half], 0, 0.0)
+    loading, unloading = (
+        np.stack([np.insert(values[part], 0, 0.0) for values in (study.force.values, change)])
+        for part in (slice(None, half), slice(None, -half - 1, -1))
+    )
+    force, volts = loading - unloading
+    return Loop(
+        100 * np.abs(force).max() / loading[0].max(),
+        100 * np.trapezoid(force, travel) / np.trapezoid(loading[0], travel),
+        100 * np.abs(_at_equal_force(*loading, *unloading)).max() / loading[1].max(),
+        100 * np.abs(volts).max() / loading[1].max(),
+    )
+
+
+def _at_equal_force(force: np.ndarray, change: np.ndarray, back: np.ndarray, change_back: np.ndarray) -> np.ndarray:
+    """Change on the way back less that on the way down, at its forces.
+
+    At rest the curves end apart, as the indenter leaves the pad before it is back: that end is left out.
+    """
+    return CubicSpline(force, change)(back[1:]) - change_back[1:]

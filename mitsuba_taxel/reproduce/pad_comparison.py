@@ -93,6 +93,11 @@ class Results(NamedTuple):
     finer: xr.Dataset
     widest: Wide
 
+    @property
+    def fitted(self) -> Press:
+        """The pad and the indenter found, in the middle."""
+        return _press_of(self.found)
+
 
 def results(store: PaperStudies) -> Results:
     """Fit to taxel 13, and predictions; missing paths are computed."""
@@ -102,7 +107,7 @@ def results(store: PaperStudies) -> Results:
         return curve_of(bench_pad.path(store, Press(height, INDENTER, radius)), measured.PRESSED)
 
     found = fit(pressed, curves[measured.PRESSED], START)
-    fitted = Press(float(found.unknowns[0]), INDENTER, float(found.unknowns[1]))
+    fitted = _press_of(found)
     middle = bench_pad.path(store, fitted)
     studies = {
         taxel: middle
@@ -121,6 +126,10 @@ def results(store: PaperStudies) -> Results:
     widest = min(tried, key=lambda wide: abs(wide.near - there))
     held = _wide(middle, fitted.height).held
     return Results(found, compared, offset, centred, held_map(moved, MAP_TRAVEL), held, errors, finer, widest)
+
+
+def _press_of(found: Found) -> Press:
+    return Press(float(found.unknowns[0]), INDENTER, float(found.unknowns[1]))
 
 
 def _wide(study: xr.Dataset, height: float) -> Wide:

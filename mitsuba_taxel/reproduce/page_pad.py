@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
-from textwrap import fill
 
 import numpy as np
 
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.reproduce import bench_pad, measured, validation_figures
 from mitsuba_taxel.reproduce.pad_comparison import FINER, MAP_TRAVEL, Compared, Results, ring
+from mitsuba_taxel.reproduce.page_words import paragraph
 
 FORCE_TARGET, CHANGE_TARGET, MAP_TARGET, PREDICTED_TARGET = 5.0, 5.0, 5.0, 10.0
 """What counts as agreement, set before the fit: in percent of the largest, and points of the map."""
 ALIKE = 1.5
 """Misfit, relative to the least, of pairs of unknowns that the page tells too."""
-
-_paragraph = partial(fill, width=120, break_long_words=False, break_on_hyphens=False)
 
 
 def pad_section(found: Results, pictures: Path) -> str:
@@ -44,7 +41,7 @@ finite elements; the modulus has a closed form, as forces are proportional to it
 
 {markdown_table(["unknown", "value"], _unknowns(found))}
 
-{_paragraph(_valley(found))}
+{paragraph(_valley(found))}
 
 The indenter is taken as a ball of that radius without friction, the silicone as neo-Hookean with nu = 0.49. Collars of
 the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
@@ -56,9 +53,9 @@ compliance of the robot. Voltages are compared relative to rest: the circuit is 
 gain is needed, and no reading comes near saturation.
 
 {"".join(_pressed(taxel, one) for taxel, one in found.taxels.items())}
-{_paragraph(_spread(found))}
+{paragraph(_spread(found))}
 
-{_paragraph(_errors(found))}
+{paragraph(_errors(found))}
 
 ### All taxels
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
@@ -71,7 +68,7 @@ of that, in their places, measured / here (at {MAP_TRAVEL:g} mm, which changes t
 Fitted to the asymmetry of the four nearest taxels: the indenter stands {x} along x and {y} along y off the
 middle of taxel {fitted}. All else in the map is predicted.
 
-{_paragraph(_map_words(found))}
+{paragraph(_map_words(found))}
 """
 
 
@@ -125,7 +122,7 @@ rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the large
 
 {markdown_table(heads, rows)}
 
-{_paragraph(verdicts + end)}
+{paragraph(verdicts + end)}
 
 """
 

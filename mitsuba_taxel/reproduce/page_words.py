@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from textwrap import fill
 from typing import Any
 
 from mitsuba_taxel.characterise.wording import with_error
@@ -12,6 +14,10 @@ Found = Mapping[str, Any]
 """Studies by the name of their part, as returned by :func:`mitsuba_taxel.reproduce.parts.complete`."""
 TANGENTIAL = ("fx", "fy", "resultant")
 NAMES = {"fz": "normal", "fx": "along x", "fy": "along y", "resultant": "along the diagonal"}
+
+
+paragraph = partial(fill, width=120, break_long_words=False, break_on_hyphens=False)
+"""Sentences as lines of a page."""
 
 
 def micro(value: float, error: float) -> str:

@@ -12,10 +12,14 @@ from mitsuba_taxel.characterise.characteristics import NOT_RESOLVED
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
 from mitsuba_taxel.reproduce import measured, memory_fit, paper, validation_figures
+from mitsuba_taxel.reproduce.bench_pad_in_time import Prony
 from mitsuba_taxel.reproduce.cycles import cycle, figures
 from mitsuba_taxel.reproduce.pad_comparison import results
+from mitsuba_taxel.reproduce.page_memory import memory_section
 from mitsuba_taxel.reproduce.page_pad import pad_section
+from mitsuba_taxel.reproduce.page_rest import rest_section
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.rest_spread import spread
 from mitsuba_taxel.studies.plan.files import make_folder
 
 EDGE_HEIGHT = 1.0
@@ -36,13 +40,15 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     """Compute missing studies, and write ``validation.md`` and the figures in ``validation/``; returns the page."""
     pictures = docs / "validation"
     make_folder(pictures)
+    found = results(store)
+    memory = memory_fit.results(store, found.fitted)
     sections = [
         _HEAD.format(command=command, minutes=MINUTES),
-        pad_section(results(store), pictures),
-        _memory(pictures),
+        pad_section(found, pictures),
+        memory_section(memory, pictures),
+        rest_section(spread(store)),
         _vcnt2020(pictures),
-        _tables(store, pictures),
-        _MISSING,
+        _tables(store, memory.terms, pictures),
     ]
     page = docs / "validation.md"
     write_text(page, "\n".join(sections))
@@ -81,57 +87,7 @@ body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HE
 """
 
 
-def _memory(pictures: Path) -> str:
-    terms = memory_fit.fitted_terms()
-    series = ", ".join(f"{share:.3f} in {time:g} s" for share, time in terms)
-    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
-    tail_rows = [
-        [f"{t:g}", f"{100 * a:.2f}", f"{100 * b:.2f}"]
-        for t, a, b in zip(measured.TAIL_TIMES, left, memory_fit.tail(terms), strict=True)
-    ]
-    forces, scatters = np.array(measured.HOLD_FORCES).T
-    last = forces[-1]
-    tails = 100 * np.array([left, memory_fit.tail(terms)])
-    holds = np.array([forces / last, scatters / last, memory_fit.hold(terms)])
-    validation_figures.memory(tails, holds, pictures / "memory.png")
-    hold_rows = [
-        [f"{low:g} to {high:g}", f"{force / last:.3f} ± {scatter / last:.3f}", f"{ours:.3f}"]
-        for (low, high), (force, scatter), ours in zip(
-            measured.HOLD_WINDOWS, measured.HOLD_FORCES, memory_fit.hold(terms), strict=True
-        )
-    ]
-    loop = memory_fit.slow_loop(terms)
-    loop_rows = [
-        ["force at equal travel", f"{measured.FORCE_LOOP:g}", f"{loop.width:.2f}"],
-        ["energy of a cycle", f"{measured.ENERGY_LOST:g}", f"{loop.energy:.2f}"],
-    ]
-    return f"""\
-## The same pad: hold, release and loop
-![Voltage after release, and force during the hold](validation/memory.png)
-
-Fitted to its voltage after release: the shares of three relaxation times, {series}.
-The first is due to the release itself as much as to the silicone. Percent of the change during the hold:
-
-{markdown_table(["s after release", "measured", "fitted"], tail_rows)}
-
-Predicted: the force during the hold, relative to that at the end. Measured values with their scatter in the window.
-
-{markdown_table(["s", "measured", "here"], hold_rows)}
-
-Predicted: a cycle of {measured.CYCLE_SECONDS:g} s, by finite elements, of a plate on one cell (the width of a slow loop
-relative to the largest force hardly depends on the indenter). Percent:
-
-{markdown_table(["loop", "measured", "here"], loop_rows)}
-
-**The hold agrees within its scatter. The loop does not**: it is {measured.FORCE_LOOP / loop.width:.0f} times as wide
-as predicted. Relaxation within 10 s causes no lag in 147 s, so what opens this loop does not depend on the rate.
-Softening by the first strain (Mullins' effect), friction below the indenter and slip of the pad in its frame are not
-modelled.
-"""
-
-
-def _tables(store: PaperStudies, pictures: Path) -> str:
-    terms = memory_fit.fitted_terms()
+def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
     found = {cell: figures(cycle(store, cell, terms)) for cell in paper.MEASURED_NORMAL}
     ranges = {cell: (both, (found[cell].least, found[cell].most)) for cell, both in paper.MEASURED_NORMAL.items()}
     validation_figures.sensitivities(ranges, pictures / "sensitivities.png")
@@ -179,12 +135,3 @@ Table 3, of tangential forces, is compared by its ratios in [the paper, rerun](p
 
 def _resolved(value: float, error: float) -> str:
     return with_error(value, error) if value > error else NOT_RESOLVED
-
-
-_MISSING = """\
-## Not compared
-The spread of the voltages at rest of the 5 x 5 taxels, 18 % measured: [`taxel tolerance`](tutorials/tolerances.md)
-computes such spreads, but neither the tolerances of that board, grid and mould nor the spread of the parts' gain are
-published, and one number could be met by many sets of them. The voltage is compared in the slow cycle alone; its loop
-at equal force (4.7 % measured) would need the viscoelastic pad under its indenter.
-"""

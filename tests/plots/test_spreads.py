@@ -34,3 +34,8 @@ def test_ends_of_the_bars_have_errors_if_few_samples_are_exact():
     (low, high) = bars[1][:2]
     np.testing.assert_allclose(low[0][:, 1], [-15, -5])
     np.testing.assert_allclose(high[1][:, 1], [5, 15])
+
+
+def test_shares_may_be_unknown():
+    unknown = PARAMETERS.assign(**{name: np.nan for name in PARAMETERS if name.startswith("total_")})
+    assert plot_spreads(SPREAD, unknown).axes[1].get_xlim() == (0, 1)

@@ -1,29 +1,15 @@
-"""Simulated sensors beside measured ones: the memory found, and the page from made-up cycles."""
+"""Simulated sensors beside measured ones: the page from made-up cycles."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from mitsuba_taxel.reproduce import cycles, measured, memory_fit, validation
-
-
-def test_the_memory_found_follows_the_tail_and_foretells_the_hold():
-    terms = memory_fit.fitted_terms()
-    left = np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
-    np.testing.assert_allclose(memory_fit.tail(terms), left, rtol=0.12)
-    forces, scatter = np.array(measured.HOLD_FORCES).T
-    assert np.all(np.abs(memory_fit.hold(terms) - forces / forces[-1]) < scatter / forces[-1])
-
-
-def test_a_slow_loop_is_as_wide_as_a_linear_solid_makes_it():
-    """Far from the turns a term lags by tau, which opens 2 g tau of the force's rate."""
-    terms = ((0.1, 0.5),)
-    loop = memory_fit.slow_loop(terms)
-    rate = 2 / measured.CYCLE_SECONDS  # of the largest force
-    assert loop.width == pytest.approx(100 * 2 * 0.1 * 0.5 * rate, rel=0.4)  # the pad stiffens
-    assert 0 < loop.energy < 2 * loop.width
+from mitsuba_taxel.reproduce.rest_spread import SOURCES, Spread
 
 
 @pytest.fixture
@@ -59,11 +45,32 @@ def test_volts_of_a_cycle(loop):
 
 def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "cycle", lambda store, cell, terms: loop)
-    monkeypatch.setattr(memory_fit, "slow_loop", lambda terms: memory_fit.Loop(0.5, 0.8))
-    monkeypatch.setattr(validation, "results", lambda store: None)
+    memory = memory_fit.Memory(
+        ((0.2, 0.05), (0.02, 0.5), (0.01, 5.0)),
+        3,
+        1.1 * memory_fit.measured_tail(),
+        np.array([1.03, 1.01, 1.0, 1.0]),
+        0.0005,
+        memory_fit.Loop(0.75, 0.8, 0.4, 0.25),
+        memory_fit.Loop(0.6, 0.7, 0.3, 0.1),
+        1.2,
+    )
+    monkeypatch.setattr(memory_fit, "results", lambda store, press: memory)
+    monkeypatch.setattr(validation, "results", lambda store: SimpleNamespace(fitted=None))
+    rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0)
+    monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
-    for words in ("VCNT2020", "its indenter", "hold, release and loop", "Tables 2 and 4", "15 times as wide"):
+    for words in (
+        "VCNT2020",
+        "its indenter",
+        "hold, release and loop",
+        "Tables 2 and 4",
+        "10 to 17 times as wide",
+        "is 10 % of the value",
+        "force by 20 %",
+        "varies by 15 %",
+    ):
         assert words in page
     pictures = {file.stem for file in (tmp_path / "validation").iterdir()}
     assert pictures == {"vcnt2020", "memory", "sensitivities"}
