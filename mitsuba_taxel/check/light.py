@@ -13,7 +13,7 @@ from mitsuba_taxel.check.parts import PAD, Parts, ScenePart
 from mitsuba_taxel.kernels.emission import UniformPolarAngle
 from mitsuba_taxel.kernels.protocols import is_region, traces_taxels
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
-from mitsuba_taxel.kernels.walls import is_bounded_from_detector, wall_at
+from mitsuba_taxel.kernels.walls import absorbs, is_bounded_from_detector, wall_at
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.runs import prepare
@@ -122,7 +122,7 @@ def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
         return
     pads = [part for part in parts.shapes() if part.plugin == PAD]
     for pad in pads:
-        dark = [name for name in ("roof", "side") if _absorbs(_cover(pad, name))]
+        dark = [name for name in ("roof", "side") if absorbs(_cover(pad, name))]
         if "roof" in dark:
             rest = "and so do its sides" if "side" in dark else "and only its sides return light"
             message = f"the roof of {PAD} absorbs, {rest}: give the roof of its region a wall that reflects."
@@ -131,7 +131,7 @@ def _nothing_comes_back(parts: Parts) -> Iterator[Finding]:
     if pads or not carriers or any(part.plugin != "photo_reflector" for part in carriers):
         return
     others = [part for part in parts.shapes() if part not in carriers]
-    if others and all(_absorbs(_cover(part, "")) for part in others):
+    if others and all(absorbs(_cover(part, "")) for part in others):
         yield others[0].finding("warning", "nothing that an LED shines at reflects: all readings are 0.")
 
 
@@ -142,11 +142,6 @@ def _cover(shape: ScenePart, region: str) -> Any:
         return None if shape.plugin == PAD else shape.made.bsdf()
     made = covers[0].made
     return wall_at(made, region) if region else made
-
-
-def _absorbs(wall: Any) -> bool:
-    reflectance = getattr(wall, "reflectance", None)
-    return wall is None or (reflectance is not None and float(reflectance[0]) == 0)
 
 
 def _integrator(integrator: ScenePart, parts: Parts) -> Iterator[Finding]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import walls_of
+from mitsuba_taxel.kernels.walls import has_mirrors
 
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
 _PILOT = 1 << 14
@@ -47,21 +47,20 @@ class GuidedEmission:
         return mi.Point2f(mi.Float(x) + rest.x, mi.Float(y) + rest.y) / side, density
 
 
-def guided_emission(integrator: Any, scene: Any, pair: TaxelPair) -> GuidedEmission | None:
+def guided_emission(integrator: Any, scene: mi.Scene, pair: TaxelPair) -> GuidedEmission | None:
     """The emission learned by a pilot run in a scene with mirrors; None without them.
 
     The pilot's random numbers are always the same and enter no result. The density is cached with the phototransistor:
     if the scene is changed, it is still valid, only less efficient.
     """
-    mirrors = ("mirror", "mixed", "rough_mirror")
-    if not any(getattr(wall, "scattering", "") in mirrors for wall in walls_of(scene)):
+    if not has_mirrors(scene):
         return None
     if pair.sensor.guided_emission is None:
         pair.sensor.guided_emission = GuidedEmission(_learn(integrator, scene, pair))
     return pair.sensor.guided_emission
 
 
-def _learn(integrator: Any, scene: Any, pair: TaxelPair) -> np.ndarray:
+def _learn(integrator: Any, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
     lanes = pair.count * _PILOT

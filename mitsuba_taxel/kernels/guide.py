@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -24,6 +23,7 @@ from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.sample_warping import MemberTrees, descend
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+from mitsuba_taxel.kernels.walls import scatters
 
 _SHARE, _NEAR_SHARE = 0.85, 0.5  # of the directions that leave a guiding wall; the rest bounds the weights
 _LEAST_RETURN = 0.1  # of the light that guiding walls scatter to each other; below it a guide costs more than it gains
@@ -60,15 +60,14 @@ class Guide:
 
     Parameters
     ----------
-    mesh : Any
-        The ``mi.Mesh``.
+    mesh : mi.Mesh
     members : Members
         Its triangles, and their order.
     near : bool
         Whether near points are sampled more often than far ones.
     """
 
-    def __init__(self, mesh: Any, members: Members, near: bool) -> None:
+    def __init__(self, mesh: mi.Mesh, members: Members, near: bool) -> None:
         self.mesh = mi.ShapePtr(mesh)
         self.share = dr.opaque(mi.Float, _NEAR_SHARE if near else _SHARE)
         self.corners = _corners(mesh)
@@ -173,7 +172,7 @@ def guide_for(scene: mi.Scene, pair: TaxelPair) -> Guide | None:
     return None
 
 
-def _guide_on(mesh: Any, pair: TaxelPair) -> Guide | None:
+def _guide_on(mesh: mi.Mesh, pair: TaxelPair) -> Guide | None:
     surface = mesh.undeformed if is_pad(mesh) else _surface_of(mesh)
     walls = _regions_by_wall(mesh.bsdf())
     leds = np.array(pair.led.faces.centres).T
@@ -196,7 +195,7 @@ def _members(surface: CellSurface, regions: tuple[int, ...], taxels: tuple[int, 
     return Members(owner, numbers.astype(np.uint32), trees)
 
 
-def _surface_of(mesh: Any) -> CellSurface:
+def _surface_of(mesh: mi.Mesh) -> CellSurface:
     """The surface of a mesh that is not a `deformable_pad`, and so deforms only if a user moves it."""
     parameters = mi.traverse(mesh)
     vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
@@ -204,7 +203,7 @@ def _surface_of(mesh: Any) -> CellSurface:
     return CellSurface(vertices, np.array(parameters["faces"]).reshape(-1, 3), region, cell)
 
 
-def _corners(mesh: Any) -> mi.Float:
+def _corners(mesh: mi.Mesh) -> mi.Float:
     """(9 N,) coordinates of the corners of all triangles, triangle by triangle."""
     parameters = mi.traverse(mesh)
     faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
@@ -227,11 +226,11 @@ def _is_flat(corners: np.ndarray, cell: np.ndarray) -> bool:
     return bool(np.all(resultant >= 0.98 * total))
 
 
-def _regions_by_wall(bsdf: Any) -> dict[str, list[int]]:
+def _regions_by_wall(bsdf: mi.BSDF) -> dict[str, list[int]]:
     """Codes of the regions that Lambertian and isotropic walls cover, under a `region` or a single `wall`."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(ALL_REGIONS, bsdf)
     return {
-        kind: [ALL_REGIONS[name] for name, wall in walls.items() if getattr(wall, "scattering", "") == kind]
+        kind: [ALL_REGIONS[name] for name, wall in walls.items() if scatters(wall, kind)]
         for kind in ("lambertian", "isotropic")
     }
 

@@ -5,7 +5,7 @@ Ours carry the ``specification`` that their parameters were read into, which nam
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 import mitsuba as mi
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.faces import FaceGrid
     from mitsuba_taxel.kernels.guide import Guide
     from mitsuba_taxel.kernels.mesh_adapter import Places
+    from mitsuba_taxel.kernels.reflectance import ReflectanceTable
+    from mitsuba_taxel.kernels.scattering import Scattering
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
@@ -91,6 +93,8 @@ class PadShape(Protocol):
     mesh_size: float | None
     mesh_tolerance: float | None
     finish: Any
+    read_cells: Sequence[int] | None
+    remembers: bool
     state: Any
     surface: Any
     contact_pressure: np.ndarray | None
@@ -101,6 +105,7 @@ class PadShape(Protocol):
     def undeformed(self) -> CellSurface: ...
     def bsdf(self) -> Any: ...
     def closed(self) -> Any: ...
+    def chords(self) -> Places: ...
     def deviating_places(self) -> list[Places] | None: ...
     def moved_places(self, state: Any, pad: Any, chords: bool = False) -> Places: ...
     @property
@@ -119,6 +124,22 @@ class RegionBsdf(Protocol):
     """A `region`: BSDFs by the name of the region."""
 
     walls: Mapping[str, Any]
+
+
+class WallBsdf(Protocol):
+    """A `wall`: the name of its ``scattering``, whether that ``is_directed`` (like a mirror, at least in part), and its
+    ``reflectance``, None while its ``table`` waits for a wavelength."""
+
+    specification: Any
+    scattering: str
+    is_directed: bool
+    reflectance: mi.Float | None
+    table: ReflectanceTable | None
+    law: Scattering
+
+    @property
+    def needs_wavelength(self) -> bool: ...
+    def set_wavelength(self, nm: float) -> None: ...
 
 
 class TaxelIntegrator(Protocol):
@@ -151,6 +172,10 @@ def is_pad(shape: Any) -> TypeGuard[PadShape]:
 
 def is_region(bsdf: Any) -> TypeGuard[RegionBsdf]:
     return _plugin_of(bsdf) == "region"
+
+
+def is_wall(bsdf: Any) -> TypeGuard[WallBsdf]:
+    return _plugin_of(bsdf) == "wall"
 
 
 def traces_taxels(integrator: Any) -> TypeGuard[TaxelIntegrator]:

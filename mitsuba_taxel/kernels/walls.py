@@ -2,37 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+
+import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.protocols import is_led, is_region
+from mitsuba_taxel.kernels.protocols import LedEmitter, WallBsdf, is_led, is_region, is_wall
 
 
-def walls_of(scene: Any) -> Iterator[Any]:
+def walls_of(scene: mi.Scene) -> Iterator[mi.BSDF]:
     """Each BSDF of each shape; those nested in a `region` individually."""
     for shape in scene.shapes():
         bsdf = shape.bsdf()
         yield from walls_by_region(bsdf).values()
 
 
-def walls_by_region(bsdf: Any) -> Mapping[str, Any]:
+def walls_by_region(bsdf: mi.BSDF) -> Mapping[str, mi.BSDF]:
     """BSDFs of a `region` by name; any other BSDF under an empty name."""
     return bsdf.walls if is_region(bsdf) else {"": bsdf}
 
 
-def wall_at(bsdf: Any, region: str) -> Any:
+def wall_at(bsdf: mi.BSDF, region: str) -> mi.BSDF | None:
     """The BSDF of a region of a shape; None if a `region` has none for it."""
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
-def set_wavelength(scene: Any, leds: list[Any]) -> None:
+def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
     """Set the wavelength of walls with a reflectance table, if all LEDs have the same."""
     for wall in _walls_with_table(scene):
         wall.set_wavelength(leds[0].wavelength)
 
 
-def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
+def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
     """Raise if the reflectance of a wall with a table is not defined.
 
     Parameters
@@ -45,8 +46,8 @@ def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
     InputError
         if LEDs of several wavelengths light such a wall at once, an emitter has none, or a table does not cover it.
     """
-    walls = list(_walls_with_table(scene))
-    if not walls:
+    tables = [wall.table for wall in _walls_with_table(scene) if wall.table]
+    if not tables:
         return
     if not all(is_led(emitter) for emitter in scene.emitters()):
         raise InputError("wall: a reflectance_table needs the wavelength of an annular_led, and other emitters shine.")
@@ -56,19 +57,38 @@ def refuse_unknown_wavelength(scene: Any, one_by_one: bool) -> None:
             f"wall: LEDs of {', '.join(f'{nm:g}' for nm in wavelengths)} nm shine at once on a wall with a "
             "reflectance_table: only taxel_tracer, taxel_path and analog_tracer take them one by one."
         )
-    for wall in walls:
+    for table in tables:
         for nm in wavelengths:
-            wall.table.at(nm)
+            table.at(nm)
 
 
-def _walls_with_table(scene: Any) -> Iterator[Any]:
-    return (wall for wall in walls_of(scene) if getattr(wall, "needs_wavelength", False))
+def _walls_with_table(scene: mi.Scene) -> Iterator[WallBsdf]:
+    return (wall for wall in walls_of(scene) if is_wall(wall) and wall.needs_wavelength)
 
 
-def is_bounded_from_detector(wall: Any) -> bool:
+def scatters(bsdf: mi.BSDF | None, law: str) -> bool:
+    """Whether it is a `wall` with this ``scattering``."""
+    return is_wall(bsdf) and bsdf.scattering == law
+
+
+def reflectance_of(bsdf: mi.BSDF | None) -> float | None:
+    """Reflectance of a `wall`; None for other BSDFs, and before the wavelength for its table is known."""
+    return float(bsdf.reflectance[0]) if is_wall(bsdf) and bsdf.reflectance is not None else None
+
+
+def absorbs(bsdf: mi.BSDF | None) -> bool:
+    """Whether it is a `wall` that reflects nothing; None stands for a region without a BSDF."""
+    return bsdf is None or reflectance_of(bsdf) == 0
+
+
+def has_mirrors(scene: mi.Scene) -> bool:
+    """Whether a `wall` of a scene reflects as a mirror does, at least in part."""
+    return any(is_wall(wall) and wall.is_directed for wall in walls_of(scene))
+
+
+def is_bounded_from_detector(wall: mi.BSDF) -> bool:
     """Whether weights of paths from the detector stay bounded at this wall.
 
     An isotropic wall is not reciprocal: from the detector its weight is 1 / (2 cos(theta)), see `wall`.
     """
-    scattering = getattr(wall, "scattering", "")
-    return scattering != "isotropic" and not (scattering == "mixed" and float(wall.law.shares[2][0]) > 0)
+    return not (scatters(wall, "isotropic") or (scatters(wall, "mixed") and float(wall.law.shares[2][0]) > 0))

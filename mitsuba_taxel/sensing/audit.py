@@ -21,7 +21,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import set_wavelength, wall_at
+from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
@@ -205,7 +205,7 @@ class _Surfaces:
     def __init__(self, scene: mi.Scene) -> None:
         shapes = scene.shapes()
         self.places: list[str] = []
-        self.bsdfs: list[Any] = []
+        self.bsdfs: list[mi.BSDF | None] = []
         self.sensitive: list[int] = []
         tables: list[np.ndarray] = []
         numbers = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
@@ -244,8 +244,7 @@ class _Surfaces:
 
     def read_reflectances(self) -> None:
         """Read the present reflectance of rough mirrors, which reflect less; 0 for all others."""
-        rough = [getattr(bsdf, "scattering", "") == "rough_mirror" for bsdf in self.bsdfs]
-        values = [bsdf.reflectance[0] if here else 0.0 for bsdf, here in zip(self.bsdfs, rough, strict=True)]
+        values = [reflectance_of(bsdf) if scatters(bsdf, "rough_mirror") else 0.0 for bsdf in self.bsdfs]
         self.reflectance = mi.Float(np.array(values, dtype=np.float32))
 
     def at(self, step: Step) -> mi.UInt32:

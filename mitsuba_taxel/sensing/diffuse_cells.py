@@ -15,7 +15,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad
+from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad, is_wall
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
@@ -29,6 +29,7 @@ from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, squ
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
+    from mitsuba_taxel.pads import Pad, PadFile
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
@@ -227,7 +228,7 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 
 
 @lru_cache(maxsize=4)
-def _mesh_of(pad: Any) -> VolumeMesh:
+def _mesh_of(pad: Pad | PadFile) -> VolumeMesh:
     """The mesh whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 
@@ -235,7 +236,7 @@ def _mesh_of(pad: Any) -> VolumeMesh:
 
 
 @lru_cache(maxsize=32)
-def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Any, faces: tuple[int, ...]) -> WallPatches:
+def _patches(elements: VolumeMesh, walls: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) -> WallPatches:
     """Cached for the states of a path, as its points have to be located in the elements."""
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
@@ -254,16 +255,15 @@ def kept_cell(mesh: Mesh, parts: bytes) -> Cell:
     return Cell(mesh, *pickle.loads(parts))
 
 
-def _shares(wall: Any) -> tuple[float, float]:
+def _shares(wall: mi.BSDF) -> tuple[float, float]:
     """Shares of the light that a wall scatters isotropically and by Lambert's law; it reflects nothing else."""
-    scattering = getattr(wall, "scattering", None)
-    if scattering is None:
+    if not is_wall(wall):
         raise NotDiffuse(f"a surface is a {kind_of(wall)}, not a wall")
-    if scattering == "absorbing":
+    if wall.scattering == "absorbing":
         return 0.0, 0.0
     if wall.reflectance is None:
         raise NotDiffuse("a wall's reflectance is a table")
-    reflectance, stated = float(wall.reflectance[0]), wall.specification
+    reflectance, scattering, stated = float(wall.reflectance[0]), wall.scattering, wall.specification
     if reflectance == 0:
         return 0.0, 0.0
     if scattering == "mixed" and not stated.specular:

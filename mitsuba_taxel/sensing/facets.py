@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import mitsuba as mi
 
 from mitsuba_taxel.base import stages
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.mechanics_error import moved
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
-def curved_pads(scene: mi.Scene) -> list[Any]:
+def curved_pads(scene: mi.Scene) -> list[PadShape]:
     """The `deformable_pad`s of a scene whose triangles deviate from their walls."""
-    return [shape for shape in scene.shapes() if getattr(shape, "is_curved", False)]
+    return [pad for pad in deformed_pads(scene) if pad.is_curved]
 
 
 @contextmanager

@@ -6,15 +6,16 @@ the error and fall with another; as their sizes are known but not their signs, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices, places_of
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def combined(changes: np.ndarray) -> np.ndarray:
 
 
 @contextmanager
-def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[None]:
+def moved(scene: mi.Scene, pads: Sequence[PadShape], places: list[Places]) -> Iterator[None]:
     """Temporarily move the vertices of pads."""
     with restored(scene, pads):
         move(scene, pads, places)
@@ -66,7 +67,7 @@ def moved(scene: mi.Scene, pads: list[Any], places: list[Places]) -> Iterator[No
 
 
 @contextmanager
-def restored(scene: mi.Scene, pads: list[Any]) -> Iterator[None]:
+def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
     """Restore the vertices of pads on exit."""
     homes = [places_of(pad) for pad in pads]
     try:
@@ -75,7 +76,7 @@ def restored(scene: mi.Scene, pads: list[Any]) -> Iterator[None]:
         move(scene, pads, homes)
 
 
-def move(scene: mi.Scene, pads: list[Any], places: list[Places]) -> None:
+def move(scene: mi.Scene, pads: Sequence[PadShape], places: list[Places]) -> None:
     """Move the vertices of pads."""
     with stages.stage("load"):
         for pad, there in zip(pads, places, strict=True):

@@ -30,7 +30,7 @@ LARGEST_STEP = 0.01
 origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
 
 
-def refuse_unmodelled(scene: Any, integrator: Any) -> None:
+def refuse_unmodelled(scene: mi.Scene, integrator: Any) -> None:
     """Raise if readings of a scene would leave out light, or be wrong otherwise.
 
     Parameters
@@ -76,7 +76,7 @@ def refuse_unmodelled(scene: Any, integrator: Any) -> None:
     refuse_unknown_wavelength(scene, one_by_one=ours)
 
 
-def _refuse_instances(scene: Any) -> None:
+def _refuse_instances(scene: mi.Scene) -> None:
     """Contents of an instance cannot be inspected: unbounded walls, tables of reflectance, media."""
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
@@ -87,7 +87,7 @@ def _is_mirror(wall: mi.BSDF) -> bool:
     return bool(wall.flags() & mi.BSDFFlags.Delta)
 
 
-def _refuse_media(scene: Any, plugin: str) -> None:
+def _refuse_media(scene: mi.Scene, plugin: str) -> None:
     if plugin in _THROUGH_MEDIA:
         return
     places = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
@@ -98,14 +98,14 @@ def _refuse_media(scene: Any, plugin: str) -> None:
         )
 
 
-def _refuse_samplers(scene: Any) -> None:
+def _refuse_samplers(scene: mi.Scene) -> None:
     for sensor in scene.sensors():
         sampler = sensor.sampler()
         if not is_owen_sobol(sampler):
             raise InputError(f"phototransistor: its sampler must be owen_sobol, not {kind_of(sampler)}.", sampler)
 
 
-def _refuse_unseen_indenters(scene: Any) -> None:
+def _refuse_unseen_indenters(scene: mi.Scene) -> None:
     """Raise if light may leave a pad to where an indenter is, which is no surface of the scene."""
     for shape in scene.shapes():
         if not is_pad(shape) or shape.specification.indenter is None:
@@ -119,7 +119,7 @@ def _refuse_unseen_indenters(scene: Any) -> None:
                 )
 
 
-def _refuse_moved_packages(scene: Any) -> None:
+def _refuse_moved_packages(scene: mi.Scene) -> None:
     """Raise if a package was moved, so that its LED and phototransistor are elsewhere."""
     for shape in scene.shapes():
         if is_package(shape) and not shape.is_as_built():
@@ -129,7 +129,7 @@ def _refuse_moved_packages(scene: Any) -> None:
             )
 
 
-def _refuse_far_faces(scene: Any, ours: bool) -> None:
+def _refuse_far_faces(scene: mi.Scene, ours: bool) -> None:
     for part in (*scene.emitters(), *scene.sensors()):
         if not has_faces(part):
             continue

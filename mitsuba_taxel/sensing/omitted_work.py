@@ -6,16 +6,16 @@ Every line is derived from the loaded scene, not from its file.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.kernels.protocols import guides_emission, traces_taxels
+from mitsuba_taxel.kernels.protocols import PadShape, guides_emission, traces_taxels
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import wall_at, walls_of
+from mitsuba_taxel.kernels.walls import absorbs, has_mirrors, wall_at
 from mitsuba_taxel.sensing.runs import Prepared
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -28,8 +28,6 @@ _PARTS = {1: "half", 2: "a quarter", 4: "an eighth"}
 """Remaining part of a pad by the number of mirrors."""
 _PLANES = {"x": "x = 0", "y": "y = 0", "xy": "y = x", "-xy": "y = -x"}
 """The plane of each mirror, by its name."""
-_SPECULAR = ("mirror", "mixed", "rough_mirror")
-"""Walls for which `taxel_tracer` makes a pilot run, see `guided_emission`."""
 _FLAT = 4e-7
 """Distance from a common plane, relative to the largest coordinate, within the error of single precision."""
 
@@ -73,7 +71,7 @@ def left_out(
     return list(dict.fromkeys(lines))
 
 
-def _of_pad(pad: Any) -> Iterator[str]:
+def _of_pad(pad: PadShape) -> Iterator[str]:
     """Work omitted in the mechanics of one pad."""
     if not pad.is_loaded:
         yield "pad without load: no error of the mechanics to find out"
@@ -116,7 +114,7 @@ def _all_kept_before(began: float) -> bool:
     return bool(times) and os.access(folder, os.W_OK) and max(times) < began
 
 
-def _of_cells(pads: list[Any], pairs: list[TaxelPair]) -> Iterator[str]:
+def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]:
     """Cells of pads that are coarsely triangulated, or not traced."""
     cells = [set(np.unique(pad.state.mesh.face_cell)) - {0} for pad in pads]
     total = sum(map(len, cells))
@@ -131,7 +129,7 @@ def _of_cells(pads: list[Any], pairs: list[TaxelPair]) -> Iterator[str]:
             yield f"no photo-reflector in {total - len(lit)} of {total} cells: no path starts there"
 
 
-def _middle(pad: Any, cell: int) -> np.ndarray:
+def _middle(pad: PadShape, cell: int) -> np.ndarray:
     """(3,) centre of a cell of the deformed pad in the world, in mm."""
     mesh = pad.state.mesh
     nodes = np.unique(mesh.faces[mesh.face_cell == cell])
@@ -143,21 +141,20 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
     """Where paths of light end, and which are not sampled."""
     scene, integrator = ready.scene, ready.integrator
     surfaces = [surface for shape in scene.shapes() for surface in _surfaces(shape)]
-    absorbing = dict.fromkeys(name for name, wall, _ in surfaces if _absorbs(wall))
+    absorbing = dict.fromkeys(name for name, wall, _ in surfaces if absorbs(wall))
     if absorbing:
         yield f"absorbing walls ({', '.join(absorbing)}): paths end there"
     if not traces_taxels(integrator):
         return
-    if _in_one_plane([corners for _, wall, corners in surfaces if not _absorbs(wall)]):
+    if _in_one_plane([corners for _, wall, corners in surfaces if not absorbs(wall)]):
         yield "all that reflects lies in one plane: paths end after one reflection"
     if all(pair.coplanar for pair in pairs):
         yield "LED and phototransistor in one plane: no light looked for that goes straight across"
-    specular = any(getattr(wall, "scattering", "") in _SPECULAR for wall in walls_of(scene))
-    if guides_emission(integrator) and not specular:
+    if guides_emission(integrator) and not has_mirrors(scene):
         yield "no mirror: no pilot run for emission guiding"
 
 
-def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
+def _surfaces(shape: mi.Shape) -> Iterator[tuple[str, mi.BSDF | None, np.ndarray | None]]:
     """Name and wall of each region of a shape, and (N, 3) points whose hull contains it; None if unknown."""
     bsdf, parameters = shape.bsdf(), mi.traverse(shape)
     kind = shape.class_name().lower()
@@ -175,12 +172,6 @@ def _surfaces(shape: Any) -> Iterator[tuple[str, Any, np.ndarray | None]]:
         if (codes == code).any():
             wall = wall_at(bsdf, name)
             yield name, wall, vertices[triangles[codes == code]].reshape(-1, 3)
-
-
-def _absorbs(wall: Any) -> bool:
-    """Whether a wall reflects nothing; None stands for a region without a BSDF."""
-    reflectance = getattr(wall, "reflectance", None)
-    return wall is None or (reflectance is not None and float(reflectance[0]) == 0)
 
 
 def _in_one_plane(reflecting: list[np.ndarray | None]) -> bool:

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.kernels.protocols import has_faces, is_led
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
-from mitsuba_taxel.kernels.walls import set_wavelength, wall_at
+from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.sensing.ray_paths import Step, emit, follow
 from mitsuba_taxel.sensing.taxels import taxels_of
 
@@ -50,10 +50,10 @@ def _may_return_all(end: Any) -> bool:
     cover = end.get_shape().bsdf()
     name = "led" if is_led(end) else "phototransistor"
     wall = wall_at(cover, name)
-    if wall is None or getattr(wall, "scattering", "") == "absorbing":
+    if wall is None or scatters(wall, "absorbing"):
         return False
-    reflectance = getattr(wall, "reflectance", None)
-    return reflectance is None or float(reflectance[0]) > 1 - 1e-4
+    reflectance = reflectance_of(wall)
+    return reflectance is None or reflectance > 1 - 1e-4
 
 
 def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:

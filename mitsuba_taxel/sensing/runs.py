@@ -33,7 +33,7 @@ CHOSEN_INTEGRATOR = "integrator taxel_tracer: it joins paths from both ends, and
 class Prepared(NamedTuple):
     """A scene that is loaded, checked, and has an integrator."""
 
-    scene: Any  # mi.Scene
+    scene: mi.Scene
     integrator: Any
     parameters: dict[str, str]
     notes: list[str]  # which integrator was chosen and why, if the scene names none

@@ -17,6 +17,7 @@ from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share
@@ -265,7 +266,7 @@ def _timed(scene: Any) -> tuple[Prepared, float]:
     return ready, max(sum(seconds.values()), solved)
 
 
-def _refinable(ready: Prepared) -> list[Any]:
+def _refinable(ready: Prepared) -> list[PadShape]:
     """The pads that become more accurate with smaller elements."""
     return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
 

@@ -82,10 +82,9 @@ class Relaxing:
         assert self.slope is not None and before.slope is not None
         return (self.slope - before.slope) / (0.5 * (self.step + before.step))
 
-    def missed(self, material: Viscoelastic, bend: np.ndarray, step: float | None = None) -> np.ndarray:
-        """(k, m, q, 6) MPa, error of a linear change of S in a step, by default the last one."""
-        step = self.step if step is None else step
-        return _times(material.shares * material.over(step).bend * step**2, bend)
+    def missed(self, material: Viscoelastic, bend: np.ndarray) -> np.ndarray:
+        """(k, m, q, 6) MPa, error of a linear change of S in the last step."""
+        return _times(material.shares * material.over(self.step).bend * self.step**2, bend)
 
     def off_by(self, error: np.ndarray) -> Relaxing:
         """The same with an ``error`` (k, m, q, 6) added."""

@@ -12,6 +12,7 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -112,13 +113,13 @@ def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
     }
 
 
-def write_mesh(pad: Any, file: Path) -> None:
+def write_mesh(pad: PadShape, file: Path) -> None:
     """Write a deformed pad as PLY (mm), with region and cell per face."""
     with replacing(file) as temporary:
         pad.closed().write_ply(str(temporary))
 
 
-def mesh_key(pad: Any) -> str:
+def mesh_key(pad: PadShape) -> str:
     """A key that two pads share only if their surfaces are identical."""
     import mitsuba as mi
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_interrupt
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
@@ -177,7 +178,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
         return replace(readings, remarks=[*readings.remarks, f"{reason}{elsewhere}"])
 
 
-def _name(pad: object) -> str:
+def _name(pad: PadShape) -> str:
     """A file name that identifies the surface."""
     return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
 
