@@ -130,15 +130,26 @@ rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the large
 def _spread(found: Results) -> str:
     """How taxels differ at one force that all reach."""
     at = min(one.measured.force[np.isfinite(one.change_at_force)].max() for one in found.taxels.values())
-    measured_here = [
-        (np.interp(at, one.measured.force, one.measured.change), np.interp(at, one.along.force, one.along.change))
-        for one in found.taxels.values()
-    ]
-    there, here = (" / ".join(f"{100 * value:.1f}" for value in values) for values in zip(*measured_here, strict=True))
+    both = np.array(
+        [
+            (np.interp(at, one.measured.force, one.measured.change), np.interp(at, one.along.force, one.along.change))
+            for one in found.taxels.values()
+        ]
+    ).T
+    at_rest = np.array([measured.PRESSES[taxel].at_rest for taxel in found.taxels])
+    volts = both * [at_rest, np.full(len(at_rest), measured.PRESSES[measured.PRESSED].at_rest)]
+    there, here = (" / ".join(f"{100 * value:.1f}" for value in values) for values in both)
+    there_volts, here_volts = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
     return (
         f"At {at:.2f} N the changes of taxels {' / '.join(map(str, found.taxels))} are {there} % measured, {here} % "
         "here. The model knows no differences between parts and their places in the cells, nor where the indenter "
-        "stood over the taxels that are predicted: it is put over the middle."
+        "stood over the taxels that are predicted: it is put over the middle. In volts they are "
+        f"{there_volts} V measured, {here_volts} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
+        f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
+        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in both.T)} % relative to rest. Parts of another gain would "
+        "change the voltage at rest and its change alike. As the changes in volts differ less than those relative to "
+        "rest, it is rather a part of the light at rest which the load does not change that differs between taxels. "
+        "The model has no such light: roofs alone reflect."
     )
 
 
