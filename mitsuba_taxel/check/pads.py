@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.pads import Pad, PadFile
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.surface.finish import Finish
 
 
 def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
@@ -37,7 +40,7 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     return int(cell.max())
 
 
-def refuse_finish(pad: Pad, mesh_size: float | None, finish: Any, subdivision: int) -> None:
+def refuse_finish(pad: Pad, mesh_size: float | None, finish: Finish, subdivision: int) -> None:
     """Raise an InputError for a finish that a pad cannot have; its number of triangles is known only from the mesh.
 
     Failures of meshing itself are not reported here.

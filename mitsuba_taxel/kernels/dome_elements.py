@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.pad_limits import mirrors, regions_with
 from mitsuba_taxel.pads import Pad, PadFile
 from mitsuba_taxel.pads.pad import PROFILE
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.elements.loads import Load
 
 DIFFUSE = {"hemispheric": 0.6, "spherical": 0.5, PROFILE: 0.5}
 MIRRORS = {"hemispheric": 0.5, "spherical": 0.6, PROFILE: 0.5}
@@ -19,7 +22,7 @@ MOST_CELLS = 16
 """Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
 
 
-def size_for_light(pad: Pad | PadFile, load: Any, walls: list[mi.BSDF]) -> float | None:
+def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
     """In mm, for built-in domes that return light; None for other pads, and under an indenter."""
     from mitsuba_taxel.mechanics import IndenterDisplacement, IndenterForce
 

@@ -21,22 +21,33 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+    from mitsuba_taxel.mechanics.elements.loads import Load
+    from mitsuba_taxel.mechanics.materials.laws import Material
+    from mitsuba_taxel.mechanics.path.second_state import SecondState
+    from mitsuba_taxel.mechanics.path.state import State
+    from mitsuba_taxel.mechanics.surface.finish import Finish
+    from mitsuba_taxel.mechanics.surface.tessellation import Surface
+    from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.specification.annular_led import AnnularLed
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
+    from mitsuba_taxel.specification.phototransistor import Phototransistor
+    from mitsuba_taxel.specification.specification import Specification
 
 
 class TaxelEnd(Protocol):
     """Common interface of `annular_led` and `phototransistor`."""
 
-    specification: Any
-
+    @property
+    def specification(self) -> Specification: ...
     @property
     def faces(self) -> FaceGrid: ...
-    def get_shape(self) -> Any: ...
+    def get_shape(self) -> mi.Shape: ...
 
 
 class LedEmitter(TaxelEnd, Protocol):
     """An `annular_led`, one or an array."""
 
+    specification: AnnularLed
     power: mi.Float
     wavelength: float
 
@@ -54,13 +65,14 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
     """
 
+    specification: Phototransistor
     guided_emission: GuidedEmission | None
     guide: tuple[np.ndarray, Guide | None] | None
 
     @property
     def normal(self) -> mi.Vector3f: ...
-    def film(self) -> Any: ...
-    def sampler(self) -> Any: ...
+    def film(self) -> mi.Film: ...
+    def sampler(self) -> mi.Sampler: ...
     def spread_film(self, rows: int, columns: int) -> None: ...
     def responsivity(self, wavelength_nm: float) -> float: ...
     def response(self, cosine: mi.Float) -> mi.Float: ...
@@ -84,46 +96,47 @@ class PadShape(Protocol):
     ones at present), and its ``state`` (None if it is only read) and ``surface`` under load."""
 
     specification: DeformablePad
-    pad: Any
-    material: Any
-    load: Any
-    value: Any
+    pad: Pad | PadFile
+    material: Material
+    load: Load
+    value: Sequence[float]
     history: tuple[list[float], list[tuple[float, ...]]]
     prony: tuple[tuple[float, float], ...]
     mesh_size: float | None
     mesh_tolerance: float | None
-    finish: Any
+    finish: Finish | None
     read_cells: Sequence[int] | None
     remembers: bool
-    state: Any
-    surface: Any
+    state: State
+    surface: Surface
     contact_pressure: np.ndarray | None
     to_world: np.ndarray
     ptr: int
 
     @property
     def undeformed(self) -> CellSurface: ...
-    def bsdf(self) -> Any: ...
-    def closed(self) -> Any: ...
+    def bsdf(self) -> mi.BSDF: ...
+    def face_count(self) -> int: ...
+    def closed(self) -> mi.Mesh: ...
     def chords(self) -> Places: ...
     def deviating_places(self) -> list[Places] | None: ...
-    def moved_places(self, state: Any, pad: Any, chords: bool = False) -> Places: ...
+    def moved_places(self, state: State, pad: Pad | PadFile, chords: bool = False) -> Places: ...
     @property
     def is_loaded(self) -> bool: ...
     @property
     def is_curved(self) -> bool: ...
     @property
     def loaded_mesh_size(self) -> float | None: ...
-    def at_onset(self) -> Any: ...
-    def state_under(self, value: Any, obstacles: Any = None) -> Any: ...
+    def at_onset(self) -> State: ...
+    def state_under(self, value: Sequence[float], obstacles: np.ndarray | None = None) -> State: ...
     def heed(self, obstacles: np.ndarray) -> bool: ...
-    def second_state(self) -> Any: ...
+    def second_state(self) -> SecondState | None: ...
 
 
 class RegionBsdf(Protocol):
     """A `region`: BSDFs by the name of the region."""
 
-    walls: Mapping[str, Any]
+    walls: Mapping[str, mi.BSDF]
 
 
 class WallBsdf(Protocol):

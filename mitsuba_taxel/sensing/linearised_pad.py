@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.sensing.scene_rates import Rates
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ class LinearisedPad:
         displacement = np.zeros_like(self.state.displacement)
         velocity = np.zeros_like(displacement)
         for name, rate in change.pad.items():
+            assert isinstance(self.pad.pad, Pad)  # others have no dimensions
             velocity += rate * mesh_velocity(replace(self.pad.pad), self.state.mesh, name)
         if change.load.any():
             displacement += self._by_load(change.load)

@@ -14,6 +14,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.mesh_adapter import Places
+from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.mechanics_error import move
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
@@ -62,6 +63,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
     location = PointLocator(state.mesh).locate(mesh.points, BESIDE * np.ptp(mesh.points[:, 2]))
     rate, velocity = location.interpolate(nodal.displacement), np.zeros_like(mesh.points)
     for name, by in nodal.dimensions.items():
+        assert isinstance(linear.pad.pad, Pad)  # others have no dimensions
         velocity += by * mesh_velocity(replace(linear.pad.pad), mesh, name)
     if nodal.dimensions:  # nodes of the two meshes that are at one point may move apart
         past = velocity - location.interpolate(nodal.velocity)
@@ -112,6 +114,7 @@ class MovedScene:
     def _places(self, offset: float, walls: MovingWalls) -> Places:
         nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
         if nodal.dimensions:
+            assert isinstance(pad, Pad)
             pad = replace(pad)  # with derived dimensions as if they were given
             pad = pad.changed(**{name: pad.dimensions[name] + offset * by for name, by in nodal.dimensions.items()})
             state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))

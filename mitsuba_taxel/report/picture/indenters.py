@@ -30,6 +30,7 @@ def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, n
     load, state = pad.load, pad.state
     if not isinstance(load, IndenterDisplacement | IndenterForce):
         return None
+    assert state.indenter_moved is not None
     points = state.mesh.points
     vertices, triangles = _around_tip(load.indenter, float(np.ptp(points, axis=0).max()))
     start = load.indenter.start(points[load.indenter.highest(points)])

@@ -81,7 +81,7 @@ def deform(
     return rows
 
 
-def _written(pad: Any, file: Path, vtu: bool) -> dict[str, Any]:
+def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
     """Write one deformed pad, and return its row."""
     from mitsuba_taxel.mechanics import contact_pressure, reactions, write_vtu
 
