@@ -43,7 +43,7 @@ class Linearised:
         displacements: int,
         near: Linearised | None = None,
     ) -> None:
-        self.entries, self.lower, self._factored, self.held = entries, lower, factored, held
+        self.entries, self._lower, self._factored, self.held = entries, lower, factored, held
         self._displacements, self._own = slice(displacements), near is None
         self.factor: Factorisation = near.factor if near else factored(lower)
 
@@ -72,11 +72,11 @@ class Linearised:
         gap = np.zeros(len(slack)) if gap is None else gap
         found, holding = self._answer(residual, gap)
         for _ in range(MOST_REFINEMENTS):
-            left = residual + rows.T @ holding - symmetric_product(self.lower, found)
+            left = residual + rows.T @ holding - symmetric_product(self._lower, found)
             change, more = self._answer(left, gap - rows @ found - slack * holding)
             size = float(np.abs(change[self._displacements]).max())
             if not size < last and not self._own:
-                self.factor, self._own = self._factored(self.lower), True
+                self.factor, self._own = self._factored(self._lower), True
                 self.__dict__.pop("_flexibility", None)
                 return self.correction(residual, gap)
             found, holding, last = found + change, holding + more, SLOW_REFINEMENT * size

@@ -12,12 +12,10 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.linearised import Linearised
-from mitsuba_taxel.mechanics.path.unstable_modes import unstable_modes
 
 MOST_ITERATIONS = 40
 """More than of a pad without contact, as its corners may slide off others on the way."""
@@ -25,10 +23,6 @@ MOST_HALVINGS = 6
 """Number of halvings of a Newton step that does not bring the pad closer to balance."""
 OVERSHOT = 0.5
 """Slope of the energy along a step, relative to that at its begin, up to which it may rise again at its end."""
-NEAR_STRIP = 2.0
-"""Distance from singular edges, relative to the width of the strip beside them, and ..."""
-FOLDED = 0.5
-"""... share of the squared motion of nodes there, above which a mode only folds the strip."""
 
 
 class SelfTouchingPad(LoadedPad):
@@ -78,26 +72,12 @@ class SelfTouchingPad(LoadedPad):
 
     def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
-        bodies that are sharper than the elements. Nor does it matter how the strip beside singular edges folds."""
+        bodies that are sharper than the elements."""
         try:
             return super()._is_stable(linearised, unknowns, value)
         except Rejected:
             steady = self._linearised(linearised.entries, unknowns, value, steady=True)
-            return self._only_folds(steady) or super()._is_stable(steady, unknowns, value)
-
-    def _only_folds(self, linearised: Linearised) -> bool:
-        """Whether all displacements against which the pad is unstable are those of the strip beside singular edges."""
-        surplus = (linearised.negative or 0) - self.numbering.pressures
-        if surplus <= 0 or self._driven:  # of a moved plate, modes are constrained
-            return False
-        modes = unstable_modes(linearised.lower, linearised.factor, self.numbering.displacements, surplus)
-        moved = [np.square(self.split(mode)[0]).sum(axis=1) for mode in modes.T]
-        return len(moved) == surplus and all(of[self._near_strip].sum() > FOLDED * of.sum() for of in moved)
-
-    @cached_property
-    def _near_strip(self) -> np.ndarray:
-        """(N,) whether a node is near the strip."""
-        return beyond_strip(self.whole) < (NEAR_STRIP - 1) * STRIP * self.height
+            return super()._is_stable(steady, unknowns, value)
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""

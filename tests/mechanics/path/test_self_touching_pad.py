@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-import scipy.sparse as sparse
 import trimesh
 
 from mitsuba_taxel import PadSensor, PhotoReflector, Scene, measure
@@ -22,8 +21,6 @@ from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.solvers import make_solver
-from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.sensing.audit import energy_audit
@@ -225,26 +222,6 @@ def test_a_pad_of_one_cell_tips_over_under_the_same_force_on_finer_elements(self
             load_path(PAD, LAW, [(0, 0, -40)], load=SpreadForce(self_contact=self_contact), mesh_size=size)
         ends.append(float(re.search(r"force = \(0, 0, (-[\d.]+)\) N", str(end.value))[1]))
     assert ends[0] == pytest.approx(ends[1], rel=0.05)
-
-
-@pytest.mark.parametrize("folds", [True, False])
-def test_a_fold_of_the_strip_beside_singular_edges_is_no_instability(touching, folds):
-    """A node is given negative stiffness: on the rim of the roof, or in the middle of the top."""
-    pad = SelfTouchingPad(touching.mesh, LAW, SpreadForce(self_contact=True))
-    x, y, z = touching.mesh.points.T
-    half, top = PAD.cell_size / 2, PAD.top_of_cell
-    at = np.hypot(x - half, z - top) + 1e-3 * np.abs(y) if folds else np.hypot(x, y) + PAD.height - z
-    direction = np.zeros_like(touching.displacement)
-    direction[at.argmin(), 2] = 1
-    chosen = np.flatnonzero(pad.gather(direction, 0 * touching.pressure))
-    diagonal = np.ones(pad.unknowns)
-    diagonal[pad.numbering.displacements :] = -1
-    diagonal[chosen] = -0.1
-    lower = sparse.diags_array(diagonal).tocsc()
-    held = pad.model.held(touching.displacement, np.zeros(3))
-    tangent = Linearised(diagonal, lower, make_solver().factor, held, pad.numbering.displacements)
-    assert tangent.negative - pad.numbering.pressures == 1
-    assert pad._only_folds(tangent) == folds
 
 
 def test_a_symmetric_part_touches_as_the_whole_does(touching):
