@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 import numpy as np
@@ -24,7 +24,14 @@ from mitsuba_taxel.kernels.mesh_adapter import (
 )
 from mitsuba_taxel.kernels.packages_to_come import are_to_come
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import Pad, PadFile
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mitsuba_taxel.mechanics.path.second_state import SecondState
+    from mitsuba_taxel.mechanics.path.state import State
+    from mitsuba_taxel.mechanics.surface.tessellation import Surface
 
 FLAT = 1e-5
 """Distance of triangles from a wall, relative to the pad's height, that is negligible."""
@@ -102,7 +109,7 @@ class DeformablePad(mi.Mesh):
         initialize_mesh(self, props, places, triangles)
         self._add_attributes(self)
 
-    def _solve(self):
+    def _solve(self) -> Surface:
         from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
@@ -119,13 +126,13 @@ class DeformablePad(mi.Mesh):
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 
-    def _tessellated(self, state, pad):
+    def _tessellated(self, state: State, pad: Pad | PadFile) -> Surface:
         from mitsuba_taxel.mechanics import tessellate
 
         cut_of = None if state.mesh is self.state.mesh else self.state.mesh
         return tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
 
-    def _places(self, surface, vertices) -> Places:
+    def _places(self, surface: Surface, vertices: np.ndarray) -> Places:
         """The mesh's vertices; if there are mirrors, triangles share no vertices, and those of mirrors have normals of
         the curved walls."""
         places = _placed(vertices, self.to_world)
@@ -152,7 +159,7 @@ class DeformablePad(mi.Mesh):
         displaced = (self.state.displacement + deviation for deviation in self.state.deviations)
         return [self.moved_places(replace(self.state, displacement=u), self.pad) for u in displaced]
 
-    def moved_places(self, state, pad, chords=False) -> Places:
+    def moved_places(self, state: State, pad: Pad | PadFile, chords: bool = False) -> Places:
         """The vertices, or their ``chords``, of a state whose displacement or nodes were changed a little, and of its
         pad, which may have other dimensions."""
         surface = self._tessellated(state, pad)
@@ -197,19 +204,19 @@ class DeformablePad(mi.Mesh):
         """Whether the pad is displaced, by a load or by an earlier one."""
         return any(self.value) or (self.remembers and any(map(any, self.history[1])))
 
-    def at_rest(self):
+    def at_rest(self) -> State:
         """The unloaded state."""
         from mitsuba_taxel.mechanics import load_path
 
         return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how)[0]
 
-    def at_onset(self):
+    def at_onset(self) -> State:
         """The unloaded state on the elements of loaded ones, for derivatives with respect to a load."""
         from mitsuba_taxel.mechanics import load_path
 
         return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how_loaded)[0]
 
-    def state_under(self, value, obstacles=None):
+    def state_under(self, value: Sequence[float], obstacles: np.ndarray | None = None) -> State:
         """The state under another final value of the load; see `load_path`."""
         from mitsuba_taxel.mechanics import Viscoelastic, load_path, state_after
 
@@ -242,7 +249,7 @@ class DeformablePad(mi.Mesh):
         move_vertices(self, self._places(self.surface, self.surface.facing))
         return True
 
-    def second_state(self):
+    def second_state(self) -> SecondState | None:
         """The state on elements of another size, with which derivatives are compared; see `second_state`."""
         from mitsuba_taxel.mechanics import second_state
 
@@ -280,6 +287,6 @@ def _undeformed(mesh, subdivision, finish, cells, pad, to_world):
     return CellSurface(vertices, surface.triangles, surface.region, surface.cell)
 
 
-def _placed(vertices, to_world):
+def _placed(vertices: np.ndarray, to_world: np.ndarray) -> np.ndarray:
     # Not as a matrix product: BLAS threads woken for so little take several times as long on busy cores.
     return np.einsum("vi,ji->vj", vertices, to_world[:3, :3]) + to_world[:3, 3]
