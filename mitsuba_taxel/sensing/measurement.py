@@ -34,8 +34,8 @@ from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.targets import (
     FLAT,
     NEGLIGIBLE,
-    GeometryError,
-    MechanicsError,
+    FacetsEstimate,
+    MechanicsEstimate,
     PreparedFor,
     Settings,
     deviation_points,
@@ -240,7 +240,7 @@ def _prepared(
     if points is None and (target_error is not None or clock.end == math.inf):
         points = points_for(ready, target_error or LIGHT_ERROR, seed, clock, geometry.pilot)
     points = points or MOST_POINTS
-    mechanics = MechanicsError(None, 0.0)
+    mechanics = MechanicsEstimate(None, 0.0)
     if mechanics_error:
         mechanics = mechanics_of(ready, seed, deviation_points(clock, points))
     return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
@@ -273,7 +273,7 @@ def crosstalk(
     return Crosstalk(powers, points, seed)
 
 
-def _facets(geometry: GeometryError, taxels: int) -> np.ndarray:
+def _facets(geometry: FacetsEstimate, taxels: int) -> np.ndarray:
     """(T,) W, as in `Readings`, if requested."""
     return np.zeros(taxels) if geometry.facets is None else geometry.facets
 

@@ -66,7 +66,7 @@ class Settings(NamedTuple):
     mesh_size: float | None
 
 
-class MechanicsError(NamedTuple):
+class MechanicsEstimate(NamedTuple):
     """Error of readings by that of the mechanics.
 
     Attributes
@@ -81,7 +81,7 @@ class MechanicsError(NamedTuple):
     share: float
 
 
-class GeometryError(NamedTuple):
+class FacetsEstimate(NamedTuple):
     """Error of readings by the flat triangles of curved walls.
 
     Attributes
@@ -99,15 +99,15 @@ class GeometryError(NamedTuple):
     pilot: Run | None
 
 
-FLAT = GeometryError(None, 0.0, None)
+FLAT = FacetsEstimate(None, 0.0, None)
 
 
 class PreparedFor(NamedTuple):
     """A scene prepared for a target error, the error of its shape, and the points to trace or the power in W."""
 
     ready: Prepared
-    mechanics: MechanicsError
-    geometry: GeometryError
+    mechanics: MechanicsEstimate
+    geometry: FacetsEstimate
     settings: Settings
     power: np.ndarray | None = None
 
@@ -115,12 +115,12 @@ class PreparedFor(NamedTuple):
 class ShapeErrors(NamedTuple):
     """The errors of a scene's shape, and the power of each taxel in W where it is known without random numbers."""
 
-    mechanics: MechanicsError
-    geometry: GeometryError
+    mechanics: MechanicsEstimate
+    geometry: FacetsEstimate
     power: np.ndarray | None = None
 
 
-def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> GeometryError:
+def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
     """Error of a scene's readings by facets, from two short traces, of as many points as in :func:`mechanics_of`."""
     if not curved_pads(ready.scene):
         return FLAT
@@ -135,7 +135,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
         share, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
         more = _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
-            return GeometryError(facets, share, pilot)
+            return FacetsEstimate(facets, share, pilot)
         points = min(points * more, most)
 
 
@@ -153,31 +153,31 @@ def without_random_numbers(ready: Prepared, most_error: float, mechanics_error: 
     found = deterministic_light(ready.scene, mechanics_error)
     if found is None or not np.all(found.error <= min(most_error, TRUSTED) * found.power):
         return None
-    mechanics, facets = MechanicsError(None, 0.0), found.error / FACETS_SHARE
+    mechanics, facets = MechanicsEstimate(None, 0.0), found.error / FACETS_SHARE
     if found.deviation is not None:
-        mechanics = MechanicsError(found.deviation, mechanics_share(found.deviation, found.power))
-    return ShapeErrors(mechanics, GeometryError(facets, geometry_share(facets, found.power), None), found.power)
+        mechanics = MechanicsEstimate(found.deviation, mechanics_share(found.deviation, found.power))
+    return ShapeErrors(mechanics, FacetsEstimate(facets, geometry_share(facets, found.power), None), found.power)
 
 
-def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsError:
+def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsEstimate:
     """Error of a scene's readings by that of the mechanics, from three short traces.
 
     Their number of points is chosen to resolve it, or to reach a relative ``tolerance``, up to ``most``.
     """
     if not loaded_pads(ready.scene):
-        return MechanicsError(None, 0.0)
+        return MechanicsEstimate(None, 0.0)
     points = DEVIATION_POINTS
     while True:
         before, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, seed, points))  # noqa: B023
         power = before.mean(axis=0)
         if changes is None:
-            return MechanicsError(np.full_like(power, math.nan), math.nan)
+            return MechanicsEstimate(np.full_like(power, math.nan), math.nan)
         deviation = combined(changes.mean(axis=1))
         noise = mechanics_share(np.hypot(*map(standard_error, changes)), power)
         share = mechanics_share(deviation, power)
         more = _more_points(share, noise, tolerance)
         if more == 1 or points >= most:
-            return MechanicsError(deviation, share)
+            return MechanicsEstimate(deviation, share)
         points = min(points * more, most)
 
 

@@ -40,6 +40,7 @@ class OwenSobol(mi.Sampler):
         self.specification = Parameters.read(props)
         self.base_seed = self.specification.seed
         self.first = (0, 0)
+        self.index, self.sequence_seed, self.dimension = (mi.UInt32(0) for _ in range(3))  # until it is seeded
         self.set_sample_count(self.specification.sample_count)
 
     def set_sample_count(self, spp: int) -> None:
@@ -104,15 +105,13 @@ class OwenSobol(mi.Sampler):
 
     def clone(self) -> OwenSobol:
         twin = self.fork()
-        for name in ("points", "stride", "first", "first_bits", "index", "sequence", "sequence_seed", "dimension"):
-            if hasattr(self, name):
-                setattr(twin, name, getattr(self, name))
+        twin.__dict__.update(self.__dict__)
+        twin.dimension = mi.UInt32(self.dimension)  # which grows in place
         return twin
 
     def schedule_state(self) -> None:
         super().schedule_state()
-        if hasattr(self, "index"):
-            dr.schedule(self.index, self.sequence_seed, self.dimension)
+        dr.schedule(self.index, self.sequence_seed, self.dimension)
 
     def to_string(self) -> str:
         return f"OwenSobol[sample_count = {self.count}, seed = {self.base_seed}]"

@@ -24,6 +24,18 @@ def sequences(mi, count, replicates, dimensions, seed=1):
     return np.stack([sampler.next_1d().numpy() for _ in range(dimensions)], axis=-1).reshape(replicates, count, -1)
 
 
+def test_a_clone_goes_on_by_itself(llvm_mono):
+    """Whichever is asked first, and before seeding, too."""
+    sampler = llvm_mono.load_dict({"type": "owen_sobol", "sample_count": 16})
+    sampler.clone()
+    sampler.seed(3, 32)
+    sampler.next_1d()
+    one, other = sampler.clone(), sampler.clone()
+    expected = [sampler.next_1d().numpy() for _ in range(2)]
+    for twin in (one, other):
+        assert np.array_equal([twin.next_1d().numpy() for _ in range(2)], expected)
+
+
 @pytest.mark.parametrize("pair", [(0, 1), (2, 3), (4, 5)])
 @pytest.mark.parametrize("seed", [0, 1, 4294967295])
 def test_scrambling_keeps_the_net(llvm_mono, pair, seed):
