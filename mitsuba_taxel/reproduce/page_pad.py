@@ -148,9 +148,8 @@ def _spread(found: Results) -> str:
         f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
         f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in both.T)} % relative to rest. Parts of another gain would "
         "change the voltage at rest and its change alike. As the changes in volts differ less than those relative to "
-        "rest, it may rather be a part of the light at rest which the load does not change that differs between taxels; "
-        "three of them do not prove it. "
-        "The model has no such light: roofs alone reflect."
+        "rest, it may rather be a part of the light at rest which the load does not change that differs between "
+        "taxels; three of them do not prove it. The model has no such light: roofs alone reflect."
     )
 
 
