@@ -77,6 +77,13 @@ class Relaxing:
         error = _times(weights.decay, self.error)
         return Relaxing(stress, held, error, change / step if step > 0 else None, step)
 
+    def ageing(self, material: Viscoelastic, step: float, stress: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa/s, rate of the stress at the end of a further step by its length, where the law gives
+        ``stress``."""
+        weights = material.over(step)
+        rate = float(material.shares @ (weights.ramp_rate / material.times))
+        return rate * (stress - self.stress) - np.tensordot(weights.decay / material.times, self.held, axes=1)
+
     def bend(self, before: Relaxing) -> np.ndarray:
         """(m, q, 6) MPa/s², second derivative of S over this step and the one ``before``."""
         assert self.slope is not None and before.slope is not None

@@ -41,6 +41,11 @@ class Weights(NamedTuple):
     ramp: np.ndarray
     bend: np.ndarray
 
+    @property
+    def ramp_rate(self) -> np.ndarray:
+        """Derivative of ``ramp`` by x."""
+        return self.bend - self.ramp / 2
+
 
 @dataclass(frozen=True)
 class Viscoelastic(Displayed):

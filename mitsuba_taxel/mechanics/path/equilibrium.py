@@ -223,6 +223,10 @@ class LoadedPad:
         correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
         return replace(solution, unknowns=solution.unknowns - correction), linearised
 
+    def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
+        return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
+
     def size_of(self, stress: np.ndarray) -> float:
         """MPa, root mean square over the pad of a stress (m, q, 6)."""
         weight = self.model.assembly.elements.weight

@@ -41,16 +41,16 @@ class PathRate(NamedTuple):
     displacement: np.ndarray
 
 
-class Memory(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Memory:
     """Additional data of a state of a viscoelastic silicone, as in :class:`State`.
 
     Attributes
     ----------
     time : float
         In s, since the pad was at rest.
-    overstress : ndarray
-        (m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
-        yz, xz.
+    stress : Callable
+        Computes the overstress.
     deviation : (N, 3) ndarray
         mm, estimated error of the displacement due to time steps.
     error : float
@@ -58,9 +58,15 @@ class Memory(NamedTuple):
     """
 
     time: float
-    overstress: np.ndarray
+    stress: Callable[[], np.ndarray]
     deviation: np.ndarray
     error: float
+
+    @cached_property
+    def overstress(self) -> np.ndarray:
+        """(m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
+        yz, xz."""
+        return self.stress()
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,13 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.reached import cubic
 
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
+INTERPOLATION_TOLERANCE = 1e-4
+"""Allowed correction by Newton's method in the middle of a step that leads beyond rows, root mean square over the pad,
+relative to the largest displacement or pressure. States between its ends have it, so their error is less."""
 TICKS = 64
 """Smallest fraction of a step without equilibrium; or of the time since the row before, or of the shortest relaxation
 time before that: in such a part no term of the series changes much."""
@@ -25,6 +29,8 @@ MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
 """Limits of the factor between steps, according to the error of the one before."""
 SHORTEST = 1e-15
 """Fraction of the way between two rows below which a step is not reduced."""
+
+Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
 
 class Ended(Exception):
@@ -35,13 +41,21 @@ class Ended(Exception):
         self.value, self.share, self.reason = value, share, reason
 
 
+class TooLong(Exception):
+    """A step that leads beyond rows is not accurate; a ``share`` of it may be."""
+
+    def __init__(self, share: float) -> None:
+        super().__init__(share)
+        self.share = share
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """A state between two rows, at a fraction ``share`` of the way.
 
     ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
     displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
-    friction.
+    friction, ``further`` the length in s of a next step that may lead beyond rows.
     """
 
     unknowns: np.ndarray
@@ -54,6 +68,7 @@ class Moment:
     iterations: int = 0
     stability_checked: bool = True
     rubbed: Rubbed | None = None
+    further: float = 0.0
 
 
 class Stretch:
@@ -66,7 +81,7 @@ class Stretch:
     duration : float
         In s; 0 for a jump.
     scale : float
-        MPa, largest stress so far, root mean square over the pad.
+        MPa, largest stress so far, root mean square over the pad; the attribute includes that of this way.
     judges : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
     coarsening : int
@@ -88,17 +103,19 @@ class Stretch:
         count: int | None = None,
     ) -> None:
         self._pad, self._material, self._start, self._load = pad, material, start, load
-        self._duration, self._scale, self._tolerance = duration, scale, coarsening**2 * TIME_TOLERANCE
+        self._duration, self.scale, self._tolerance = duration, scale, coarsening**2 * TIME_TOLERANCE
         steps = float(np.linalg.norm(load[1])) / pad.step
         if isinstance(pad, IndentedPad) and pad.friction:
             steps = (2 * math.ceil(steps) if count is None else count) / coarsening
         self._longest = 1 / max(steps, 1.0)
+        self._leaps = bool(material.prony) and not isinstance(pad, IndentedPad)
+        self._furthest = (duration / steps if steps else math.inf) if self._leaps else 0.0
         self._quickest = min(material.times) / duration if material.prony and duration else math.inf
         self._near: Linearised | None = None
         self._judges = judges
 
-    def run(self, touch: Callable[[LoadedPad, np.ndarray], Contact | None]) -> tuple[Moment, float]:
-        """The state at the end, and the scale of the stress there; ``touch`` finds contacts.
+    def run(self, touch: Touch) -> Moment:
+        """The state at the end; ``touch`` finds contacts.
 
         After a change of the load's rate, the error of the first step is estimated together with the second, and both
         are repeated if it is too large.
@@ -132,7 +149,43 @@ class Stretch:
             if not first:
                 growth = CAUTION * np.sqrt(self._tolerance / error) if error else MOST_GROWTH
                 length *= min(max(growth, LEAST_CUT), MOST_GROWTH)
-        return here, self._scale
+        return replace(here, further=min(length * self._duration, self._furthest))
+
+    def leap(self, touch: Touch) -> tuple[Moment, np.ndarray]:
+        """The state at the end by one step, and what Newton's method would subtract from a cubic in the middle.
+
+        Raises
+        ------
+        TooLong
+            if states on the way are not to be interpolated.
+        """
+        here = self._start
+        try:
+            after = self._step(here, 1.0)
+        except Rejected as rejection:
+            raise TooLong(LEAST_CUT) from rejection
+        midway, off = self._midway(here, after)
+        error, judged = self._judged(None, here, after)
+        if touch(self._pad, after.unknowns):
+            raise TooLong(LEAST_CUT)
+        ratio = max(math.sqrt(error / self._tolerance), (off / INTERPOLATION_TOLERANCE) ** 0.25)
+        growth = CAUTION / max(ratio, CAUTION / MOST_GROWTH)
+        if ratio > 1:
+            raise TooLong(max(growth, MOST_CUT))
+        return replace(judged, further=min(growth * self._duration, self._furthest)), midway
+
+    def _midway(self, here: Moment, after: Moment) -> tuple[np.ndarray, float]:
+        """What Newton's method would subtract from a cubic in the middle of a step, and its relative size."""
+        pad, time = self._pad, 0.5 * self._duration
+        assert here.velocity is not None and after.velocity is not None and self._near is not None
+        change = after.unknowns - here.unknowns
+        unknowns = here.unknowns + cubic(0.5, self._duration, change, here.velocity, after.velocity)
+        pad.past = here.relaxing.past(self._material, time, pad.part)
+        found = pad.correction(self._near, unknowns, self._load[0] + 0.5 * self._load[1])
+        if found is None:
+            raise TooLong(LEAST_CUT)
+        parts = zip(*(np.split(field, [pad.numbering.displacements]) for field in (found, unknowns)), strict=True)
+        return found, max(math.sqrt(np.square(off).mean()) / (np.abs(of).max() or 1.0) for off, of in parts)
 
     def deviation(self, end: Moment) -> np.ndarray:
         """(unknowns,) estimated error due to time steps."""
@@ -150,7 +203,8 @@ class Stretch:
             pad.rubbed = here.rubbed
         guess = here.unknowns
         if here.velocity is not None:
-            guess = guess + min(time, here.relaxing.step) * here.velocity
+            known = (MOST_GROWTH if self._leaps else 1.0) * here.relaxing.step
+            guess = guess + min(time, known) * here.velocity
         value = self._load[0] + share * self._load[1]
         solution, near = pad.solve_next(guess, value, self._near, judged=False)
         moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
@@ -168,16 +222,26 @@ class Stretch:
         if isinstance(pad, IndentedPad):
             rubbed = pad.rubbed_at(solution.unknowns, value)
         velocity = (solution.unknowns - here.unknowns) / time if time else None
+        if share == 1 and time and self._leaps:
+            velocity = self._velocity(here, solution.unknowns, stress, time)
         figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
         return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
+
+    def _velocity(self, here: Moment, unknowns: np.ndarray, stress: np.ndarray, time: float) -> np.ndarray:
+        """Rate of the unknowns per s at the end of the step, where the law gives ``stress``."""
+        assert self._near is not None
+        rate = self._load[1] / self._duration
+        by_load = self._pad.rate(self._near, unknowns, rate, self._load[0] + self._load[1])
+        relaxed = here.relaxing.ageing(self._material, time, stress)
+        return by_load + self._pad.answer(self._near, unknowns, relaxed)
 
     def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
         """Relative error of the last step, or of the first two, and the state with this error added to its
         variables."""
         if not self._material.prony:
             return 0.0, after
-        self._scale = max(self._scale, self._pad.size_of(after.relaxing.stress))
-        if after.relaxing.slope is None or here.relaxing.slope is None or not self._scale:
+        self.scale = max(self.scale, self._pad.size_of(after.relaxing.stress))
+        if after.relaxing.slope is None or here.relaxing.slope is None or not self.scale:
             return 0.0, after
         bend = after.relaxing.bend(here.relaxing)
         missed = after.relaxing.missed(self._material, bend)
@@ -186,11 +250,9 @@ class Stretch:
             earlier = here.relaxing.missed(self._material, bend)
             error = max(error, self._pad.size_of(earlier.sum(axis=0)))
             missed = missed + self._material.over(after.relaxing.step).decay[:, None, None, None] * earlier
-        return error / self._scale, replace(after, relaxing=after.relaxing.off_by(missed))
+        return error / self.scale, replace(after, relaxing=after.relaxing.off_by(missed))
 
-    def _refuse_contact(
-        self, here: Moment, after: Moment, touch: Callable[[LoadedPad, np.ndarray], Contact | None]
-    ) -> None:
+    def _refuse_contact(self, here: Moment, after: Moment, touch: Touch) -> None:
         contact = touch(self._pad, after.unknowns)
         if contact:
             place = ", ".join(f"{number:.4g}" for number in contact.place)

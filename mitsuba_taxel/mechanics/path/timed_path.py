@@ -2,14 +2,17 @@
 
 From rest at t = 0, the load changes linearly to the value of each row until its time; rows of equal times are a jump. A
 state depends on the rows up to its own alone, and is bitwise the same whichever others are requested.
+
+While a load goes on at the same rate, steps may lead beyond the rows, between which states are then interpolated.
 """
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
@@ -28,48 +31,23 @@ from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
+from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, passed
 from mitsuba_taxel.mechanics.path.state import Comparison, Memory, State
-from mitsuba_taxel.mechanics.path.time_steps import TIME_TOLERANCE, Ended, Moment, Stretch
+from mitsuba_taxel.mechanics.path.time_steps import (
+    INTERPOLATION_TOLERANCE,
+    TIME_TOLERANCE,
+    Ended,
+    Moment,
+    Stretch,
+    TooLong,
+)
 from mitsuba_taxel.mechanics.path.timed_rows import Row, rubs
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison
 
 KEPT = 3
-"""Number of rows whose states stay in memory."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """The pad at the end of a row; arrays are those of the whole pad, except for the internal variables of a part.
-
-    ``rate`` is that of the load, per s, in the row; ``velocity`` that of the unknowns in its last step, displacements
-    followed by pressures; both are NaN after a jump of the load. ``traction`` (2 N, 3) in MPa is that of friction at
-    nodes of the top, then of the outside; ``moved`` (C,) is the load, or where its force has moved an indenter.
-    """
-
-    displacement: np.ndarray
-    pressure: np.ndarray
-    rate: np.ndarray
-    velocity: np.ndarray
-    stress: np.ndarray
-    held: np.ndarray
-    error: np.ndarray
-    slope: np.ndarray
-    step: float
-    scale: float
-    unjudged: float
-    deviation: np.ndarray
-    traction: np.ndarray
-    moved: np.ndarray
-    min_jacobian: float
-    residual: float
-    iterations: int
-    stability_checked: bool
-    seconds: float
-
-    @property
-    def relaxing(self) -> Relaxing:
-        """The internal variables."""
-        return Relaxing(self.stress, self.held, self.error, self.slope if self.slope.size else None, self.step)
+"""Number of solved states that stay in memory."""
+AGAIN = 1.5
+"""A step that was too long is next tried at this multiple of the length that would do."""
 
 
 class TimedPath:
@@ -87,6 +65,7 @@ class TimedPath:
         self._path, self._material, self._coarsening = path, material, coarsening
         self._moving = IndenterDisplacement(path.load.indenter) if isinstance(path.load, IndenterForce) else path.load
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
+        self._count: dict[tuple[Row, ...], int] = {(): 0}
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
 
@@ -100,63 +79,120 @@ class TimedPath:
         """The deformed pad at the end of some rows, in which it must not touch ``obstacles``."""
         if obstacles is not None:
             self._refuse_contact(rows, obstacles)
-        at = self.reached(rows)
-        path, (time, value) = self._path, rows[-1]
+        path, (time, value), shape = self._path, rows[-1], self._passed(rows)
+        at = self._solved(rows)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
-        part = self._pad_for(rows).part
         memory = None
         if self._material.prony:
-            overstress = spread(at.relaxing.overstress(self._material), part, path.mesh)
-            error = self._pad_for(rows).size_of(at.error.sum(axis=0)) / at.scale if at.scale else 0.0
-            memory = Memory(time, overstress, at.deviation, error)
+            memory = Memory(time, partial(self._overstress, rows), shape.deviation, at.missed)
         return State(
-            path.mesh, path.material, path.load, np.array(value), at.displacement, at.pressure, *figures,
+            path.mesh, path.material, path.load, np.array(value), shape.displacement, shape.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
             indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None,
         )  # fmt: skip
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of some rows."""
+        at = self._solved(rows)
+        if at.time <= (rows[-1][0] if rows else 0.0):
+            return at
+        count, (time, value), shape = self._count[rows], rows[-1], self._passed(rows)
+        start, pad = self._solved(rows[: count - 1]), self._pad_for(rows)
+        before = start.relaxing.spread(self._pad_for(rows[: count - 1]).part, self._path.mesh, pad.part)
+        relaxing = before.after(self._material, time - start.time, pad.isochoric_stress(shape.displacement))
+        relaxing = relaxing.off_by(relaxing.missed(self._material, at.relaxing.bend(before)))
+        assert relaxing.slope is not None  # of a step that lasts
+        return replace(
+            at,
+            time=time,
+            moved=np.array(value),
+            displacement=shape.displacement,
+            pressure=shape.pressure,
+            velocity=shape.velocity,
+            deviation=shape.deviation,
+            stress=relaxing.stress,
+            held=relaxing.held,
+            error=relaxing.error,
+            slope=relaxing.slope,
+            step=relaxing.step,
+        )
+
+    def _passed(self, rows: tuple[Row, ...]) -> Passed:
+        """The shape of the pad at the end of some rows."""
+        at = self._solved(rows)
+        if at.time <= rows[-1][0]:
+            return Passed(at.displacement, at.pressure, at.velocity, at.deviation)
+        return passed(self._solved(rows[: self._count[rows] - 1]), at, rows[-1][0])
+
+    def _solved(self, rows: tuple[Row, ...]) -> Reached:
+        """The last state that is solved for some rows: at the end of these, or beyond."""
         done = len(rows)
-        while done and rows[:done] not in self._known and not cache.holds(self._name(rows[:done])):
+        while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
             done -= 1
+        done = self._count.get(rows[:done], done)
         at = self._kept(rows[:done])
         for count in range(done + 1, len(rows) + 1):
-            name = self._name(rows[:count])
-            with cache.alone(name):
-                arrays = cache.load(name)  # another process may have solved it in the meantime
-                at = self._next(at, rows[:count]) if arrays is None else Reached(**cache.values_of(arrays))
-                if arrays is None:
-                    cache.store(name, cache.arrays_of(at))
-            self._keep(rows[:count], at)
+            time, value = rows[count - 1]
+            if not (at.time >= time and at.on_its_way(time, np.array(value))):
+                at, done = self._stored(rows[:count]), count
+            self._count[rows[:count]] = done
+        return at
+
+    def _stored(self, rows: tuple[Row, ...]) -> Reached:
+        """The state of :meth:`_solved` that is solved for the last row."""
+        name = self._name(rows)
+        with cache.alone(name):
+            arrays = cache.load(name)  # another process may have solved it in the meantime
+            if arrays is not None:
+                at = Reached(**cache.values_of(arrays))
+            else:
+                before = self._solved(rows[:-1])
+                time, value = rows[-1]
+                if not before.on_its_way(time, np.array(value)):
+                    before = self.reached(rows[:-1])
+                at = self._next(before, rows)
+                cache.store(name, cache.arrays_of(at))
+        self._known[rows] = at
+        self._count[rows] = len(rows)
+        if len(self._known) > KEPT:
+            self._known.popitem(last=False)
         return at
 
     def _kept(self, rows: tuple[Row, ...]) -> Reached:
         if not rows:
             return self._rest
-        if rows not in self._known:
-            arrays = cache.load(self._name(rows))
-            if arrays is None:  # damaged
-                return self._next(self.reached(rows[:-1]), rows)
-            self._keep(rows, Reached(**cache.values_of(arrays)))
-        return self._known[rows]
-
-    def _keep(self, rows: tuple[Row, ...], at: Reached) -> None:
-        self._known[rows] = at
-        if len(self._known) > KEPT:
-            self._known.popitem(last=False)
+        return self._known[rows] if rows in self._known else self._stored(rows)
 
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
-        """The pad at the end of the last row, from its state at the end of the row before."""
-        start_time = rows[-2][0] if len(rows) > 1 else 0.0
-        return self._moved(before, rows, np.array(rows[-1][1]), rows[-1][0] - start_time)
+        """The pad at the end of the last row or beyond, from its state at the end of the row before or beyond."""
+        (time, row), most = rows[-1], math.inf
+        value = np.array(row)
+        if before.on_its_way(time, value):
+            length, least = before.further, 2 * time - rows[-2][0] - before.time  # to the next row at least
+            while length > (1 - ON_ITS_WAY) * least:
+                try:
+                    return self._moved(before, rows, before.moved + length * before.rate, length, leaps=True)
+                except TooLong as too_long:
+                    length *= too_long.share
+                    most = AGAIN * length
+        at = self._moved(before, rows, value, time - before.time)
+        return replace(at, further=min(at.further, most))
 
     def _moved(
-        self, before: Reached, rows: tuple[Row, ...], value: np.ndarray, duration: float, steps: int | None = None
+        self,
+        before: Reached,
+        rows: tuple[Row, ...],
+        value: np.ndarray,
+        duration: float,
+        steps: int | None = None,
+        leaps: bool = False,
     ) -> Reached:
-        """The pad after the last row, in which its load changes to ``value``; ``steps`` are those under friction."""
+        """The pad after the load changed to ``value``; ``steps`` are those under friction.
+
+        If it ``leaps``, it does so in one step, between whose ends states may be interpolated.
+        """
         began = clock.perf_counter()
-        start_time, start_value = rows[-1][0] - duration, before.moved
+        start_value = before.moved
         pad, earlier = self._pad_for(rows), self._pad_for(rows[:-1])
         change = value - start_value
         rate = change / duration if duration > 0 else np.full(len(change), np.nan)
@@ -177,24 +213,33 @@ class TimedPath:
             judged = False
         load = start_value, change
         stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening, steps)
+        midway = None
         try:
-            end, scale = stretch.run(self._touch)
+            if leaps:
+                end, midway = stretch.leap(self._touch)
+            else:
+                end = stretch.run(self._touch)
         except Ended as ended:
-            raise ComputationError(self._end(ended, start_time, duration)) from None
+            raise ComputationError(self._end(ended, before.time, duration)) from None
         displacement, pressure = pad.split(end.unknowns)
+        error = pad.size_of(end.relaxing.error.sum(axis=0)) if self._material.prony else 0.0
         return Reached(
+            before.time + duration if leaps else rows[-1][0],
             displacement,
             pressure,
             rate,
             self._stacked(pad, end.velocity),
+            np.zeros(0) if midway is None else self._stacked(pad, midway),
             end.relaxing.stress,
             end.relaxing.held,
             end.relaxing.error,
             np.zeros(0) if end.relaxing.slope is None else end.relaxing.slope,
             end.relaxing.step,
-            scale,
+            end.further,
+            stretch.scale,
             end.unjudged,
             pad.split(stretch.deviation(end))[0],
+            error / stretch.scale if stretch.scale else 0.0,
             self._traction(pad, end),
             value,
             end.min_jacobian,
@@ -210,11 +255,11 @@ class TimedPath:
         points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
         relaxing = Relaxing.at_rest(len(self._material.prony), *points)
         nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
-        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0
+        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0, 0.0
         none, moved = np.zeros(mesh.corner_count), np.zeros(self._path.load.components)
         return Reached(
-            nowhere, none, unknown, self._stacked(pad, None), *variables, nowhere, np.zeros((0, 3)), moved,
-            1.0, 0.0, 0, True, 0.0,
+            0.0, nowhere, none, unknown, self._stacked(pad, None), np.zeros(0), *variables, nowhere, 0.0,
+            np.zeros((0, 3)), moved, 1.0, 0.0, 0, True, 0.0,
         )  # fmt: skip
 
     def _rubbed(self, pad: IndentedPad, before: Reached, moved: np.ndarray) -> Rubbed:
@@ -271,11 +316,10 @@ class TimedPath:
             if (key, rows[:count]) in self._clear:
                 continue
             test = test or ContactTest(self._path.mesh, obstacles)
-            at = self.reached(rows[:count])
-            found = test.find_package(at.displacement)
+            found = test.find_package(self._passed(rows[:count]).displacement)
             if found:
-                time = rows[count - 1][0]
-                raise ComputationError(self._end(Ended(at.moved, 0.0, f"touches {found.what}"), time, 0.0))
+                at, time = self.reached(rows[:count]).moved, rows[count - 1][0]
+                raise ComputationError(self._end(Ended(at, 0.0, f"touches {found.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
@@ -314,13 +358,23 @@ class TimedPath:
         found[1] += (at.deviation + at.displacement - longer.displacement) / ERROR_SHARE
         return found
 
+    def _overstress(self, rows: tuple[Row, ...], at: Reached | None = None) -> np.ndarray:
+        """(m, q, 6) MPa, of :class:`Memory`."""
+        at = self.reached(rows) if at is None else at
+        return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
-        overstress = None
-        if self._material.prony:
-            overstress = spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        overstress = self._overstress(rows, at) if self._material.prony else None
         return glued_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
 
     def _name(self, rows: tuple[Row, ...]) -> str:
         path = self._path
-        numerics = [path.judged, RESIDUAL_TOLERANCE, TIME_TOLERANCE, available_solvers()[0], self._coarsening]
+        numerics = [
+            path.judged,
+            RESIDUAL_TOLERANCE,
+            TIME_TOLERANCE,
+            INTERPOLATION_TOLERANCE,
+            available_solvers()[0],
+            self._coarsening,
+        ]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)

@@ -89,7 +89,7 @@ def reactions(state: State) -> Reactions:
     nearby state in equilibrium.
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
-    overstress = state.memory and state.memory.overstress
+    overstress = None if state.memory is None else state.memory.overstress
     internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress)
     applied = _applied_forces(state, places, internal)
     bottom = nodes_of(mesh, "bottom")

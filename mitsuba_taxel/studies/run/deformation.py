@@ -89,7 +89,7 @@ def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
     board = reactions(state)
     write_mesh(pad, file)
     if vtu:
-        overstress = state.memory and state.memory.overstress
+        overstress = None if state.memory is None else state.memory.overstress
         pressing = None if state.indenter_moved is None else contact_pressure(state)
         fields = state.displacement, state.pressure, state.material, overstress, pressing
         write_vtu(file.with_suffix(".vtu"), state.mesh, *fields)

@@ -35,6 +35,21 @@ def test_tangent_with_a_past_is_the_derivative_of_the_residual(law, block, body)
     np.testing.assert_allclose(along, (residual(1e-5) - residual(-1e-5)) / 2e-5, rtol=0, atol=1e-7)
 
 
+def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body):
+    rng = np.random.default_rng(3)
+    solid = body(block(cells=(1, 1, 1)), SOFT.law, np.zeros((27, 3), bool))
+    stress, *held = rng.normal(size=(3, *solid.assembly.elements.weight.shape, 6))
+    relaxing, end = Relaxing(stress, np.array(held), 0 * np.array(held)), rng.normal(size=stress.shape)
+
+    def total(step):
+        past = relaxing.past(SOFT, step, part_between(solid.mesh, {}, ()))
+        return past.share * end + past.stress
+
+    for step in (1e-3, 1.0, 30.0):
+        change = (total(1.0001 * step) - total(0.9999 * step)) / (2e-4 * step)
+        np.testing.assert_allclose(relaxing.ageing(SOFT, step, end), change, rtol=1e-5, atol=1e-7)
+
+
 def stepped(solid, relaxing, step, displacement, pressure, load=0.0):
     """The block at the end of a step: displacement, pressure and internal variables."""
     part = part_between(solid.mesh, {}, ())

@@ -23,6 +23,7 @@ from mitsuba_taxel.mechanics import (
     reactions,
     state_after,
 )
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
@@ -82,6 +83,32 @@ def test_creep_under_a_small_force_and_its_stated_error():
     middle = slice(2, -1)
     assert np.all((stated[middle] > np.abs(errors[middle]) / 3) & (stated[middle] < 3 * np.abs(errors[middle])))
     assert abs(errors[-1]) < 1e-4
+
+
+def test_steps_of_a_steady_load_lead_beyond_its_rows(monkeypatch):
+    """There and back in 36 rows, against as many that are not quite on a line, each of which is solved."""
+    solved = []
+    solve = LoadedPad.solve_next
+    monkeypatch.setattr(LoadedPad, "solve_next", lambda *given, **named: (solved.append(1), solve(*given, **named))[1])
+    way = np.concatenate([np.arange(1, 19), np.arange(17, -1, -1)]) / 18
+    values, times = way[:, None] * np.array([0, 0, -1.0]), 0.5 * np.arange(1, 37)
+    found, few = states(values, times, load=SpreadForce()), len(solved)
+    off = 1 + 1e-7 * np.random.default_rng(0).standard_normal((36, 1))
+    each = states(off * values, times, load=SpreadForce())
+    assert few < 0.5 * (len(solved) - few)
+    largest = max(np.abs(state.displacement).max() for state in each)
+    for one, other in zip(found, each, strict=True):
+        stated = np.abs(one.memory.deviation).max() + np.abs(other.memory.deviation).max()
+        assert np.abs(one.displacement - other.displacement).max() < min(3 * stated, 1e-3 * largest)
+    assert max(reactions(state).imbalance for state in found[:-1]) < 1e-4
+
+
+def test_creep_and_relaxation_at_even_times():
+    times = np.arange(33) * 0.5
+    sunk = np.array([s.displacement[:, 2].min() for s in states([(0, 0, -1e-4)] * 33, times, load=PlateForce())])
+    np.testing.assert_allclose(sunk / sunk[0], creep(times), rtol=2e-3)
+    forces = plate_forces(states([(0, 0, -0.5)] * 33, times))
+    np.testing.assert_allclose(forces / forces[0], SOFT.relaxation(times), rtol=1e-5)
 
 
 def test_small_cycles_have_the_storage_and_loss_modulus():
@@ -149,6 +176,16 @@ def test_a_state_depends_on_the_rows_before_it_alone():
     other = states([ROWS[0], (0, 0, -0.3)], [1, 2])
     assert same(together[0], other[0])
     assert not same(together[1], other[1])
+
+
+def test_a_state_between_solved_ones_depends_on_the_rows_before_it_alone():
+    rows, times = [(0, 0, -0.02 * k) for k in (1, 2, 3, 4, 5, 6, 7, 7, 6)], [1, 2, 3, 4, 5, 6, 7, 8, 9]
+    together = states(rows, times)
+    TimedPath.of.cache_clear()
+    for count in (6, 9, 4, 8, 5):
+        alone = state_after(PAD, SOFT, rows[:count], times[:count], load=PLATE, mesh_size=SIZE)
+        assert same(together[count - 1], alone)
+        np.testing.assert_array_equal(together[count - 1].memory.overstress, alone.memory.overstress)
 
 
 def test_a_quicker_load_meets_a_stiffer_pad():
