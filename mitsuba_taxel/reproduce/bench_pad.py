@@ -15,6 +15,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.reproduce import measured
@@ -120,12 +121,16 @@ class Press(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error."""
+    """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error.
+
+    ``step_error`` is that of the stress by time steps, relative to the largest so far.
+    """
 
     force: float
     force_error: float
     change: np.ndarray
     change_error: np.ndarray
+    step_error: float
 
 
 def path(
@@ -183,20 +188,22 @@ def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False
     force = -indentation_of(state)[1].pushed.sum(axis=0)[2]
     force_error = state.force_error if with_errors else np.nan
     shares = found.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
-    light = shares.std(axis=0, ddof=1) / np.sqrt(len(shares))
+    light = standard_error(shares)
     shape = np.zeros(len(light)) if found.deviation is None else found.deviation / at_rest.power
-    return Reading(force, force_error, shares.mean(axis=0), np.hypot(light, shape))
+    of_steps = state.memory.error if state.memory else 0.0
+    return Reading(force, force_error, shares.mean(axis=0), np.hypot(light, shape), of_steps)
 
 
 def dataset(dim: str, rows: list[Reading]) -> xr.Dataset:
     """Readings one after the other, by ``dim`` and ``taxel``."""
-    forces, force_errors, changes, errors = map(np.array, zip(*rows, strict=True))
+    forces, force_errors, changes, errors, of_steps = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
         {
             "force": (dim, forces, {"units": "N"}),
             "force_error": (dim, force_errors, {"units": "N"}),
             "change": ((dim, "taxel"), changes),
             "change_error": ((dim, "taxel"), errors),
+            "step_error": (dim, of_steps),
         },
         coords={"taxel": np.arange(1, SIDE**2 + 1)},
     )

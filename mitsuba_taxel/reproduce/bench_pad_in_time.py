@@ -33,7 +33,9 @@ class Row(NamedTuple):
     travel: float
 
 
-def cycle(store: PaperStudies, press: Press, prony: Prony, friction: float = 0.0) -> xr.Dataset:
+def cycle(
+    store: PaperStudies, press: Press, prony: Prony, friction: float = 0.0, mesh_size: float | None = None
+) -> xr.Dataset:
     """Force and readings along a cycle of the measured duration, from rest to rest: by ``row`` with its ``travel``.
 
     Without terms, the pad is elastic. The last row, at no travel, is not computed: the indenter leaves the pad there.
@@ -41,33 +43,42 @@ def cycle(store: PaperStudies, press: Press, prony: Prony, friction: float = 0.0
     share = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
     rows = [Row(round(float(t), 6), round(float(s) * CYCLE_TRAVEL, 6)) for t, s in zip(times, share, strict=True)]
-    return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction)
+    return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
 
 
-def hold_and_release(store: PaperStudies, press: Press, prony: Prony) -> xr.Dataset:
+def hold_and_release(store: PaperStudies, press: Press, prony: Prony, mesh_size: float | None = None) -> xr.Dataset:
     """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
     end = REACHED + HELD
     held = [Row(REACHED, measured.HELD_AT), *(Row(REACHED + time, measured.HELD_AT) for time in HOLD_TIMES)]
     left = [Row(end, 0.0), *(Row(end + time, 0.0) for time in measured.TAIL_TIMES)]
-    return _path(store, "hold", press, prony, [*held, *left], POINTS)
+    return _path(store, "hold", press, prony, [*held, *left], POINTS, mesh_size=mesh_size)
 
 
 def _path(
-    store: PaperStudies, kind: str, press: Press, prony: Prony, rows: list[Row], points: int, friction: float = 0.0
+    store: PaperStudies,
+    kind: str,
+    press: Press,
+    prony: Prony,
+    rows: list[Row],
+    points: int,
+    friction: float = 0.0,
+    mesh_size: float | None = None,
 ) -> xr.Dataset:
+    size = mesh_size or bench_pad.MESH_SIZE
     terms = "; ".join(f"{share:.5g} {time:g}" for share, time in prony)
     request = {**press._asdict(), "prony": terms, "rows": rows, "points": points, "friction": friction}
-    request |= {"mesh_size": bench_pad.MESH_SIZE}
-    name = "_".join(part for part in (kind, "rubbed" if friction else "", *terms.split("; ")) if part)
+    request |= {"mesh_size": size}
+    how = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
+    name = "_".join(part for part in (kind, *how, *terms.split("; ")) if part)
     return store.study(
         f"pressed/{name.replace(' ', '_in_')}",
         request,
-        lambda: _computed(store, press, terms, rows, points, friction),
+        lambda: _computed(store, press, terms, rows, points, friction, size),
     )
 
 
 def _computed(
-    store: PaperStudies, press: Press, terms: str, rows: list[Row], points: int, friction: float
+    store: PaperStudies, press: Press, terms: str, rows: list[Row], points: int, friction: float, mesh_size: float
 ) -> xr.Dataset:
     file = store.folder / "pressed" / "pad.xml"
     bench_pad.write_scene(file)
@@ -76,6 +87,7 @@ def _computed(
         "prony": terms,
         "youngs_modulus": 1 / (1 - sum(shares)),
         "friction": friction,
+        "mesh_size": mesh_size,
     }
     at_rest = measure(Scene(file, defines), points=points, mechanics_error=False)
     history = [f"{row.time!r} 0 0 {-row.travel!r}" for row in rows]

@@ -69,6 +69,8 @@ TAIL_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 TAIL_VOLTS = (45.7e-3, 20.8e-3, 12.3e-3, 7.4e-3, 4.9e-3, 3.0e-3, 2.0e-3, 0.9e-3)
 """Remaining voltage against the time in s after release from the hold."""
 
+HELD_CHANGE = 0.15
+"""Largest difference of the voltage from that at the end of the hold, in percent of it, from 0.5 s on."""
 HOLD_WINDOWS = ((0.05, 1.0), (1.0, 3.0), (3.0, 8.0), (8.0, 30.0))
 HOLD_FORCES = ((1.795, 0.072), (1.735, 0.042), (1.721, 0.028), (1.723, 0.018))
 """Force in N with its scatter, in windows of s after the travel was reached, within 0.1 s."""

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.bench_pad import Press
 from mitsuba_taxel.reproduce.bench_pad_in_time import HOLD_TIMES, Prony, cycle, hold_and_release
+from mitsuba_taxel.reproduce.pad_comparison import FINER
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 TIMES = (0.05, 0.5, 5.0)
@@ -23,6 +24,8 @@ SETTLED = 0.03
 MOST_PATHS = 5
 FRICTION = 0.3
 """Of the indenter, assumed to show what it would change."""
+SLOW = np.geomspace(1.0, 1e4, 81)
+"""Relaxation times in s of a further term that is asked for."""
 
 
 class Loop(NamedTuple):
@@ -43,6 +46,23 @@ class Loop(NamedTuple):
     change_at_travel: float
 
 
+class Errors(NamedTuple):
+    """Errors of the computation, as those of `Memory`: of elements, by a finer mesh, of time steps and of the light.
+
+    Attributes
+    ----------
+    tail : (8,) ndarray
+    hold : (4,) ndarray
+    held_change : float
+    loop : Loop
+    """
+
+    tail: np.ndarray
+    hold: np.ndarray
+    held_change: float
+    loop: Loop
+
+
 class Memory(NamedTuple):
     """Attributes
     ----------
@@ -60,6 +80,7 @@ class Memory(NamedTuple):
         Of the slow cycle, and with friction in place of the series.
     stiffer : float
         Largest force of the cycle with friction, relative to that of the slow one.
+    errors : Errors
     """
 
     terms: Prony
@@ -70,6 +91,7 @@ class Memory(NamedTuple):
     loop: Loop
     rubbed: Loop
     stiffer: float
+    errors: Errors
 
 
 def results(store: PaperStudies, press: Press) -> Memory:
@@ -79,20 +101,69 @@ def results(store: PaperStudies, press: Press) -> Memory:
         return tail_of(hold_and_release(store, press, terms))
 
     terms, paths = fit(computed)
-    study = hold_and_release(store, press, terms)
+    study, finer = (hold_and_release(store, press, terms, size) for size in (None, FINER))
     slow, rubbed = cycle(store, press, terms), cycle(store, press, (), FRICTION)
-    change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
-    late = change[np.array(HOLD_TIMES) >= 0.5]
     return Memory(
         terms,
         paths,
         tail_of(study),
         hold_of(study),
-        float(np.abs(late / change[-1] - 1).max()),
+        held_change_of(study),
         loop_of(slow),
         loop_of(rubbed),
         float(rubbed.force.max() / slow.force.max()),
+        errors_of(study, finer, slow, cycle(store, press, terms, mesh_size=FINER)),
     )
+
+
+def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> Errors:
+    """Errors of a hold with its release and of a cycle, from these on finer elements."""
+    one = {"taxel": measured.PRESSED}
+    light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(one).values
+    of_steps = study.step_error.values
+    after, during = slice(-len(measured.TAIL_TIMES), None), slice(1, 1 + len(HOLD_TIMES))
+    tail = np.sqrt((tail_of(finer) - tail_of(study)) ** 2 + light[after] ** 2 + of_steps[after] ** 2)
+    hold = np.hypot(hold_of(finer) - hold_of(study), of_steps[during].max())
+    held = float(np.hypot(held_change_of(finer) - held_change_of(study), light[during].max()))
+    noise = 100 * float((slow.change_error / slow.change.max("row")).sel(one).max())
+    both = 200 * float(slow.step_error.max())
+    noises = both, both, noise, noise
+    widths = zip(loop_of(slow), loop_of(slow_finer), noises, strict=True)
+    return Errors(tail, hold, held, Loop(*(float(np.hypot(there - here, more)) for here, there, more in widths)))
+
+
+def held_change_of(study: xr.Dataset) -> float:
+    """Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on."""
+    change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
+    late = change[np.array(HOLD_TIMES) >= 0.5]
+    return float(np.abs(late / change[-1] - 1).max())
+
+
+def slow_term() -> tuple[float, float]:
+    """Relaxation time in s of a further term that opens the measured loop of the force, and the share of the change
+    that it leaves at the end of the record of the release: of those in `SLOW`, the one that leaves least.
+
+    The solid is linear, and its loop that of a triangle in time.
+    """
+    end, held = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
+    left = []
+    for time in SLOW:
+        width, relaxed = _loop_per_share(time)
+        share = measured.FORCE_LOOP / (100 * width + measured.FORCE_LOOP * relaxed)
+        left.append(-share * np.expm1(-held / time) * np.exp(-(1 - share) * end / time) if share < 1 else np.inf)
+    least = int(np.argmin(left))
+    return float(SLOW[least]), float(left[least])
+
+
+def _loop_per_share(time: float) -> tuple[float, float]:
+    """Width of the loop of a linear solid with one term of this time, and what has relaxed at the turn, relative to the
+    largest force without it, per share."""
+    half = measured.CYCLE_SECONDS / 2
+    t = np.linspace(0.0, half, 401)
+    down = -time / half * np.expm1(-t / time)
+    back = down[-1] * np.exp(-t / time) + time / half * np.expm1(-t / time)
+    relaxed, relaxed_back = t / half - down, 1 - t / half - back
+    return float((relaxed_back[::-1] - relaxed).max()), float(relaxed[-1])
 
 
 def measured_tail() -> np.ndarray:

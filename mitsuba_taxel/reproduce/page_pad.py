@@ -147,9 +147,19 @@ def _spread(found: Results) -> str:
         f"{there_volts} V measured, {here_volts} V here if all have the rest voltage of taxel {measured.PRESSED}: off "
         f"by {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} %, instead of "
         f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in both.T)} % relative to rest. Parts of another gain would "
-        "change the voltage at rest and its change alike. As the changes in volts differ less than those relative to "
-        "rest, it may rather be a part of the light at rest which the load does not change that differs between "
-        "taxels; three of them do not prove it. The model has no such light: roofs alone reflect."
+        f"change the voltage at rest and its change alike. {_light_at_rest(both, volts)}"
+    )
+
+
+def _light_at_rest(shares: np.ndarray, volts: np.ndarray) -> str:
+    """What changes relative to rest, and in volts, (2, taxels) measured and here, tell about the light at rest."""
+    off, off_in_volts = (float(np.abs(values[1] / values[0] - 1).max()) for values in (shares, volts))
+    if off_in_volts >= off:
+        return "Changes in volts differ no less than those relative to rest, so the light at rest does not explain it."
+    return (
+        "As the changes in volts differ less than those relative to rest, it may rather be a part of the light at rest "
+        "which the load does not change that differs between taxels; three of them do not prove it. The model has no "
+        "such light: roofs alone reflect."
     )
 
 

@@ -25,14 +25,23 @@ of another part stand.
 
 
 def _words(found: Spread) -> str:
-    low, high = found.without_gain, found.all
-    inside = "lies between the two" if low <= measured.REST_SPREAD <= high else "**does not lie between the two**"
+    low, high, there = found.without_gain, found.all, measured.REST_SPREAD
+    inside = low <= there <= high
     least, most = measured.REST_VOLTAGES
+    figures = (
+        "Standard deviation of the reading at rest, in percent of its mean: "
+        f"**{high:.0f} ± {found.all_error:.0f} % with all of these**, "
+        f"{low:.0f} ± {found.without_gain_error:.0f} % without the gain of the parts; measured, {there:g} % among 25 "
+        f"taxels (from {least:g} to {most:g} V). Errors are those of finitely many samples, noise of the light "
+        "included; at rest there is none of elements or time steps. The measured spread "
+        f"{'lies between the two' if inside else '**does not lie between the two**'}"
+    )
+    gain = found.gain_for(there)
+    if not inside:
+        return f"{figures}."
+    narrower = "is narrower than" if gain < found.gain else "is **not** narrower than"
     return (
-        f"Standard deviation of the reading at rest, in percent of its mean: **{high:.0f} % with all of these**, "
-        f"{low:.0f} % without the gain of the parts; measured, {measured.REST_SPREAD:g} % among 25 taxels (from "
-        f"{least:g} to {most:g} V). The measured spread {inside}: with the other tolerances as assumed, a gain "
-        f"that varies by {found.gain_for(measured.REST_SPREAD):.0f} % would explain it. That is a plausible "
-        "figure for parts of one delivery, whose range is narrower than that of a datasheet, and no test: one "
+        f"{figures}: with the other tolerances as assumed, a gain that varies by {gain:.0f} % would explain it. That "
+        f"{narrower} the {found.gain:.0f} % of the datasheet, as parts of one delivery are, and it is no test: one "
         "number is met by many sets of tolerances."
     )

@@ -95,12 +95,19 @@ class Spread(NamedTuple):
         Distribution and total Sobol' index by parameter.
     all, without_gain : float
         Standard deviation of the reading, in percent of its mean, of all and of all but the gain.
+    all_error, without_gain_error : float
+        Of these, as of finitely many samples.
+    gain : float
+        Standard deviation of the gain alone, in percent.
     """
 
     laws: dict[str, str]
     shares: dict[str, float]
     all: float
     without_gain: float
+    all_error: float
+    without_gain_error: float
+    gain: float
 
     def gain_for(self, spread: float) -> float:
         """Spread of the gain in percent that gives that ``spread`` in percent, with the other tolerances.
@@ -123,11 +130,20 @@ def spread(store: PaperStudies) -> Spread:
         dict(zip(names, found.share.values.tolist(), strict=True)),
         _relative(samples),
         _relative(samples / found.gain.values),
+        _error(samples),
+        _error(samples / found.gain.values),
+        _relative(found.gain.values),
     )
 
 
 def _relative(values: np.ndarray) -> float:
     return 100 * float(values.std(ddof=1) / values.mean())
+
+
+def _error(values: np.ndarray) -> float:
+    """Of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
+    left_out = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
+    return float(np.sqrt((len(values) - 1) * left_out.var()))
 
 
 def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:

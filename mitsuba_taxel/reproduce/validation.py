@@ -78,7 +78,7 @@ current:
 {markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
 
 The largest difference is {100 * (model - given)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm we
-are too low by {far:.0f} % of the value, for any size and depth of the dies.
+are too {"low" if far > 0 else "high"} by {abs(far):.0f} % of the value.
 
 Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
 body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):
@@ -124,9 +124,9 @@ another silicone, with the paper's modulus as the long-term one. Slopes are mean
 {markdown_table(heads, rows)}
 
 No gain was fitted to these tables. The most sensitive taxels come out at {shares} of the measured ones, flat, spherical
-and hemispheric. The spread between taxels is smaller, as it does not include that of boards and moulds
-([tolerances](tutorials/tolerances.md)). Viscoelastic loops are narrower than the measured ones, as above:
-{hysteresis} % of the parallelepiped's. Ratios are not resolved where readings change by little more than their error:
+and hemispheric. The spread between taxels does not include that of boards and moulds
+([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} %
+as wide as the measured one. Ratios are not resolved where readings change by little more than their error:
 under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute
 the nonlinearity of round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
 Table 3, of tangential forces, is compared by its ratios in [the paper, rerun](paper.md).

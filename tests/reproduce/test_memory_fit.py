@@ -48,6 +48,55 @@ def test_widths_of_a_made_up_loop():
     assert loop == pytest.approx((5.0, 100 * 0.1 * 0.625, 100 * (0.01 + 0.01) / 0.2, 5.0), rel=1e-9)
 
 
+def test_a_further_term_opens_the_loop_of_a_linear_solid():
+    """By steps in time, where each term is a dashpot and a spring."""
+    share, time, count = 0.3, 20.0, 20_000
+    step = measured.CYCLE_SECONDS / 2 / count
+    strain = np.concatenate([np.arange(count + 1), np.arange(count - 1, -1, -1)]) / count
+    creep = np.zeros(len(strain))
+    for k in range(1, len(strain)):
+        middle = (strain[k] + strain[k - 1]) / 2
+        creep[k] = (creep[k - 1] * (1 - step / 2 / time) + middle * step / time) / (1 + step / 2 / time)
+    force = strain - share * creep
+    width, relaxed = memory_fit._loop_per_share(time)
+    assert force[count] == pytest.approx(1 - share * relaxed, rel=1e-6)
+    assert np.abs(force[: count + 1] - force[count:][::-1]).max() == pytest.approx(share * width, rel=1e-4)
+
+
+def test_errors_of_a_hold_are_those_of_elements_steps_and_light():
+    times, tails = bench_pad_in_time.HOLD_TIMES, len(measured.TAIL_TIMES)
+    rows = 1 + len(times) + 1 + tails
+
+    def made(change, force, light, of_steps):
+        left = np.concatenate([np.full(2 + len(times), 0.2), 0.2 * change * np.ones(tails)])
+        return xr.Dataset(
+            {
+                "force": ("row", np.concatenate([[1.0], force * np.linspace(1.1, 1, len(times)), np.zeros(1 + tails)])),
+                "change": (("row", "taxel"), left[:, None]),
+                "change_error": (("row", "taxel"), np.full((rows, 1), light)),
+                "step_error": ("row", np.full(rows, of_steps)),
+            },
+            coords={"taxel": [measured.PRESSED]},
+        )
+
+    travel = np.array([0.5, 1, 0.5])
+    slow = xr.Dataset(
+        {
+            "force": ("row", [1.0, 2.0, 0.9]),
+            "change": (("row", "taxel"), [[0.1], [0.2], [0.1]]),
+            "change_error": (("row", "taxel"), np.full((3, 1), 1e-3)),
+            "step_error": ("row", np.full(3, 1e-3)),
+        },
+        coords={"taxel": [measured.PRESSED], "travel": ("row", travel)},
+    )
+    study, finer = made(0.10, 1.0, 6e-4, 4e-3), made(0.11, 2.0, 6e-4, 0.0)
+    errors = memory_fit.errors_of(study, finer, slow, slow)
+    np.testing.assert_allclose(errors.tail, np.sqrt(0.01**2 + (6e-4 / 0.2) ** 2 + 4e-3**2))
+    np.testing.assert_allclose(errors.hold, 4e-3)  # both fall alike
+    assert errors.held_change == pytest.approx(3e-3)
+    assert errors.loop == pytest.approx((0.2, 0.2, 0.5, 0.5))
+
+
 @pytest.fixture
 def small(monkeypatch):
     for module, name, value in (

@@ -16,9 +16,16 @@ def test_spread_of_the_gain_behind_a_spread_is_that_of_a_product():
     random = np.random.default_rng(0)
     gain, rest = 1 + 0.15 * random.normal(size=200_000), 1 + 0.1 * random.normal(size=200_000)
     product = gain * rest
-    found = rest_spread.Spread({}, {}, 0.0, 10.0)
+    found = rest_spread.Spread({}, {}, 0.0, 10.0, 0.0, 0.0, 0.0)
     assert found.gain_for(100 * product.std() / product.mean()) == pytest.approx(15, rel=0.01)
     assert found.gain_for(5.0) == 0
+
+
+def test_the_error_of_a_spread_is_the_scatter_of_spreads():
+    samples = 1 + 0.2 * np.random.default_rng(1).normal(size=(400, 64))
+    spreads = [rest_spread._relative(row) for row in samples]
+    stated = np.mean([rest_spread._error(row) for row in samples])
+    assert stated == pytest.approx(np.std(spreads), rel=0.15)
 
 
 def test_the_samples_spread_as_their_gain_and_the_rest(monkeypatch, tmp_path):

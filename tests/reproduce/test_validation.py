@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel.reproduce import cycles, measured, memory_fit, validation
+from mitsuba_taxel.reproduce import cycles, measured, memory_fit, page_memory, page_rest, validation
 from mitsuba_taxel.reproduce.rest_spread import SOURCES, Spread
 
 
@@ -54,10 +54,11 @@ def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
         memory_fit.Loop(0.75, 0.8, 0.4, 0.25),
         memory_fit.Loop(0.6, 0.7, 0.3, 0.1),
         1.2,
+        memory_fit.Errors(np.full(8, 1e-3), np.full(4, 2e-3), 1e-4, memory_fit.Loop(0.05, 0.06, 0.02, 0.01)),
     )
     monkeypatch.setattr(memory_fit, "results", lambda store, press: memory)
     monkeypatch.setattr(validation, "results", lambda store: SimpleNamespace(fitted=None))
-    rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0)
+    rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0, 3.0, 1.0, 33.0)
     monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
@@ -68,10 +69,54 @@ def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
         "Tables 2 and 4",
         "10 to 17 times as wide",
         "is 10 % of the value",
-        "force by 20 %",
+        "1.030 ± 0.002",
+        "0.75 ± 0.05",
+        "agrees within its scatter",
+        "0.05 ± 0.01 %, as measured",
+        "force by +20 %",
+        "that excludes it",
         "varies by 15 %",
+        "is narrower than the 33 %",
     ):
         assert words in page
     pictures = {file.stem for file in (tmp_path / "validation").iterdir()}
     assert pictures == {"vcnt2020", "memory", "sensitivities"}
     assert "nan" not in page
+
+
+def made_memory(**changed):
+    """A memory as measured, but for what is ``changed``."""
+    forces = np.array(measured.HOLD_FORCES)[:, 0]
+    loop = memory_fit.Loop(
+        measured.FORCE_LOOP,
+        measured.ENERGY_LOST,
+        measured.VOLTAGE_LOOP_AT_FORCE,
+        measured.VOLTAGE_LOOP_AT_TRAVEL,
+    )
+    errors = memory_fit.Errors(np.zeros(8), np.zeros(4), 0.0, memory_fit.Loop(0, 0, 0, 0))
+    made = memory_fit.Memory(
+        ((0.2, 0.05),), 3, memory_fit.measured_tail(), forces / forces[-1], 0.0, loop, loop, 1.0, errors
+    )
+    return made._replace(**changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, ["The hold agrees", "The loop agrees"]),
+        ({"hold": np.array([1.2, 1.0, 1.0, 1.0])}, ["The hold **does not agree**"]),
+        ({"held_change": 0.01}, ["1.00 ± 0.00 %, **not** as measured"]),
+        ({"loop": memory_fit.Loop(30, 30, 15, 15)}, ["**The loop does not agree**: the measured ones are 0.25 to"]),
+    ],
+)
+def test_numbers_decide_what_the_page_says_of_hold_and_loop(changed, words, tmp_path):
+    text = " ".join(page_memory.memory_section(made_memory(**changed), tmp_path).split())
+    for expected in words:
+        assert expected in text
+    assert "Mullins" not in text  # that would widen loops
+
+
+def test_a_spread_that_tolerances_do_not_reach_is_said():
+    rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 15.0, 10.0, 1.0, 1.0, 12.0)
+    text = " ".join(page_rest.rest_section(rest).split())
+    assert "**does not lie between the two**." in text and "explain" not in text
