@@ -51,6 +51,9 @@ class Memory:
         In s, since the pad was at rest.
     stress : Callable
         Computes the overstress.
+    overstress : ndarray
+        (m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
+        yz, xz.
     deviation : (N, 3) ndarray
         mm, estimated error of the displacement due to time steps.
     error : float
@@ -64,8 +67,6 @@ class Memory:
 
     @cached_property
     def overstress(self) -> np.ndarray:
-        """(m, q, 6) MPa, second Piola-Kirchhoff stress above that of the law at the quadrature points: xx, yy, zz, xy,
-        yz, xz."""
         return self.stress()
 
 
