@@ -13,7 +13,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLES = {"rest": "reading at rest", "sensitivity": "sensitivity", "crosstalk": "cross-talk"}
+TITLES = {
+    "rest": "reading at rest",
+    "sensitivity": "sensitivity",
+    "noise_force": "noise as a force",
+    "crosstalk": "cross-talk",
+}
 
 
 def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figure:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.electronics import in_volts
+from mitsuba_taxel.electronics import Circuit, in_volts, power_at, total_noise
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
@@ -31,14 +32,15 @@ class Tolerance:
     Attributes
     ----------
     spread : DataFrame
-        One row per figure (``rest``, ``sensitivity``, ``crosstalk``) and taxel: ``unit``; ``nominal``, with all
-        parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the
-        samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
-        prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of
-        the variance predicted by the polynomial behind the indices. With ``exact`` below the number of samples:
-        ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones, with
-        ``mean_error``, ``low_error`` and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact
-        ones; and ``linear_explained``, the share of their variance explained by their linear answer.
+        One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force``, ``crosstalk``) and taxel:
+        ``unit``; ``nominal``, with all parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and
+        ``high`` (5 and 95 %) of the samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean
+        square error of this linear prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``,
+        the cross-validated share of the variance predicted by the polynomial behind the indices. With ``exact`` below
+        the number of samples: ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by
+        the exact ones, with ``mean_error``, ``low_error`` and ``high_error`` as well; ``linear_error`` and
+        ``explained`` over the exact ones; and ``linear_explained``, the share of their variance explained by their
+        linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
         the variance; the ``first`` and ``total`` Sobol' indices.
@@ -81,10 +83,13 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     if known.sum() < FEWEST:
         raise ComputationError(f"only {known.sum()} of {len(known)} samples could be read: {FEWEST} are needed.")
     loaded = loaded_taxel(nominal, force) if nominal.shape[1] > 1 else None
-    at_mean, found = figures(nominal, force, loaded), figures(exact[known], force, loaded)
-    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded)
+    noise = None if plan.batch.circuit is None else partial(_noise, plan.batch.circuit)
+    at_mean, found = (figures(one, force, loaded, noise) for one in (nominal, exact[known]))
+    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded, noise)
     z, others = plan.standardised[: plan.exact][known], plan.standardised[plan.exact :]
     notes = [*notes, *mean.attrs["notes"].splitlines()]
+    if plan.batch.circuit is not None:
+        notes.append(f"one count: {plan.batch.circuit.step:.4g} V")
     parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])
@@ -236,7 +241,12 @@ def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _units(plan: TolerancePlan) -> dict[str, str]:
     unit = "W" if plan.batch.circuit is None else "V"
-    return {"rest": unit, "sensitivity": f"{unit}/N", "crosstalk": "1"}
+    return {"rest": unit, "sensitivity": f"{unit}/N", "noise_force": "N", "crosstalk": "1"}
+
+
+def _noise(circuit: Circuit, voltage: np.ndarray) -> np.ndarray:
+    """Standard deviation in V at a voltage; NaN where the output is saturated."""
+    return total_noise(circuit, power_at(circuit, voltage))
 
 
 def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:

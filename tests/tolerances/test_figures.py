@@ -32,6 +32,14 @@ def test_of_one_reading_there_is_rest_alone():
     assert list(figures(np.ones((7, 2, 1)), FORCE, None)) == ["rest", "sensitivity"]
 
 
+def test_noise_as_a_force_is_the_noise_at_rest_over_the_slope():
+    one = readings(3.0, 1.0)
+    found = figures(one, FORCE, 1, lambda rest: 0.01 * np.sqrt(rest))
+    np.testing.assert_allclose(found["noise_force"], 0.01 * np.sqrt([12, 6]) / [0.6, 1.5])
+    rates = figure_rates(one, (one / 3.0)[..., None], FORCE, 1, lambda rest: 0.01 * np.sqrt(rest))
+    np.testing.assert_allclose(rates["noise_force"][:, 0], -0.5 / 3.0 * found["noise_force"], rtol=1e-6)
+
+
 def test_derivatives():
     one, step = readings(3.0, 1.0), 1e-6
     by_gain = one / 3.0

@@ -11,6 +11,8 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, open_study
+from mitsuba_taxel.electronics import total_noise
+from mitsuba_taxel.electronics.circuit import circuit_of
 from mitsuba_taxel.studies.run import job
 from mitsuba_taxel.tolerances import run_tolerance
 
@@ -36,7 +38,8 @@ samples = 16
 [tolerance.of]
 z = { law = "normal", mean = 0.7, sd = 0.01 }
 """
-CIRCUIT = "circuit = { supply = 3.3, load_resistance = 1e4, transfer = 5e-3, saturation_voltage = 0 }"
+TABLE = {"supply": 3.3, "load_resistance": 1e4, "transfer": 5e-3, "saturation_voltage": 0}
+CIRCUIT = f"circuit = {{ {', '.join(f'{name} = {value}' for name, value in TABLE.items())} }}"
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +80,16 @@ def test_the_sensitivity_goes_with_power_and_compliance(result):
     assert list(rows.unit)[:2] == ["V per W", "V per MPa"]
     by_parameter = result.parameters.set_index("parameter")
     assert by_parameter.total_rest["led_power"] > 0.99 > by_parameter.total_sensitivity["led_power"] > 0.8
+
+
+def test_noise_as_a_force_is_that_of_the_circuit(folder, result):
+    rows = result.spread.set_index("figure")
+    at_rest = open_study(folder / "out")["nominal"].to_dataset().smooth_power.sel(fz=0).item()
+    expected = total_noise(circuit_of(TABLE), at_rest) / abs(rows.nominal["sensitivity"])
+    assert rows.unit["noise_force"] == "N" and rows.nominal["noise_force"] == pytest.approx(expected, rel=1e-6)
+    assert result.notes[-1] == f"one count: {3.3 / 2**12:.4g} V"
+    total = result.parameters.set_index("parameter").total_noise_force
+    assert total["led_power"] > 0.8  # a count's noise does not depend on the light
 
 
 def test_what_is_on_disk(folder, result):
