@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_taxel.optimum.failures import LEAST_GAP, off_failures
 from mitsuba_taxel.optimum.search import TINY, Judged, balanced, least_violation
 
 FIRST_STEP = 0.3
@@ -61,7 +62,8 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float
 
     Each step minimises the largest of the linearised goals plus a common quadratic term within the linearised limits
     and a box around the last point (R. Fletcher, Practical Methods of Optimization, 1987, chapters 12 and 14). The
-    quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978).
+    quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once points have failed,
+    steps end before a plane between them and all others.
 
     Parameters
     ----------
@@ -73,22 +75,27 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float
     here = at(start)
     assert here is not None
     x, radius, penalty, fresh, compared = start, FIRST_STEP, 0.0, True, (start, here)
+    readable: list[np.ndarray] = [start]
+    failed: list[np.ndarray] = []
     curvature = max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(len(x))
     for _ in range(STEPS):
-        step = best_step(x, here, curvature, radius)
+        step = best_step(x, off_failures(x, here, readable, failed), curvature, radius)
         size = max(abs(here.worst), TINY)
         better = here.violation - step.violation
         if np.abs(step.d).max() < LEAST_STEP or (step.goal < tolerance * size and better < tolerance):
             break
-        penalty = max(penalty, 2 * float(step.limits.sum()))
+        penalty = max(penalty, 2 * float(step.limits[: len(here.limits)].sum()))
         if better > 0:
             penalty = max(penalty, -2 * step.goal / better)
         end = np.clip(x + step.d, 0.0, 1.0)
         there = at(end)
         length = float(np.abs(step.d).max())
         if there is None:
-            radius = 0.4 * length
+            if np.linalg.norm(np.subtract([x, *failed], end), axis=1).min() <= LEAST_GAP:
+                radius = 0.4 * length  # no plane keeps off
+            failed.append(end)
             continue
+        readable.append(end)
         if np.abs(end - compared[0]).max() > COMPARED * jump:
             change = _lagrangian_rate(there, step) - _lagrangian_rate(compared[1], step)
             curvature, fresh = _updated(curvature, end - compared[0], change, fresh), False
@@ -147,7 +154,7 @@ def _multipliers(
 
 
 def _lagrangian_rate(at: Judged, step: Step) -> np.ndarray:
-    return step.goals @ at.goal_rates - step.limits @ at.limit_rates
+    return step.goals @ at.goal_rates - step.limits[: len(at.limits)] @ at.limit_rates
 
 
 def _updated(curvature: np.ndarray, s: np.ndarray, y: np.ndarray, fresh: bool) -> np.ndarray:
