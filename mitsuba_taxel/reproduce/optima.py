@@ -55,20 +55,26 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
 SQUARE = f"square {PROFILE}"
 """A profile whose cells are square from above."""
 PROFILES = (PROFILE, SQUARE)
-SHAPES = {name: (*paper.CELLS, *(PROFILES if name == "normal" else ())) for name in PURPOSES}
-EFFORT = {("normal", cell): (3, 13) for cell in PROFILES}
+LEANING = "leaning parallelepiped"
+"""Box-shaped cells whose tops may lie off their axes along x."""
+MOST_LEAN = 0.5 * LEAST_WALL
+"""In mm, by which the tops of outer cells may move into the thinnest wall."""
+MORE = {"normal": PROFILES, "tangential": (LEANING,)}
+SHAPES = {name: (*paper.CELLS, *MORE.get(name, ())) for name in PURPOSES}
+"""By purpose."""
+EFFORT = {("normal", PROFILE): (1, 13), ("normal", SQUARE): (3, 13)}
 """Starts, and most evaluations of each, where they are not one and :data:`EVALUATIONS`."""
-EVALUATIONS = 12
+EVALUATIONS = 10
 
 _SCENE = """\
 <!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
 <scene version="3.9.0">
     <default name="fx" value="0"/> <default name="fy" value="0"/> <default name="fz" value="0"/>
-    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>{points}
+    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>{numbers}
     <default name="height" value="4.55"/> <default name="wall" value="1"/>
     <integrator type="taxel_tracer"/>
     <shape type="deformable_pad">
-        <string name="cell" value="{shape}"/>{profile} <string name="read_cells" value="{cells}"/>
+        <string name="cell" value="{shape}"/>{given} <string name="read_cells" value="{cells}"/>
         <float name="cell_size" value="$cell_size"/> <float name="cell_height" value="$cell_height"/>
         <float name="height" value="$height"/> <float name="wall" value="$wall"/>
         <vector name="force" value="$fx, $fy, $fz"/>
@@ -123,6 +129,8 @@ def _study(purpose: str, cell: str) -> str:
     roof = {"cell_height": (LEAST_HEIGHT.get(cell, LOWEST), PROFILE_HEIGHT)}
     if cell in PROFILES:
         roof = {name: (low, high) for name, (_, low, high) in POINTS.items()}
+    if cell == LEANING:
+        roof["top_x"] = (-MOST_LEAN, MOST_LEAN)
     starts, evaluations = EFFORT.get((purpose, cell), (1, EVALUATIONS))
     return _STUDY.format(
         starts=starts,
@@ -140,16 +148,19 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
     taxels = PURPOSES[purpose][0]
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
-    points = [f' <default name="{name}" value="{start}"/>' for name, (start, _, _) in POINTS.items()]
+    shape = cell.split()[-1]
+    numbers = {name: start for name, (start, _, _) in POINTS.items()} if cell in PROFILES else {}
     section = "square" if cell == SQUARE else "round"
-    profile = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
+    given = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
+    if cell == LEANING:
+        numbers, given = {"top_x": 0}, ' <float name="top_x" value="$top_x"/>'
     scene = _SCENE.format(
-        shape=PROFILE if cell in PROFILES else cell,
+        shape=shape,
         cells=cells,
-        cell_height=HEIGHTS.get(cell, PROFILE_HEIGHT),
+        cell_height=HEIGHTS.get(shape, PROFILE_HEIGHT),
         reflectors=reflectors,
-        points="".join(points) if cell in PROFILES else "",
-        profile=profile if cell in PROFILES else "",
+        numbers="".join(f' <default name="{name}" value="{start}"/>' for name, start in numbers.items()),
+        given=given if numbers else "",
     )
     for file, text in (("sensor.xml", scene), ("study.toml", _study(purpose, cell))):
         write_text(folder / file, text)
@@ -162,7 +173,9 @@ def _dataset(found: Any) -> xr.Dataset:
         for column in getattr(found, name):
             values = getattr(found, name)[column].to_numpy()
             variables[f"{name}_{column}"] = (name, values if values.dtype.kind == "f" else values.astype(str))
-    numbers = ("gain", "gain_error", "probability", "unbalanced", "load_steps", "seconds")
+    numbers = (
+        "gain", "gain_error", "probability", "unbalanced", "unbalanced_error", "gradients", "load_steps", "seconds",
+    )  # fmt: skip
     attributes: dict[str, Any] = {name: float(getattr(found, name)) for name in numbers}
     words = json.dumps([*found.warnings, *found.notes])
     failed = int(np.sum(found.history["failed"].notna())) if "failed" in found.history else 0
@@ -171,9 +184,12 @@ def _dataset(found: Any) -> xr.Dataset:
 
 
 def _descents(found: Any) -> dict[str, tuple[str, np.ndarray]]:
-    """The number of designs of each descent, the initial ones excepted, and the best that is allowed of them."""
+    """The numbers of designs of each descent, the initial ones excepted, and of those that failed; and the best that is
+    allowed."""
     history, goal = found.history, found.figures.figure[0].split(" ", 1)[1]
-    known = history[history.descent > 0].assign(value=lambda rows: rows[goal].where(rows.allowed == True))  # noqa: E712
-    groups = known.groupby("descent").value
-    best = groups.max() if found.figures.figure[0].startswith("maximise") else groups.min()
-    return {"descent_designs": ("descent", groups.size().to_numpy()), "descent_best": ("descent", best.to_numpy())}
+    failed = history["failed"].notna() if "failed" in history else False
+    values = history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)
+    groups = history.assign(value=values, failed=failed)[history.descent > 0].groupby("descent")
+    best = groups.value.max() if found.figures.figure[0].startswith("maximise") else groups.value.min()
+    columns = {"designs": groups.size(), "failed": groups.failed.sum(), "best": best}
+    return {f"descent_{name}": ("descent", column.to_numpy()) for name, column in columns.items()}

@@ -12,6 +12,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.optimum.course import NEAR
 from mitsuba_taxel.optimum.search import BALANCED
 from mitsuba_taxel.plots.figures import COLOURS, panel_axes
 from mitsuba_taxel.reproduce import paper
@@ -23,6 +24,7 @@ from mitsuba_taxel.reproduce.optima import (
     LEAST_WALL,
     LOWEST,
     MESH_SIZE,
+    MOST_LEAN,
     NOISE,
     POINTS,
     PROFILE_HEIGHT,
@@ -48,12 +50,15 @@ cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone,
 A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
 variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
 {lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
-sides, as pyramids do, and starts as the paper's parallelepiped.
+sides, as pyramids do, and starts as the paper's parallelepiped. A *leaning parallelepiped* has tops that may lie up to
+{most_lean:g} mm off the axes of the cells along x, that of the force; all cells lean alike.
 
 Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
-mesh. *Held by* names active bounds, and *left* is the unbalanced slope of the objective, relative to it and over the
-width of the bounds: below {balanced:.0%} the design is a local optimum, as far as the mesh can resolve. One descent of
-at most {evaluations} designs was made for each shape, so a better design elsewhere within the bounds is not excluded;
+mesh. *Held by* names active bounds, and *left* is the slope of the objective that neither bounds nor constraints hold,
+relative to it and over the width of the bounds. Gradients scatter from mesh to mesh, so it is that of the mean of the
+best design's own, of that on the finer mesh, and of those of designs within {near:.0%} of the bounds; ± is its standard
+error. A design is called a local *optimum* only if both together are at most {balanced:.0%}. One descent of at most
+{evaluations} designs was made for each shape, so a better design elsewhere within the bounds is not excluded;
 {effort}.
 
 ![Before and after](optimum/optima.png)
@@ -88,6 +93,8 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         heights=", ".join(f"{HEIGHTS[cell]:g}" for cell in paper.CELLS),
         mesh_size=MESH_SIZE,
         balanced=BALANCED,
+        near=NEAR,
+        most_lean=MOST_LEAN,
         r1=POINTS["r1"][1],
         r2=POINTS["r2"][1],
         profile_height=PROFILE_HEIGHT,
@@ -119,15 +126,18 @@ def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
                 f"{one.attrs['gain']:.0%} ± {one.attrs['gain_error']:.0%}",
                 *(f"{values[name]:.3g}" if name in values else "" for name in names),
                 ", ".join(at),
-                f"{one.attrs['unbalanced']:.1%}",
+                _left(one),
+                "yes" if one.attrs["unbalanced"] + one.attrs["unbalanced_error"] <= BALANCED else "not shown",
             ]
         )
     lines = [
-        f"- {cell}: {line}" for cell, one in found.items() for line in (*_roof(one), *json.loads(one.attrs["said"]))
+        f"- {cell}: {line}"
+        for cell, one in found.items()
+        for line in (*_roof(one), *_lean(one), *json.loads(one.attrs["said"]))
     ]
-    lines += [f"- {cell}: {_descents(one, scale, unit)}" for cell, one in found.items() if one.sizes["descent"] > 1]
+    lines += [f"- {cell}: {_descents(purpose, cell, one)}" for cell, one in found.items() if one.sizes["descent"] > 1]
     said = "\n".join(lines) + "\n\n" if lines else ""
-    table = markdown_table([*head, "held by", "left"], rows)
+    table = markdown_table([*head, "held by", "left", "optimum"], rows)
     return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{_best_of(purpose, found)}\n"
 
 
@@ -135,7 +145,7 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
     """The best of the paper's shapes compared with the best of all."""
     scale, unit = SCALES[purpose]
     sign = -1 if purpose == "resolution" else 1
-    before = max((cell for cell in found if cell not in PROFILES), key=lambda cell: sign * _goal(found[cell])[0])
+    before = max(paper.CELLS, key=lambda cell: sign * _goal(found[cell])[0])
     best = max(found, key=lambda cell: sign * _goal(found[cell])[1])
     values = _goal(found[before])[0], _goal(found[best])[1]
     ratio = max(values) / min(values)
@@ -151,7 +161,7 @@ def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
 
 def _profiles_of(found: Mapping[str, xr.Dataset]) -> str:
     """The best profiles compared with the paper's shapes, before and after."""
-    ends = [(cell, *_goal(one)) for cell, one in found.items() if cell not in PROFILES]
+    ends = [(cell, *_goal(found[cell])) for cell in paper.CELLS]
     (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
     best = {cell: _goal(found[cell])[1] for cell in PROFILES if cell in found}
     return "".join(
@@ -175,13 +185,29 @@ def _roof(one: xr.Dataset) -> list[str]:
     return [f"points (r, z) of the roof in mm, from the rim to the crown: {shown}"]
 
 
-def _descents(one: xr.Dataset, scale: float, unit: str) -> str:
-    """Where each of several descents ended."""
-    ends = zip(one.descent_best.values, one.descent_designs.values, strict=True)
-    shown = ", ".join(
-        f"{scale * best:.3g} ({count})" if np.isfinite(best) else f"none ({count})" for best, count in ends
-    )
-    return f"its descents ended at {shown} {unit} (in brackets: designs; none if none was allowed)"
+def _lean(one: xr.Dataset) -> list[str]:
+    """By how much tops of cells lean."""
+    values = _values(one)
+    return [f"tops of cells lie {values['top_x']:.3g} mm off their axes along x"] if "top_x" in values else []
+
+
+def _left(one: xr.Dataset) -> str:
+    """The slope that is left, with its error if more than one gradient is known."""
+    error = one.attrs["unbalanced_error"]
+    return f"{one.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
+
+
+def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
+    """Where each of several descents ended, and whether it could have gone on."""
+    scale, unit = SCALES[purpose]
+    _, most = EFFORT[purpose, cell]
+    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed"))
+    shown = []
+    for best, count, failed in zip(*columns, strict=True):
+        ended = "as no more was allowed" if count >= most else "as little more was expected"
+        value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
+        shown.append(f"{value} ({count} designs, {failed} failed; {ended})")
+    return f"its descents ended at {', '.join(shown)}"
 
 
 def _goal(one: xr.Dataset) -> tuple[float, float]:
