@@ -1,0 +1,67 @@
+"""Every figure of readings of a whole chain: its gradient against differences of designs on the same mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from one_cell import one_cell
+
+from mitsuba_taxel.optimum.course import with_rates
+from mitsuba_taxel.optimum.designs import Designs
+from mitsuba_taxel.optimum.figures import KINDS
+from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.studies.run.pool import open_pool
+
+STUDY = """
+scene = "pair.xml"
+[circuit]
+supply = 3.3
+load_resistance = 1e4
+transfer = 0.02
+current_gain = 100
+[optimise]
+maximise = "sensitivity"
+[optimise.variables]
+youngs_modulus = { low = 3.0, high = 5.0, start = 4.0 }
+led_power = { low = 0.8, high = 1.2, start = 1.0 }
+[optimise.loads]
+normal = { fz = [0, -0.4, -0.8] }
+side = { fz = -0.4, fx = [0, 0.2] }
+deep = { fz = [-0.4, -0.8] }
+"""
+TOLD = {"cross_talk": "taxel = 1", "cross_sensitivity": 'by = "deep"', "resolution": 'along = ["normal", "side"]'}
+STEP = 0.02
+"""Relative to the bounds' width."""
+OF_READINGS = [name for name, kind in KINDS.items() if kind.lines]
+
+
+@pytest.fixture(scope="module")
+def along(tmp_path_factory):
+    """The figures, and what is read of designs -1, 0 and 1 steps along a direction of all variables."""
+    folder = tmp_path_factory.mktemp("pair")
+    cells = one_cell(youngs_modulus=4, led_power=1, fx=0, fz=0)
+    package = cells[cells.index('<shape type="photo_reflector">') : cells.index("</scene>")]
+    left, right = (
+        package.replace(">", f'><transform name="to_world"><translate x="{x}"/></transform>', 1)
+        for x in (-1.775, 1.775)
+    )
+    cells = cells.replace(package, left + right).replace('"columns" value="1"', '"columns" value="2"')
+    (folder / "pair.xml").write_text(cells)
+    limits = [f'[[optimise.constraints]]\nfigure = "{name}"\n{TOLD.get(name, "")}\nmost = 1\n' for name in OF_READINGS]
+    (folder / "study.toml").write_text(STUDY + "".join(limits))
+    plan = read_plan(folder / "study.toml")
+    with open_pool() as pool:
+        reads = Designs(plan, pool, folder / "designs", False).read(
+            [plan.design((), [0.5 + step, 0.5 - step]) for step in (-STEP, 0.0, STEP)]
+        )
+    assert None not in reads
+    return {limit.figure.kind: limit.figure for limit in plan.limits}, reads
+
+
+@pytest.mark.parametrize("kind", OF_READINGS)
+def test_gradients_through_the_whole_chain(along, kind):
+    figures, (behind, here, ahead) = along
+    _, rates = with_rates(figures[kind], here)
+    ends = [figures[kind].components(read.values).real for read in (behind, ahead)]
+    difference = (ends[1] - ends[0]) / (2 * STEP)
+    np.testing.assert_allclose(rates @ [1, -1], difference, rtol=1e-3, atol=1e-3 * np.abs(difference).max())
