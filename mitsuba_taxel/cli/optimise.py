@@ -68,7 +68,7 @@ def _as_json(result) -> dict[str, object]:
 
 
 def _show(result) -> None:
-    from mitsuba_taxel.optimum.outputs import changes, cost_lines, gain_line, shown
+    from mitsuba_taxel.optimum.outputs import changes, cost_line, gain_line, shown, slope_line
 
     from .tables import print_table
 
@@ -89,8 +89,8 @@ def _show(result) -> None:
     print()
     print_table(("parameter", "before", "best", "bound"), changes(result))
     print(gain_line(result))
-    for line in cost_lines(result):
-        print(line)
+    print(slope_line(result))
+    print(cost_line(result))
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     for note in result.notes:

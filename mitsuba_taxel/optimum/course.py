@@ -137,20 +137,15 @@ class Course:
         kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
 
-    def balanced(self, best: Design) -> Balance:
-        """What holds a design: by its own gradients, or by their mean over those of designs near it if that leaves a
-        lesser slope, as gradients scatter from mesh to mesh."""
-        x, own = np.array(best.x), self.judged(best, self.plan.goal, self.plan.limits)
+    def balanced(self, best: Design, *finer: Read) -> Balance:
+        """What holds a design, by the mean of its own gradients, of those of designs near it, and of those on finer
+        meshes, as gradients scatter from mesh to mesh."""
+        goal, limits = self.plan.goal, self.plan.limits
+        own = self.judged(best, goal, limits)
         assert own is not None
-        near = [
-            each
-            for design, each in self._all(self.plan.goal, self.plan.limits)
-            if design.choice == best.choice and np.abs(np.subtract(design.x, x)).max() <= NEAR
-        ]
-        goal_rates = np.mean([each.goal_rates for each in near], axis=0)
-        limit_rates = np.mean([each.limit_rates for each in near], axis=0)
-        mean = Judged(own.goals, goal_rates, own.limits, limit_rates)
-        return min((balance(x, own), balance(x, mean)), key=lambda held: held.left)
+        others = [each for design, each in self._all(goal, limits) if design != best and _is_near(design, best)]
+        again = [each for read in finer if (each := self._judge(read, read, goal, limits)) is not None]
+        return balance(np.array(best.x), own, [*others, *again])
 
     def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
         """The design that violates its constraints least."""
@@ -178,6 +173,11 @@ class Course:
                     best = value
             rows.append({**row, "best": best})
         return rows
+
+
+def _is_near(one: Design, other: Design) -> bool:
+    """Whether two designs differ by less than their gradients do by their meshes."""
+    return one.choice == other.choice and float(np.abs(np.subtract(one.x, other.x)).max()) <= NEAR
 
 
 def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:

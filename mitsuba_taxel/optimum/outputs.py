@@ -43,7 +43,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
 def page(result: Optimum, has_section: bool) -> str:
     """The result as a page in Markdown."""
     title = result.figures.figure[0]
-    lines = [gain_line(result), *cost_lines(result), *result.warnings, *result.notes]
+    lines = [gain_line(result), slope_line(result), cost_line(result), *result.warnings, *result.notes]
     return "\n\n".join(
         [
             f"# {title[0].upper()}{title[1:]}",
@@ -95,10 +95,17 @@ def gain_line(result: Optimum) -> str:
     )
 
 
-def cost_lines(result: Optimum) -> list[str]:
-    """Remaining slope, and cost, which depends on last digits."""
-    return [
-        "Slope of the objective that neither constraints nor bounds hold: "
-        f"{result.unbalanced:.1%} of it over the width of the bounds.",
-        f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps",
-    ]
+def slope_line(result: Optimum) -> str:
+    """The slope that the best design leaves, and whether it is a local optimum."""
+    error = f" ± {result.unbalanced_error:.1%}" if result.gradients > 1 else ""
+    verdict = "a local optimum" if result.is_local else "not shown to be a local optimum"
+    count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"
+    return (
+        f"Slope left by constraints and bounds: {result.unbalanced:.1%}{error} of the objective over the bounds, "
+        f"from {count}: {verdict}."
+    )
+
+
+def cost_line(result: Optimum) -> str:
+    """Cost, which depends on last digits."""
+    return f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps"

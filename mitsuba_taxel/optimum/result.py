@@ -16,6 +16,8 @@ from mitsuba_taxel.optimum.search import BALANCED, Balance
 if TYPE_CHECKING:
     import pandas
 
+SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
+
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
@@ -42,9 +44,11 @@ class Optimum:
     gain, gain_error, probability : float
         Relative improvement of the objective on the finer mesh, the change by that mesh, and the probability of an
         improvement with that change as standard deviation.
-    unbalanced : float
+    unbalanced, unbalanced_error : float
         Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
-        objective; 0 at an optimum. It is that of the mean gradients of designs near it if that is less.
+        objective, 0 at an optimum; and its standard error, NaN if it is from one gradient.
+    gradients : int
+        Of the best design, of others within 2 % of the bounds, and on the finer mesh: the slope is that of their mean.
     load_steps : int
         Computed for all designs, without the finer mesh.
     seconds : float
@@ -63,10 +67,17 @@ class Optimum:
     gain_error: float
     probability: float
     unbalanced: float
+    unbalanced_error: float
+    gradients: int
     load_steps: int
     seconds: float
     warnings: list[str]
     notes: list[str]
+
+    @property
+    def is_local(self) -> bool:
+        """Whether the best design is a local optimum as far as its slope is known."""
+        return self.unbalanced + self.unbalanced_error <= BALANCED
 
 
 def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas.DataFrame | None) -> Optimum:
@@ -77,7 +88,6 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
         notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
-    held = course.balanced(best)
     if again is None:
         notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
     else:
@@ -88,6 +98,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         pair = again.read([before, best])
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
+    held = course.balanced(best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else []))
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
     multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
     figures = pandas.DataFrame(
@@ -112,6 +123,8 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         error,
         probability,
         held.left,
+        held.error,
+        held.gradients,
         course.designs.loads,
         course.designs.seconds,
         _doubts(course, held, probability),
@@ -168,14 +181,19 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
 
 def _doubts(course: Course, held: Balance, probability: float) -> list[str]:
     warnings = []
-    if held.left > BALANCED:
+    if math.isnan(held.error):
+        warnings.append("a local optimum is not certain: its slope is known from one mesh only")
+    elif held.left + held.error > BALANCED:
         warnings.append(
-            f"a slope of the objective of {held.left:.0%} over the width of the bounds is left: more evaluations may "
-            "find better, or the mesh is too coarse"
+            f"a local optimum is not certain: a slope of the objective of {held.left + held.error:.0%} over the width "
+            "of the bounds may be left; more evaluations may find better, or readings are too coarse to tell"
         )
     if probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")
-    failed = len(course.designs.failures)
-    if failed:
-        warnings.append(f"{failed} of {len(course.history)} designs could not be read; history.csv says why")
+    failures = course.designs.failures
+    if failures:
+        warnings.append(
+            f"{len(failures)} of {len(course.history)} designs could not be read (history.csv says why), as the first: "
+            f"{next(iter(failures.values()))}"
+        )
     return warnings

@@ -18,7 +18,7 @@ from mitsuba_taxel.optimum.figures import Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan, read_plan
-from mitsuba_taxel.optimum.result import Optimum, told
+from mitsuba_taxel.optimum.result import SAME_MESH, Optimum, told
 from mitsuba_taxel.optimum.search import least_violation
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing import Scene
@@ -31,7 +31,6 @@ FINER = 0.75
 MORE_POINTS = 4
 IN_VIEW = 2.0
 """Least angle in degrees of roofs with a profile to rays from the middle of their cell's opening."""
-SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
 def optimise(

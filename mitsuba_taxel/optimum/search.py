@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +11,9 @@ import numpy as np
 ACTIVE = 0.02
 """Margin, relative to the limit or to the bounds' width, below which a constraint counts as active."""
 BALANCED = 0.05
-"""Largest remaining slope of an optimum."""
+"""Largest remaining slope of an optimum, with its error."""
+ONE_SIGMA = 0.8413
+"""Probability that a normal error is below one standard deviation."""
 TINY = np.finfo(float).tiny
 
 
@@ -51,6 +55,10 @@ class Balance:
     ----------
     left : float
         Unbalanced slope of the worst goal, over the width of the bounds and relative to that goal; 0 at an optimum.
+    error : float
+        Of ``left``, from the scatter of the gradients whose mean it is; NaN of one gradient.
+    gradients : int
+        Their number.
     limits : (M,) ndarray
         Multipliers of the limits: decrease of the worst goal if a limit were lower by 1.
     bounds : (V,) ndarray
@@ -58,24 +66,51 @@ class Balance:
     """
 
     left: float
+    error: float
+    gradients: int
     limits: np.ndarray
     bounds: np.ndarray
 
 
-def balance(x: np.ndarray, found: Judged) -> Balance:
-    """Multipliers of active limits and bounds at a point."""
+def balance(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Balance:
+    """Multipliers of active limits and bounds at a point.
+
+    Gradients are the mean of the point's own and of ``others``, of the same point on other meshes.
+    """
+    every = [found, *others]
     worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * abs(found.worst))
     held = np.flatnonzero(found.limits <= ACTIVE)
     low, high = np.flatnonzero(x <= 1e-3), np.flatnonzero(x >= 1 - 1e-3)
-    unit = np.eye(len(x))
-    _, of_limits, of_ends, rest = balanced(
-        found.goal_rates[worst], found.limit_rates[held], np.concatenate([-unit[low], unit[high]]), np.zeros(len(x))
-    )
+    ends = np.concatenate([-np.eye(len(x))[low], np.eye(len(x))[high]])
+    goal_rates = np.stack([each.goal_rates[worst] for each in every])
+    limit_rates = np.stack([each.limit_rates[held] for each in every])
+    means = goal_rates.mean(axis=0), limit_rates.mean(axis=0)
+    weights, of_limits, of_ends, rest = balanced(*means, ends, np.zeros(len(x)))
     limits, bounds = np.zeros(len(found.limits)), np.zeros(len(x))
     limits[held] = of_limits
     bounds[low] -= of_ends[: len(low)]
     bounds[high] += of_ends[len(low) :]
-    return Balance(float(np.linalg.norm(rest)) / max(abs(found.worst), TINY), limits, bounds)
+    chosen = means[0][weights > 0]
+    normals = np.concatenate([chosen[1:] - chosen[:1], means[1][of_limits > 0], ends[of_ends > 0]])
+    lagrangian = np.einsum("k,nkv->nv", weights, goal_rates) - np.einsum("k,nkv->nv", of_limits, limit_rates)
+    scale = max(abs(found.worst), TINY)
+    error = _scatter(lagrangian, normals) / scale
+    return Balance(float(np.linalg.norm(rest)) / scale, error, len(every), limits, bounds)
+
+
+def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:
+    """Standard error of the length of the mean of N gradients (N, V), of few with Student's factor.
+
+    Along ``normals``, of active constraints and between goals, scatter changes the multipliers alone.
+    """
+    from scipy.stats import t
+
+    count = len(gradients)
+    if count < 2:
+        return math.nan
+    apart = gradients - gradients.mean(axis=0)
+    apart -= apart @ np.linalg.pinv(normals) @ normals
+    return float(t.ppf(ONE_SIGMA, count - 1)) * math.sqrt(float(np.square(apart).sum()) / (count - 1) / count)
 
 
 def balanced(

@@ -52,7 +52,7 @@ def test_a_plate_is_where_quadrature_has_it(tmp_path):
 
     truth = minimize_scalar(dark, bounds=(0.3, 1.5), method="bounded")
     best = found.variables.set_index("variable").best
-    assert best.spacing == 0.7 and best.z == pytest.approx(truth.x, rel=0.03)
+    assert best.spacing == 0.7 and best.z == pytest.approx(truth.x, rel=2e-3)
     assert found.figures.best[0] == pytest.approx(-truth.fun, rel=1e-3)
     assert found.figures.best_finer[0] == pytest.approx(-truth.fun, rel=1e-3)
     assert found.probability > 0.999 and list(found.variables["at"]) == ["", "low"]

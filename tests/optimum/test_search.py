@@ -21,6 +21,36 @@ def test_bounds_that_hold():
     assert balance(np.array([0.5, 1.0]), at(x)).left == pytest.approx(1 / 3, rel=1e-3)
 
 
+@pytest.mark.parametrize("count", [2, 5, 20])
+def test_the_scatter_of_what_is_left(count):
+    """Bounded by x alone, a slope by y is left. In 84 % of all cases its length is below that plus the error."""
+    random = np.random.default_rng(count)
+    x, slope = np.array([0.0, 0.5, 0.5]), np.array([5.0, 0.3, 0.0])
+    found = []
+    for _ in range(500):
+        rates = slope + 0.2 * random.normal(size=(count, 3))
+        each = [Judged(np.ones(1), one[None], np.zeros(0), np.zeros((0, 3))) for one in rates]
+        found.append(balance(x, each[0], each[1:]))
+    covered = np.mean([held.left + held.error >= 0.3 for held in found])
+    assert covered > 0.84 - 4 * np.sqrt(0.84 * 0.16 / 500)
+    errors = [held.error for held in found]
+    if count == 20:
+        assert np.mean(errors) == pytest.approx(0.2 * np.sqrt(2 / 20), rel=0.05), "of y and z, not of x"
+
+
+def test_what_scatters_along_constraints_is_held():
+    """The limit x + y and two goals balance whatever gradients are; one goal is left to scatter along the limit."""
+    rates = [np.array([[2 + k, 1 - k], [1.0, 2.0]]) for k in (0.0, 0.4)]
+    limit = np.zeros(1), np.array([[1.0, 1.0]])
+    both = [Judged(np.ones(2), goals, *limit) for goals in rates]
+    held = balance(np.full(2, 0.5), both[0], both[1:])
+    assert held.left < 1e-4 and held.error < 1e-4 and held.gradients == 2
+    one = [Judged(np.ones(1), goals[:1], *limit) for goals in rates]
+    held = balance(np.full(2, 0.5), one[0], one[1:])
+    assert held.left == pytest.approx(0.7 * np.sqrt(2), rel=1e-3)
+    assert held.error == pytest.approx(1.837 * 0.2 * np.sqrt(2), rel=1e-3)
+
+
 def test_constraints_in_conflict():
     """x at least 0.8 and at most 0.3; y at most 0.9 has nothing to do with it."""
     rates = np.array([[1.0, 0.0], [0.0, -1.0], [-1.0, 0.0]])
