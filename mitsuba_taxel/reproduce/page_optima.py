@@ -25,6 +25,7 @@ from mitsuba_taxel.reproduce.optima import (
     LOWEST,
     MESH_SIZE,
     MOST_LEAN,
+    NEARLY,
     NOISE,
     POINTS,
     PROFILE_HEIGHT,
@@ -98,10 +99,10 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         r1=POINTS["r1"][1],
         r2=POINTS["r2"][1],
         profile_height=PROFILE_HEIGHT,
-        evaluations=EVALUATIONS,
+        evaluations=", ".join(f"{most} ({purpose})" for purpose, most in EVALUATIONS.items()),
         effort="; ".join(
             f"for the most sensitive {cell} to {purpose} force, {starts} descents, all but one from points of a Sobol' "
-            f"set, of at most {most} designs"
+            f"set, of at most {most} designs each"
             for (purpose, cell), (starts, most) in EFFORT.items()
         ),
     )
@@ -201,12 +202,13 @@ def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
     """Where each of several descents ended, and whether it could have gone on."""
     scale, unit = SCALES[purpose]
     _, most = EFFORT[purpose, cell]
-    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed"))
+    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed", "close"))
     shown = []
-    for best, count, failed in zip(*columns, strict=True):
-        ended = "as no more was allowed" if count >= most else "as little more was expected"
+    for best, count, failed, close in zip(*columns, strict=True):
         value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
-        shown.append(f"{value} ({count} designs, {failed} failed; {ended})")
+        ended = "as no more was allowed" if count >= most else "as little more was expected"
+        near = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
+        shown.append(f"{value} ({count:.0f} designs{near}, {failed:.0f} failed; {ended})")
     return f"its descents ended at {', '.join(shown)}"
 
 

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
+import pandas
 import pytest
 import xarray as xr
 
 from mitsuba_taxel.optimum.designs import pads_of
 from mitsuba_taxel.optimum.plan import read_plan
 from mitsuba_taxel.pads.profile import control_points
-from mitsuba_taxel.reproduce.optima import EFFORT, LEANING, PROFILES, PURPOSES, SHAPES, SQUARE, optima, write_study
+from mitsuba_taxel.reproduce.optima import (
+    EFFORT,
+    LEANING,
+    PROFILES,
+    PURPOSES,
+    SHAPES,
+    SQUARE,
+    _descents,
+    optima,
+    write_study,
+)
 from mitsuba_taxel.reproduce.page import write_pages
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 
@@ -27,8 +39,8 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
     variables = {"variable": list(named), "best": list(named.values()), "at": ["low"] + [""] * (len(named) - 1)}
     numbers = {"gain": best / before - 1, "gain_error": 0.1, "unbalanced": 0.01, "designs": 9, "failed": 1}
     numbers |= {"unbalanced_error": {"cylindrical": 0.05, "spherical": np.nan}.get(cell, 0.02), "gradients": 3}
-    descents = 2 if cell in PROFILES else 1
-    several = {"best": [best, np.nan], "designs": [8, 13], "failed": [0, 5]}
+    descents = 2 if cell == SQUARE else 1
+    several = {"best": [best, np.nan], "designs": [8, 13], "failed": [0, 5], "close": [6, np.nan]}
     return xr.Dataset(
         {f"descent_{name}": ("descent", values[:descents]) for name, values in several.items()}
         | {f"figures_{name}": ("figures", values) for name, values in figures.items()}
@@ -60,7 +72,8 @@ def test_the_page(tmp_path):
         in text
     )
     assert "a *profile* is any" in text.lower() and (
-        "- profile: its descents ended at 60 µW/N (8 designs, 0 failed; as little more was expected), "
+        "- square profile: its descents ended at 60 µW/N (8 designs, within 1% of the best of all after 6, "
+        "0 failed; as little more was expected), "
         "no allowed design (13 designs, 5 failed; as no more was allowed)\n" in text
     )
     assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x" in text
@@ -94,6 +107,26 @@ def test_square_profiles_begin_as_the_paper_has_its_box(tmp_path):
     points = [pad.cell_height * control_points(pad.profile)[:, 1] for pad in shapes]
     np.testing.assert_allclose(points[1], points[0], rtol=1e-4)
     assert square.top_of_cell == pytest.approx(box.top_of_cell, rel=1e-4)
+
+
+def test_what_descents_are_told_of():
+    """Two descents after an initial design: one close to the best after two designs, one that stays off."""
+    goal = "sensitivity along normal"
+    history = pandas.DataFrame(
+        {
+            "descent": [0, 1, 1, 1, 2, 2],
+            goal: [1.0, 3.0, 3.98, 4.0, np.nan, 2.0],
+            "allowed": [True, True, True, True, None, True],
+            "failed": [None] * 4 + ["no light", None],
+        }
+    )
+    figures = pandas.DataFrame({"figure": [f"maximise {goal}"]})
+    told = {
+        name: values.tolist()
+        for name, (_, values) in _descents(SimpleNamespace(history=history, figures=figures)).items()
+    }
+    assert told["descent_designs"] == [3, 2] and told["descent_failed"] == [0, 1]
+    assert told["descent_best"] == [4.0, 2.0] and told["descent_close"][0] == 2 and np.isnan(told["descent_close"][1])
 
 
 def test_nothing_is_computed_where_a_page_is_written(tmp_path):
