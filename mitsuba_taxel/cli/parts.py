@@ -42,16 +42,17 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
             print_table(("part", "what it is"), ((part.name, part.title) for part in parts))
         return
     part = read_part(name)
+    edges = _edges(part, height)
     if file is not None:
         _draw(part, file)
     if as_json:
         from dataclasses import asdict
 
-        _print_json({**asdict(part), "mirror_curve": _curve(part), "edges_mm": _edges(part, height)})
+        _print_json({**asdict(part), "mirror_curve": _curve(part), "edges_mm": edges})
     else:
         _show(part)
         if height is not None:
-            _show_edges(part, height)
+            _show_edges(edges, height)
 
 
 def _print_json(content: object) -> None:
@@ -91,10 +92,10 @@ def _edges(part, height: float | None) -> dict[str, list[float]]:
     return {} if height is None else {word: edge_positions(part, height, k).tolist() for k, word in enumerate("xy")}
 
 
-def _show_edges(part, height: float) -> None:
+def _show_edges(edges: dict[str, list[float]], height: float) -> None:
     from .tables import print_table
 
-    rows = ((word, *(f"{place:.3f}" for place in places)) for word, places in _edges(part, height).items())
+    rows = ((word, *(f"{place:.3f}" for place in places)) for word, places in edges.items())
     print(f"\nEdge of a mirror at {height:g} mm that lies below it, from the middle of the body")
     print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 

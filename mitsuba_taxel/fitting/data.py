@@ -55,7 +55,7 @@ def read_data(file: Path) -> Data:
         if the file cannot be read, or is not such a table.
     """
     given = f"data {file.name!r}"
-    columns = columns_of(file)
+    columns = columns_of(file, "data")
     readings: dict[int, np.ndarray] = {}
     errors: dict[int, np.ndarray] = {}
     settings, units = {}, set()

@@ -75,3 +75,8 @@ def test_what_is_no_data_is_refused(tmp_path, text, said):
     with pytest.raises(InputError) as refused:
         read_data(tmp_path / "data.csv")
     assert said in str(refused.value)
+
+
+def test_a_missing_table_is_called_data(tmp_path):
+    with pytest.raises(InputError, match=r"^data = '.*none.csv' cannot be read"):
+        read_data(tmp_path / "none.csv")

@@ -71,6 +71,7 @@ def test_the_program(tmp_path):
     for words, culprit in (
         (("parts", "x1"), "part = 'x1' is not known"),
         (("parts", "-o", "a.png"), "-o is not allowed"),
+        (("parts", "vcnt2020", "--edges", "-1"), "height = -1.0 is not allowed"),
     ):
         bad = run_program(tmp_path, *words)
         assert bad.returncode == 2 and culprit in bad.stderr and bad.stderr.count("\n") == 1

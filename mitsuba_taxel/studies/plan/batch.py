@@ -265,9 +265,9 @@ def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
     )
 
 
-def columns_of(file: Path) -> dict[str, list[str]]:
-    """The columns of a CSV file of steps; see :func:`read_steps`."""
-    rows = read_steps(file)
+def columns_of(file: Path, what: str = "steps") -> dict[str, list[str]]:
+    """The columns of a CSV file of steps, or of ``what`` messages say; see :func:`read_steps`."""
+    rows = read_steps(file, what)
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
@@ -31,7 +32,7 @@ def histories(
     Raises
     ------
     InputError
-        if the scene takes no history, or it cannot be determined.
+        if the scene takes no history, it cannot be determined, or times go back.
     """
     if TIME not in steps or HISTORY in steps:
         return None
@@ -50,5 +51,14 @@ def histories(
     rows = [" ".join(row) for row in zip(*columns, strict=True)]
     if as_numbers(" ".join(rows).split()) is None:
         raise InputError(f"steps with times need finite numbers for {', '.join((TIME, *names))}.")
+    _check_times([float(word) for word in columns[0]])
     earlier = [parameters[HISTORY] if parameters[HISTORY].strip() else " ".join(["0"] * (1 + len(names)))]
     return ["; ".join([*earlier, *rows[:number]]) for number in range(count)]
+
+
+def _check_times(times: Sequence[float]) -> None:
+    for number, (before, time) in enumerate(pairwise(times), start=2):
+        if time < before:
+            raise InputError(
+                f"steps: time = {time:g} s in row {number} is not allowed: at least {before:g} s is needed."
+            )

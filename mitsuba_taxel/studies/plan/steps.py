@@ -10,15 +10,15 @@ from mitsuba_taxel.base.text import read_text
 from mitsuba_taxel.studies.plan.vary import MOST_JOBS
 
 
-def read_steps(file: str | Path) -> list[dict[str, str]]:
-    """The rows of a CSV file, as values by parameter of the scene, which its heading names.
+def read_steps(file: str | Path, what: str = "steps") -> list[dict[str, str]]:
+    """The rows of a CSV file, as values by parameter of the scene, which its heading names; errors call it ``what``.
 
     Raises
     ------
     InputError
         if the file cannot be read, or is not a complete table with a heading.
     """
-    given = f"steps = {str(file)!r}"
+    given = f"{what} = {str(file)!r}"
     lines = [line for line in read_text(given, Path(file)).splitlines() if line.split("#")[0].strip()]
     try:
         names, *rows = [[word.strip() for word in row] for row in csv.reader(lines)] or [[]]
