@@ -10,7 +10,6 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_row, is_whole, refusal, require
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.geometry.equal_rows import distinct_rows
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.triangles import area_normals, unit
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -227,7 +226,8 @@ def _walls(
     walled = on_wall[cut.of_vertex] >= 0
     places[walled] = points[on_wall[cut.of_vertex[walled]]]
 
-    first, point = distinct_rows(np.stack([cut.vertex[of_cut], sheet[face]], axis=1))
+    pairs = np.stack([cut.vertex[of_cut], sheet[face]], axis=1)
+    _, first, point = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     on_wall[of_cut] = point
     corners = Corners(cut.triangles, sheet[cut.faces] >= 0, on_wall[cut.corners], cut.vertex[of_cut][first])
     normals = np.stack([np.bincount(point, component, len(first)) for component in normal.T], axis=1)
