@@ -7,8 +7,6 @@ smaller weights. One ray in five is still drawn from the law alone, so that no w
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -47,7 +45,7 @@ class GuidedEmission:
         return mi.Point2f(mi.Float(x) + rest.x, mi.Float(y) + rest.y) / side, density
 
 
-def guided_emission(integrator: Any, scene: mi.Scene, pair: TaxelPair) -> GuidedEmission | None:
+def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> GuidedEmission | None:
     """The emission learned by a pilot run in a scene with mirrors; None without them.
 
     The pilot's random numbers are always the same and enter no result. The density is cached with the phototransistor:
@@ -60,7 +58,7 @@ def guided_emission(integrator: Any, scene: mi.Scene, pair: TaxelPair) -> Guided
     return pair.sensor.guided_emission
 
 
-def _learn(integrator: Any, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
+def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
     lanes = pair.count * _PILOT

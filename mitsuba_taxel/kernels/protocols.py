@@ -6,7 +6,7 @@ Ours carry the ``specification`` that their parameters were read into, which nam
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 import mitsuba as mi
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
     from mitsuba_taxel.specification.phototransistor import Phototransistor
     from mitsuba_taxel.specification.specification import Specification
+    from mitsuba_taxel.specification.wall import Wall
 
 
 class TaxelEnd(Protocol):
@@ -143,7 +144,7 @@ class WallBsdf(Protocol):
     """A `wall`: the name of its ``scattering``, whether that ``is_directed`` (like a mirror, at least in part), and its
     ``reflectance``, None while its ``table`` waits for a wavelength."""
 
-    specification: Any
+    specification: Wall
     scattering: str
     is_directed: bool
     reflectance: mi.Float | None
@@ -159,50 +160,56 @@ class TaxelIntegrator(Protocol):
     """One of our integrators, which trace a pair of LED and phototransistor."""
 
     def sample_paths(
-        self, scene: Any, pair: TaxelPair, index: Any, led_index: Any, sampler: Any, pixels: Any
-    ) -> Any: ...
+        self,
+        scene: mi.Scene,
+        pair: TaxelPair,
+        index: mi.UInt32,
+        led_index: mi.UInt32,
+        sampler: mi.Sampler,
+        pixels: mi.Float | None,
+    ) -> mi.Float: ...
 
 
-def is_led(emitter: Any) -> TypeGuard[LedEmitter]:
+def is_led(emitter: mi.Emitter) -> TypeGuard[LedEmitter]:
     return _plugin_of(emitter) == "annular_led"
 
 
-def is_phototransistor(sensor: Any) -> TypeGuard[PhototransistorSensor]:
+def is_phototransistor(sensor: mi.Sensor) -> TypeGuard[PhototransistorSensor]:
     return _plugin_of(sensor) == "phototransistor"
 
 
-def has_faces(end: Any) -> TypeGuard[TaxelEnd]:
+def has_faces(end: mi.Endpoint) -> TypeGuard[TaxelEnd]:
     return is_led(end) or is_phototransistor(end)
 
 
-def is_package(shape: Any) -> TypeGuard[PackageShape]:
+def is_package(shape: mi.Shape) -> TypeGuard[PackageShape]:
     return _plugin_of(shape) == "photo_reflector"
 
 
-def is_pad(shape: Any) -> TypeGuard[PadShape]:
+def is_pad(shape: mi.Shape) -> TypeGuard[PadShape]:
     return _plugin_of(shape) == "deformable_pad"
 
 
-def is_region(bsdf: Any) -> TypeGuard[RegionBsdf]:
+def is_region(bsdf: mi.BSDF) -> TypeGuard[RegionBsdf]:
     return _plugin_of(bsdf) == "region"
 
 
-def is_wall(bsdf: Any) -> TypeGuard[WallBsdf]:
+def is_wall(bsdf: mi.BSDF) -> TypeGuard[WallBsdf]:
     return _plugin_of(bsdf) == "wall"
 
 
-def traces_taxels(integrator: Any) -> TypeGuard[TaxelIntegrator]:
+def traces_taxels(integrator: mi.Integrator) -> TypeGuard[TaxelIntegrator]:
     return _plugin_of(integrator) in ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
-def guides_emission(integrator: Any) -> bool:
+def guides_emission(integrator: mi.Integrator) -> bool:
     return _plugin_of(integrator) == "taxel_tracer"
 
 
-def is_owen_sobol(sampler: Any) -> bool:
+def is_owen_sobol(sampler: mi.Sampler) -> bool:
     return _plugin_of(sampler) == "owen_sobol"
 
 
-def _plugin_of(made: Any) -> str | None:
+def _plugin_of(made: mi.Object) -> str | None:
     """Name of the plugin that made an object, None if that is not ours."""
     return getattr(getattr(made, "specification", None), "plugin", None)

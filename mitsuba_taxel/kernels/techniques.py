@@ -69,7 +69,7 @@ class Techniques:
     """
 
     def __init__(
-        self, strategy: str, scene: Any, sensor: Any, index: mi.UInt32, guide: Guide | None, clearance: mi.Float
+        self, strategy: str, scene: Any, sensor: mi.Sensor, index: mi.UInt32, guide: Guide | None, clearance: mi.Float
     ) -> None:
         names = ("connections", "sensor_subpath_connections", "unidirectional_hits")
         self.connections, self.sensor_subpaths, self.unidirectional = (strategy in ("all", name) for name in names)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -15,7 +13,7 @@ LARGEST_WAVEFRONT = 1 << 22
 
 
 def trace(
-    integrator: Any,
+    integrator: mi.Integrator,
     scene: mi.Scene,
     pair: TaxelPair,
     points: int,
@@ -30,7 +28,7 @@ def trace(
 
     Parameters
     ----------
-    integrator : Any
+    integrator : mi.Integrator
         Its ``sample_paths(scene, pair, index, led_index, sampler, pixels)`` returns the power that one path from each
         LED of ``led_index`` brings to the phototransistor of ``index``, and adds it to the map ``pixels``.
     points : int
@@ -82,7 +80,7 @@ def trace(
     return power, irradiance.reshape(film_size[1], film_size[0]), points
 
 
-def splat(sensor: Any, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:
+def splat(sensor: mi.Sensor, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:
     """Add ``value`` to the pixel of phototransistor ``index`` at ``offset`` from its centre, if there is a map."""
     if pixels is not None:
         position = mi.Point2u(sensor.pixel(index, offset))

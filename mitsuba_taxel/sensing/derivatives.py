@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,6 +26,8 @@ from mitsuba_taxel.sensing.scene_rates import Rates
 from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from mitsuba_taxel.mechanics import State
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
@@ -39,7 +41,7 @@ APART_SHARE = 0.25
 98 in 100 single cells are off by less than twice what is stated, without it of 88."""
 
 
-def derivatives_by(changes: list[Rates], live: Any, with_errors: bool = True, degree: int = FINE) -> Derivatives:
+def derivatives_by(changes: list[Rates], live: mi.Scene, with_errors: bool = True, degree: int = FINE) -> Derivatives:
     """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
 
     Parameters

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mitsuba as mi
 import numpy as np
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
     from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.specification.annular_led import AnnularLed
+    from mitsuba_taxel.specification.phototransistor import Phototransistor
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
@@ -43,6 +46,10 @@ SINGLE = 1e-7
 """Relative rounding error of single precision."""
 CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
+
+
+IntoPad = Callable[..., np.ndarray]
+"""Takes points, or directions if ``is_direction``, from the scene to the pad."""
 
 
 class NotDiffuse(InputError):
@@ -267,13 +274,13 @@ def _shares(wall: mi.BSDF) -> tuple[float, float]:
     if reflectance == 0:
         return 0.0, 0.0
     if scattering == "mixed" and not stated.specular:
-        return reflectance * stated.isotropic, reflectance * stated.lambertian
+        return reflectance * (stated.isotropic or 0.0), reflectance * (stated.lambertian or 0.0)
     if scattering not in ("isotropic", "lambertian"):
         raise NotDiffuse(f"a wall is a mirror in part: scattering = {scattering!r}")
     return (reflectance, 0.0) if scattering == "isotropic" else (0.0, reflectance)
 
 
-def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
+def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Taxel]:
     stated = pair.led.specification
     size, hole = (pair.led.faces.scale * side for side in (stated.size, stated.hole))
     if stated.shape == "square":
@@ -299,7 +306,7 @@ def _taxels(pair: TaxelPair, into_pad: Any, scale: float) -> list[Taxel]:
     ]
 
 
-def _bodies(pair: TaxelPair, into_pad: Any, scale: float) -> list[Box | None]:
+def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None]:
     """Boxes of the packages with the LEDs of a pair at their tops."""
     package, faces = pair.led.get_shape(), pair.led.faces
     centres = np.array(faces.centres, dtype=float).T
@@ -312,7 +319,7 @@ def _bodies(pair: TaxelPair, into_pad: Any, scale: float) -> list[Box | None]:
     return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
 
 
-def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: Any) -> list[End]:
+def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: IntoPad) -> list[End]:
     axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     offsets, weights = rule
     around = offsets @ axes[:2]
@@ -321,20 +328,23 @@ def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw,
     return [End(into_pad(centre + around), weights, normal, law) for centre in centres]
 
 
-def _law_of_led(stated: Any) -> AngularLaw:
+def _law_of_led(stated: AnnularLed) -> AngularLaw:
     if stated.law == "uniform_solid_angle":
+        assert stated.cone_angle is not None  # set with this law
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
     if stated.law == "lambertian":
         return CosinePower(1 / np.pi, 1.0)
     if stated.law == "cosine_power":
+        assert stated.exponent is not None  # this law needs it
         return CosinePower((stated.exponent + 1) / (2 * np.pi), stated.exponent)
     raise NotDiffuse(f"the LED's law is {stated.law}")
 
 
-def _law_of_phototransistor(stated: Any) -> AngularLaw:
+def _law_of_phototransistor(stated: Phototransistor) -> AngularLaw:
     if stated.response == "ideal":
         return CosinePower(1.0, 0.0)
     if stated.response == "cosine_power":
+        assert stated.exponent is not None  # this response needs it
         return CosinePower(1.0, stated.exponent - 1)
     raise NotDiffuse(f"the phototransistor's response is {stated.response}")
 

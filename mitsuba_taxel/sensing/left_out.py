@@ -6,9 +6,12 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.errors import InputError
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 NONE = "none"
 """Value of a parameter that leaves out what uses it."""
@@ -24,8 +27,8 @@ def used_by(attributes: Mapping[str, str]) -> set[str]:
     return {name for value in attributes.values() for name in re.findall(r"\$(\w+)", value)}
 
 
-def parse_scene(config: Any, path: Path, parameters: Mapping[str, str]) -> Any:
-    """Mitsuba's ``ParserState`` of an XML scene, without the elements that use a parameter without a value.
+def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
+    """The parsed description of an XML scene, without the elements that use a parameter without a value.
 
     Raises
     ------

@@ -49,6 +49,8 @@ from mitsuba_taxel.sensing.targets import (
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from mitsuba_taxel.sensing.derivative_values import Derivatives
     from mitsuba_taxel.sensing.scene_rates import Rates
 
@@ -278,7 +280,7 @@ def _facets(geometry: FacetsEstimate, taxels: int) -> np.ndarray:
     return np.zeros(taxels) if geometry.facets is None else geometry.facets
 
 
-def _responsivity(live: Any) -> np.ndarray | None:
+def _responsivity(live: mi.Scene) -> np.ndarray | None:
     """(T,) A/W; None if LEDs and phototransistors cannot be paired."""
     try:
         pairs = taxels_of(live)

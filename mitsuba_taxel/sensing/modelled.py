@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import mitsuba as mi
 import numpy as np
 
@@ -30,14 +28,14 @@ LARGEST_STEP = 0.01
 origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change by 0.14 %."""
 
 
-def refuse_unmodelled(scene: mi.Scene, integrator: Any) -> None:
+def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
     """Raise if readings of a scene would leave out light, or be wrong otherwise.
 
     Parameters
     ----------
     scene : Any
         The ``mi.Scene``, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
-    integrator : Any
+    integrator : mi.Integrator
         The integrator that reads it.
 
     Raises

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any
 
 import mitsuba as mi
 
@@ -12,6 +12,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.specification.specification import Specification
 
 
 def refusal_of(scene: Scene) -> InputError | None:
@@ -33,16 +34,16 @@ def refusal_of(scene: Scene) -> InputError | None:
 class _Props:
     """Properties of a parsed part, with nested objects in the form that they have when built."""
 
-    def __init__(self, props: Any, nodes: Any) -> None:
+    def __init__(self, props: mi.Properties, nodes: Sequence[mi.parser.SceneNode]) -> None:
         self._props, self._nodes = props, nodes
 
     def __contains__(self, name: str) -> bool:
         return name in self._props
 
-    def get(self, name: str) -> Any:
+    def get(self, name: str) -> object:
         return self._props.get(name)
 
-    def objects(self) -> list[tuple[str, Any]]:
+    def objects(self) -> list[tuple[str, SimpleNamespace]]:
         names = [name for name in self._props.keys() if self._props.type(name) == _REFERENCE]  # noqa: SIM118
         parts = ((name, _part(self._nodes[self._props[name].index()], self._nodes)) for name in names)
         return [(name, SimpleNamespace(specification=part)) for name, part in parts]
@@ -51,7 +52,7 @@ class _Props:
 _REFERENCE = mi.Properties.Type.ResolvedReference
 
 
-def _part(node: Any, nodes: Any) -> Any:
+def _part(node: mi.parser.SceneNode, nodes: Sequence[mi.parser.SceneNode]) -> Specification | None:
     """The Python object of a node; None if it is not a plugin of this package."""
     stated = specifications().get(node.props.plugin_name())
     return None if stated is None else stated.read(_Props(node.props, nodes))

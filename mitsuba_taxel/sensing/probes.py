@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -24,7 +22,7 @@ _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
 """If this share of the light is left after these reflections, 1e-4 is left after 131072 reflections."""
 
 
-def refuse_unreadable(scene: mi.Scene, integrator: Any) -> None:
+def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
     """Raise a ComputationError for a scene whose light never ends, or is hardly found by paths of `taxel_path`."""
     if getattr(integrator, "max_depth", None) in (None, -1):
         _refuse_endless_light(scene)
@@ -45,7 +43,7 @@ def _refuse_endless_light(scene: mi.Scene) -> None:
             )
 
 
-def _may_return_all(end: Any) -> bool:
+def _may_return_all(end: mi.Endpoint) -> bool:
     """Whether the face of an LED or a phototransistor reflects all light but 1e-4, or its reflectance is unknown."""
     cover = end.get_shape().bsdf()
     name = "led" if is_led(end) else "phototransistor"

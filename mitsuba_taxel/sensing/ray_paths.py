@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -45,7 +45,7 @@ class Step(NamedTuple):
     weight: mi.Float
 
 
-def emit(scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: Any) -> tuple[mi.Point3f, mi.Ray3f]:
+def emit(scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler) -> tuple[mi.Point3f, mi.Ray3f]:
     """A point on each LED of ``index``, and the ray that leaves from there."""
     source = pair.led.sample_point(index, sampler.next_2d())
     direction = pair.led.sample_direction_of_emission(sampler.next_2d())
@@ -58,7 +58,7 @@ def follow(
     ray: mi.Ray3f,
     power: mi.Float,
     clearance: mi.Float,
-    sampler: Any,
+    sampler: mi.Sampler,
     most_reflections: int,
     weighted: int,
     visit: Callable[[Step], None],

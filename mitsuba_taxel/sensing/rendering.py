@@ -14,7 +14,9 @@ from mitsuba_taxel.sensing.probes import refuse_unreadable
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 
-def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, develop: bool, evaluate: bool):
+def render(
+    integrator: mi.Integrator, scene: mi.Scene, sensor: mi.Sensor, seed: int, spp: int, develop: bool, evaluate: bool
+):
     """The irradiance map [W/mm²] of one sensor for `mi.render`, (height, width, channels)."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
@@ -38,7 +40,7 @@ def render(integrator: Any, scene: mi.Scene, sensor: Any, seed: int, spp: int, d
     return result
 
 
-def refuse_derivatives(integrator: Any, *_: Any, **__: Any) -> None:
+def refuse_derivatives(integrator: mi.Integrator, *_: Any, **__: Any) -> None:
     """Refuse `dr.forward` and `dr.backward` through images of our integrators; raises `InputError`."""
     raise InputError(
         f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: take "

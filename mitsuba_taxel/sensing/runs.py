@@ -34,7 +34,7 @@ class Prepared(NamedTuple):
     """A scene that is loaded, checked, and has an integrator."""
 
     scene: mi.Scene
-    integrator: Any
+    integrator: mi.Integrator
     parameters: dict[str, str]
     notes: list[str]  # which integrator was chosen and why, if the scene names none
 

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakSet
 
 from mitsuba_taxel.backend import activate_variant, in_turn
@@ -19,6 +19,9 @@ from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.sensing.left_out import parse_scene, used_by
 
+if TYPE_CHECKING:
+    import mitsuba as mi
+
 FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
 END_OF_PATH = "the load path ends at"
@@ -26,7 +29,7 @@ END_OF_PATH = "the load path ends at"
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""
 
-_EMITTERS: WeakSet[Any] = WeakSet()
+_EMITTERS: WeakSet[mi.Emitter] = WeakSet()
 """Emitters of the scenes that have been loaded and not been freed."""
 
 NESTED_SCENE = "a scene stands in another object, where it means nothing: take it out."
@@ -93,7 +96,7 @@ class Scene(Displayed):
         return Scene(self.source, given, mesh_size)
 
     @in_turn
-    def load(self) -> Any:
+    def load(self) -> mi.Scene:
         """Build the ``mi.Scene``, in the current variant or the default one.
 
         Raises
@@ -125,7 +128,7 @@ class Scene(Displayed):
             heed_packages(live)
             return live
 
-    def _refuse_contact(self, config: Any) -> None:
+    def _refuse_contact(self, config: mi.parser.ParserConfig) -> None:
         """Raise if a pad touches a package before the end of its load path, as pads do not know the packages."""
         import mitsuba as mi
 
@@ -172,13 +175,13 @@ class Scene(Displayed):
         finally:
             mi.set_file_resolver(before)
 
-    def _refuse_far_transforms(self, state: Any) -> None:
+    def _refuse_far_transforms(self, state: mi.parser.ParserState) -> None:
         for props in (node.props for node in state.nodes):
             for message in far_transforms(props).values():
                 raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
 
-    def parsed(self, config: Any) -> Any:
-        """Mitsuba's ``ParserState``, before anything is built."""
+    def parsed(self, config: mi.parser.ParserConfig) -> mi.parser.ParserState:
+        """The parsed description, before anything is built."""
         import mitsuba as mi
 
         if isinstance(self.source, dict):
@@ -204,7 +207,7 @@ def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:
             _refuse_none(value, name)
 
 
-def _take_load(props: Any) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
+def _take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
     """Remove the load of a pad and its history, and return its value and the history."""
     from mitsuba_taxel.specification.deformable_pad import LOADS, DeformablePad
 
@@ -305,7 +308,7 @@ def _depth(root: ElementTree.Element) -> int:
     return depth
 
 
-def far_transforms(props: Any) -> dict[str, str]:
+def far_transforms(props: mi.Properties) -> dict[str, str]:
     """Error messages for transformations of a part with invalid numbers, by name."""
     import mitsuba as mi
     import numpy as np
@@ -333,7 +336,7 @@ def _is_near(value: str) -> bool:
         return True  # a word
 
 
-def parser_config(variant: str) -> Any:
+def parser_config(variant: str) -> mi.parser.ParserConfig:
     """Settings of Mitsuba's parser."""
     import mitsuba as mi
 

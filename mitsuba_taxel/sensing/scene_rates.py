@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 import numpy as np
@@ -25,6 +25,9 @@ from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.specification import Specification, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics import Material
 
 STEP = 1e-3
 """Step relative to a parameter, or to 1 if it is 0."""
@@ -70,8 +73,8 @@ class Rates:
     place: np.ndarray
     material: dict[str, float]
     pad: dict[str, float]
-    scenes: list[tuple[float, Any]]
-    at: Callable[[float], Any]
+    scenes: list[tuple[float, mi.Scene]]
+    at: Callable[[float], mi.Scene]
 
 
 def rates(scene: Scene, name: str) -> Rates:
@@ -112,10 +115,10 @@ class _Parameter:
     name: str
     unit: str
     value: float
-    at: Callable[[float], Any]
+    at: Callable[[float], mi.parser.ParserState]
 
 
-def _found(scene: Scene, name: str, config: Any) -> _Parameter:
+def _found(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Parameter:
     if name in scene.parameters:
         text = scene.parameters[name]
         assert isinstance(scene.source, Path)
@@ -149,7 +152,7 @@ def _found(scene: Scene, name: str, config: Any) -> _Parameter:
         raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {parts}: give it a <default>.")
     ((number, _, parameter, value),) = nodes
 
-    def changed(other: float) -> Any:
+    def changed(other: float) -> mi.parser.ParserState:
         state = _parsed(scene, config, {})
         props = state.nodes[number].props
         if isinstance(index, str):
@@ -184,12 +187,14 @@ def _undeformed(part: DeformablePad) -> Pad:
     return pad
 
 
-def _parsed(scene: Scene, config: Any, changes: dict[str, str]) -> Any:
+def _parsed(scene: Scene, config: mi.parser.ParserConfig, changes: dict[str, str]) -> mi.parser.ParserState:
     given = Scene(scene.source, {**scene.parameters, **changes}, scene.mesh_size) if changes else scene
     return given.parsed(config)
 
 
-def _differences(scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: Any) -> Rates:
+def _differences(
+    scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: mi.parser.ParserConfig
+) -> Rates:
     base = parameter.at(parameter.value)
     states = [(weight, parameter.at(parameter.value + offset)) for weight, offset in stencil]
     pad = _pad(base)
@@ -206,7 +211,7 @@ def _differences(scene: Scene, parameter: _Parameter, stencil: list[tuple[float,
     if any(_others(base) != _others(state) for _, state in states):
         scenes = [(weight, _with_pad_of(base, state, config)) for weight, state in states]
 
-    def at(value: float) -> Any:
+    def at(value: float) -> mi.Scene:
         with scene.files_beside_it():
             return _with_pad_of(base, parameter.at(value), config)
 
@@ -223,7 +228,7 @@ def _differences(scene: Scene, parameter: _Parameter, stencil: list[tuple[float,
     )
 
 
-def _with_pad_of(base: Any, state: Any, config: Any) -> Any:
+def _with_pad_of(base: mi.parser.ParserState, state: mi.parser.ParserState, config: mi.parser.ParserConfig) -> mi.Scene:
     """The scene that Mitsuba parsed as ``state``, loaded with the pad of ``base``."""
     for node, before in zip(state.nodes, base.nodes, strict=True):
         if node.props.plugin_name() == PAD:
@@ -232,7 +237,7 @@ def _with_pad_of(base: Any, state: Any, config: Any) -> Any:
     return mi.parser.instantiate(config, state)
 
 
-def _pad(state: Any) -> DeformablePad:
+def _pad(state: mi.parser.ParserState) -> DeformablePad:
     pads = [node.props for node in state.nodes if node.props.plugin_name() == PAD]
     if len(pads) != 1:
         raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads, one is needed.")
@@ -259,7 +264,7 @@ def _refuse_what_else_changes(parameter: _Parameter, pad: DeformablePad, other: 
             raise InputError(f"{parameter.name} has no derivative: it changes {field.name} of the {PAD}.")
 
 
-def _numbers(part: Any) -> dict[str, float]:
+def _numbers(part: Material) -> dict[str, float]:
     """The constants of a material."""
     return {name: float(value) for name in parameters_of(type(part)) if is_number(value := getattr(part, name))}
 
@@ -269,7 +274,7 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
         total[name] = total.get(name, 0.0) + weight * number
 
 
-def _others(state: Any) -> list[dict[str, Any]]:
+def _others(state: mi.parser.ParserState) -> list[dict[str, Any]]:
     """Parameters of each part except the pad, as comparable values."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
@@ -278,7 +283,7 @@ def _others(state: Any) -> list[dict[str, Any]]:
     ]
 
 
-def _value(props: Any, name: str) -> Any:
+def _value(props: mi.Properties, name: str) -> Any:
     kind = props.type(name)
     if kind == mi.Properties.Type.Transform:
         return np.array(props[name].matrix).tolist()

@@ -24,8 +24,8 @@ MOST_THREADS = 4
 """More threads bring no gain for matrices of pads."""
 
 FEW_UNKNOWNS = 50_000
-"""Smaller matrices are ordered by minimum fill, which is quicker than nested dissection; that gives less fill for larger
-ones."""
+"""Smaller matrices are ordered by minimum fill, which is quicker than nested dissection; larger ones get less fill by
+that."""
 
 ANALYSIS_BYTES = 150
 """Memory per entry for the analysis of a pattern, as measured."""
