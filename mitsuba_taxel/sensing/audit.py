@@ -23,7 +23,7 @@ from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
-from mitsuba_taxel.sensing.ray_paths import Step, emit, follow, landed
+from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -180,7 +180,7 @@ def _trace(
     detected, escaped, lost, unfinished = (row + (first_end + i) for i in range(len(ENDS)))
     most_reflections = dr.opaque(mi.UInt32, limit)
 
-    def book(step: Step) -> None:
+    def book(step: PathStep) -> None:
         surface = surfaces.at(step)
         kept = mi.Float64(step.power) - mi.Float64(step.onward)
         unseen = kept * mi.Float64(surfaces.unseen_share(surface, step))
@@ -247,14 +247,14 @@ class _Surfaces:
         values = [reflectance_of(bsdf) if scatters(bsdf, "rough_mirror") else 0.0 for bsdf in self.bsdfs]
         self.reflectance = mi.Float(np.array(values, dtype=np.float32))
 
-    def at(self, step: Step) -> mi.UInt32:
+    def at(self, step: PathStep) -> mi.UInt32:
         """The number of the surface that is hit."""
         number = dr.minimum(dr.reinterpret_array(mi.UInt32, step.si.shape), self.last)
         start = dr.gather(mi.UInt32, self.starts, number, step.hit)
         stride = dr.gather(mi.UInt32, self.strides, number, step.hit)
         return dr.gather(mi.UInt32, self.table, start + stride * step.si.prim_index, step.hit)
 
-    def unseen_share(self, surface: mi.UInt32, step: Step) -> mi.Float:
+    def unseen_share(self, surface: mi.UInt32, step: PathStep) -> mi.Float:
         """Share of the light lost here that would meet a second facet."""
         reflectance = dr.gather(mi.Float, self.reflectance, surface, step.hit)
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)

@@ -12,7 +12,7 @@ from mitsuba_taxel.kernels.protocols import has_faces, is_led
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
-from mitsuba_taxel.sensing.ray_paths import Step, emit, follow
+from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 NARROWEST_GAP = 0.14
@@ -61,7 +61,7 @@ def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
     left = dr.zeros(mi.Float, _PATHS)
     lane = dr.arange(mi.UInt32, _PATHS)
 
-    def count(step: Step) -> None:
+    def count(step: PathStep) -> None:
         dr.scatter(left, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
 
     _, ray = emit(scene, pair, index, sampler)

@@ -27,7 +27,7 @@ _BATCH = 1 << 14
 _MOST_BATCHES = 64
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """One step of paths, to a surface or out of the scene; one entry per path.
 
     ``active`` are those that had not ended before, and ``hit`` those of them that meet a surface; ``depth`` is the
@@ -61,7 +61,7 @@ def follow(
     sampler: mi.Sampler,
     most_reflections: int,
     weighted: int,
-    visit: Callable[[Step], None],
+    visit: Callable[[PathStep], None],
 ) -> None:
     """Follow light along ``ray`` from wall to wall, and call ``visit`` at each step.
 
@@ -82,14 +82,14 @@ def follow(
         survival = dr.select(depth < first_whole, 1, dr.minimum(weight, 1))
         reflected = (weight > 0) & (sampler.next_1d(hit) < survival)
         onward = dr.select(reflected, power * weight / survival, 0)
-        visit(Step(depth, ray, si, active, hit, power, onward, weight))
+        visit(PathStep(depth, ray, si, active, hit, power, onward, weight))
         active &= reflected & (depth < limit)
         ray = leave(si.p, si.n, si.to_world(bs.wo), clearance)
         power = mi.Float(onward)
         depth += 1
 
 
-def landed(pair: TaxelPair, step: Step) -> tuple[mi.Bool, mi.UInt32]:
+def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
     """Whether light hits the front of a phototransistor of the pair, and which."""
     nearest, _ = pair.sensor.faces.locate(step.si.p)
     inside, _ = pair.sensor.contains(nearest, step.si.p)
@@ -210,7 +210,7 @@ def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list
     distance = pair.led.faces.centres - pair.sensor.faces.centres
     stub = dr.gather(mi.Float, dr.norm(distance), dr.opaque(mi.UInt32, index))
 
-    def record(step: Step) -> None:
+    def record(step: PathStep) -> None:
         end = dr.select(step.hit, step.si.p, step.ray(stub))
         dr.scatter(positions, end, lane * MOST_VERTICES + step.depth + 1, step.active)
         dr.scatter(counts, step.depth + 2, lane, step.active)
