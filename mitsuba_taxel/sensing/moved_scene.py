@@ -72,7 +72,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
 
 
 class MovedScene:
-    """A prepared scene of one pad along one of its parameters.
+    """A prepared scene of one pad, or none, along one of its parameters; without a pad, ``walls`` are None.
 
     Raises
     ------
@@ -82,22 +82,26 @@ class MovedScene:
 
     def __init__(self, ready: Prepared, change: Rates) -> None:
         self._ready, self._change = ready, change
-        (self._pad,) = deformed_pads(ready.scene)
-        if change.pad and self._pad.finish is not None:
+        self._pad = next(iter(deformed_pads(ready.scene)), None)
+        if change.pad and self._pad is not None and self._pad.finish is not None:
             raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
         self._scenes: dict[float, Any] = {0.0: ready.scene}
 
-    def largest_step(self, walls: MovingWalls) -> float:
+    def largest_step(self, walls: MovingWalls | None) -> float:
         """Change of the parameter, in its unit, for which the scene may still be read."""
+        steps = [] if walls is None else self._steps_of_walls(walls)
+        if self._change.scenes or not steps:
+            steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
+        return min(steps)
+
+    def _steps_of_walls(self, walls: MovingWalls) -> list[float]:
+        assert self._pad is not None
         mesh, nodal = self._pad.state.mesh, walls.nodal
         nodes = np.unique(mesh.faces[mesh.face_cell > 0])
         speed = np.linalg.norm((nodal.displacement + nodal.velocity)[nodes], axis=1).max(initial=0.0)
-        steps = [WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed] if speed else []
-        if self._change.scenes or not steps:
-            steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
-        return float(min(steps))
+        return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
 
-    def power(self, offset: float, walls: MovingWalls, seed: int, points: int) -> np.ndarray:
+    def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
         """(R, T) W, the readings with the parameter changed by ``offset``; the scene's pad stays where it is moved.
 
         Raises
@@ -105,13 +109,15 @@ class MovedScene:
         InputError, RuntimeError
             if the scene does not exist there.
         """
-        places, live = self._places(offset, walls), self._scene(offset)
-        move(live, deformed_pads(live), [places])
+        live = self._scene(offset)
+        if walls is not None:
+            move(live, deformed_pads(live), [self._places(offset, walls)])
         run = Run(self._ready._replace(scene=live), seed)
         run.extend_to(points)
         return run.powers
 
     def _places(self, offset: float, walls: MovingWalls) -> Places:
+        assert self._pad is not None
         nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
         if nodal.dimensions:
             assert isinstance(pad, Pad)

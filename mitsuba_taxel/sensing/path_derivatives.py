@@ -1,8 +1,9 @@
-"""Derivatives of readings that need random paths, as with mirrors: differences of readings of moved scenes.
+"""Derivatives of readings that need random paths, as with mirrors or without a pad: differences of readings of moved
+scenes.
 
-Walls move with the first-order rates of the mechanics, and both ends share their random numbers. Differences over a
-step and twice the step are extrapolated (L. F. Richardson, 1911): the correction states what is left of the step, the
-scatter of independent randomisations the noise. The step is chosen by pilot runs with other random numbers.
+Walls of a pad move with the first-order rates of the mechanics, and both ends share their random numbers. Differences
+over a step and twice the step are extrapolated (L. F. Richardson, 1911): the correction states what is left of the
+step, the scatter of independent randomisations the noise. The step is chosen by pilot runs with other random numbers.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import Rates
 
 if TYPE_CHECKING:
+    from mitsuba_taxel.kernels.protocols import PadShape
     from mitsuba_taxel.mechanics.path.second_state import SecondState
 
 LEVELS, FINER = 4, 2
@@ -40,6 +42,8 @@ MORE_POINTS = 2
 """Most points of a derivative, relative to those of the reading."""
 
 Stencil = tuple[tuple[float, float], ...]
+Mean = Callable[[np.ndarray], float]
+"""Root mean square over the taxels with light of changes (R, T)."""
 
 
 def derivatives_of_paths(
@@ -63,11 +67,18 @@ def derivatives_of_paths(
     ComputationError
         if there is no equilibrium nearby.
     """
-    with stages.stage("derivatives"), restored(ready.scene, deformed_pads(ready.scene)):
-        whole = _Whole(changes, ready, seed, points, fixed)
-        nodal = [whole.linear.nodal(change) for change in changes]
+    pads = deformed_pads(ready.scene)
+    with stages.stage("derivatives"), restored(ready.scene, pads):
+        effort = _Effort(ready, seed, points, fixed)
         lit = powers.mean(axis=0) > 0
-        found = [_Along(whole, *each).found(lit) for each in zip(changes, nodal, strict=True)]
+        strain = math.nan, np.full(len(changes), math.nan)
+        if pads:
+            pad = _PadAndSecond(pads[0], changes)
+            nodal = [pad.linear.nodal(change) for change in changes]
+            found = [_AlongWithPad(effort, pad, *each).found(lit) for each in zip(changes, nodal, strict=True)]
+            strain = pad.linear.strain(nodal)
+        else:
+            found = [_Along(effort, change).found(lit) for change in changes]
         values, errors = (np.stack(each, axis=1) for each in zip(*found, strict=True))
         return Derivatives(
             tuple(change.name for change in changes),
@@ -76,37 +87,43 @@ def derivatives_of_paths(
             errors,
             powers.mean(axis=0),
             standard_error(powers),
-            *whole.linear.strain(nodal),
+            *strain,
             BY_PATHS,
         )
 
 
-class _Whole:
-    """A scene, its pad linearised, and its state on a second mesh."""
+class _Effort(NamedTuple):
+    """The readings whose derivatives are wanted, and their random numbers."""
 
-    def __init__(self, changes: list[Rates], ready: Prepared, seed: int, points: int, fixed: bool) -> None:
-        self.ready, self.seed, self.points, self.fixed = ready, seed, points, fixed
-        (self.pad,) = deformed_pads(ready.scene)
-        begins = not self.pad.is_loaded and any(change.load.any() for change in changes)
-        self.linear = LinearisedPad(self.pad, self.pad.at_onset() if begins else self.pad.state)
-        self.displaced = self.pad.is_loaded or begins
-        self.second: SecondState | None = self.pad.second_state() if self.displaced else None
-        self.linear_there = None if self.second is None else LinearisedPad(self.pad, self.second.state)
+    ready: Prepared
+    seed: int
+    points: int
+    fixed: bool
+
+
+class _PadAndSecond:
+    """The pad of a scene, linearised, and its state on a second mesh."""
+
+    def __init__(self, pad: PadShape, changes: list[Rates]) -> None:
+        self.pad = pad
+        begins = not pad.is_loaded and any(change.load.any() for change in changes)
+        self.linear = LinearisedPad(pad, pad.at_onset() if begins else pad.state)
+        self.displaced = pad.is_loaded or begins
+        self.second: SecondState | None = pad.second_state() if self.displaced else None
+        self.linear_there = None if self.second is None else LinearisedPad(pad, self.second.state)
 
 
 class _Along:
-    """Differences along one parameter."""
+    """Differences along one parameter of a scene, in which ``walls`` of a pad move if it has one."""
 
-    def __init__(self, whole: _Whole, change: Rates, nodal: Nodal) -> None:
-        self._whole, self._change = whole, change
-        self._mesh = whole.pad.state.mesh
-        self._walls = walls_on(self._mesh, whole.linear, nodal)
-        self._scene = MovedScene(whole.ready, change)
+    def __init__(self, effort: _Effort, change: Rates, walls: MovingWalls | None = None) -> None:
+        self._effort, self._change, self._walls = effort, change, walls
+        self._scene = MovedScene(effort.ready, change)
 
     def found(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(T,) derivatives and their errors, with those of the shape averaged over the taxels with light (T,)."""
         chosen = self._chosen()
-        read = _Differences(self._scene, chosen.stencil, self._whole.seed, chosen.points)
+        read = _Differences(self._scene, chosen.stencil, self._effort.seed, chosen.points)
         near, far = (read.over(times * chosen.step, self._walls) for times in (1, FINER))
         best = (FINER**2 * near - far) / (FINER**2 - 1)
         errors = [standard_error(best), (best - near).mean(axis=0)]
@@ -114,34 +131,12 @@ class _Along:
         def mean(changes: np.ndarray) -> float:
             return _root_mean_square(changes[:, lit]) if lit.any() else 0.0
 
-        if self._whole.pad.is_curved:
-            chords = MovingWalls(self._walls.displacement, self._walls.nodal, chords=True)
-            errors.append(FACETS_SHARE * mean(read.over(chosen.step, chords) - near) * lit)
-        if self._whole.displaced:
-            errors.append(self._of_mechanics(chosen, read, near, mean) * lit)
+        errors += [error * lit for error in self._of_shape(chosen, read, near, mean)]
         return best.mean(axis=0), np.sqrt(sum(np.square(error) for error in errors))
 
-    def _of_mechanics(
-        self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Callable[[np.ndarray], float]
-    ) -> float:
-        """Error by the finite elements, NaN if unknown."""
-        second, linear = self._whole.second, self._whole.linear_there
-        if second is None or linear is None:
-            return math.nan
-        other = read.over(chosen.step, walls_on(self._mesh, linear, linear.nodal(self._change)))
-        return max(second.share * mean(other - near), second.least * mean(self._through_displacement(chosen, near)))
-
-    def _through_displacement(self, chosen: _Chosen, near: np.ndarray) -> np.ndarray:
-        """(R, T), the part of the derivative through the displacement."""
-        displacement = self._walls.nodal.displacement
-        if not displacement.any():
-            return np.zeros_like(near)
-        if not (self._change.pad or self._change.scenes):
-            return near
-        scene = MovedScene(self._whole.ready, replace(self._change, scenes=[]))
-        still = Nodal(displacement, np.zeros_like(displacement), {})
-        read = _Differences(scene, STENCILS[0], self._whole.seed, chosen.points)
-        return read.over(chosen.step, MovingWalls(self._walls.displacement, still))
+    def _of_shape(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> list[float]:
+        """Errors by the shape of a pad."""
+        return []
 
     def _chosen(self) -> _Chosen:
         """Step, stencil and points with the least error, as pilot runs predict it.
@@ -149,9 +144,9 @@ class _Along:
         What a step leaves behind shows in its difference from twice the step, or is a quarter of what that leaves if
         noise hides it.
         """
-        whole, largest = self._whole, self._scene.largest_step(self._walls) / FINER
-        pilot_points = min(FIRST_POINTS, whole.points)
-        read, step = self._stencil(largest, derived_seed(whole.seed, PILOT), pilot_points)
+        effort, largest = self._effort, self._scene.largest_step(self._walls) / FINER
+        pilot_points = min(FIRST_POINTS, effort.points)
+        read, step = self._stencil(largest, derived_seed(effort.seed, PILOT), pilot_points)
         steps = [step / FINER**level for level in range(LEVELS)]
         differences = [read.over(each, self._walls) for each in steps]
         left, last, twice = list[float](), 0.0, read.over(FINER * step, self._walls)
@@ -164,10 +159,10 @@ class _Along:
         wanted = NOISE * float(np.sqrt((differences[0].mean(axis=0) ** 2).mean()))
 
         def points(number: int) -> int:
-            if whole.fixed or not wanted:
-                return whole.points
-            most = MORE_POINTS * whole.points
-            return min(max(whole.points, math.ceil(pilot_points * (noise[number] / wanted) ** 2)), most)
+            if effort.fixed or not wanted:
+                return effort.points
+            most = MORE_POINTS * effort.points
+            return min(max(effort.points, math.ceil(pilot_points * (noise[number] / wanted) ** 2)), most)
 
         def error(number: int) -> float:
             return math.hypot(noise[number] * math.sqrt(pilot_points / points(number)), left[number])
@@ -191,6 +186,42 @@ class _Along:
         ) from refused
 
 
+class _AlongWithPad(_Along):
+    def __init__(self, effort: _Effort, pad: _PadAndSecond, change: Rates, nodal: Nodal) -> None:
+        self._pad, self._mesh = pad, pad.pad.state.mesh
+        self._moving = walls_on(self._mesh, pad.linear, nodal)
+        super().__init__(effort, change, self._moving)
+
+    def _of_shape(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> list[float]:
+        errors = []
+        if self._pad.pad.is_curved:
+            chords = MovingWalls(self._moving.displacement, self._moving.nodal, chords=True)
+            errors.append(FACETS_SHARE * mean(read.over(chosen.step, chords) - near))
+        if self._pad.displaced:
+            errors.append(self._of_mechanics(chosen, read, near, mean))
+        return errors
+
+    def _of_mechanics(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> float:
+        """Error by the finite elements, NaN if unknown."""
+        second, linear = self._pad.second, self._pad.linear_there
+        if second is None or linear is None:
+            return math.nan
+        other = read.over(chosen.step, walls_on(self._mesh, linear, linear.nodal(self._change)))
+        return max(second.share * mean(other - near), second.least * mean(self._through_displacement(chosen, near)))
+
+    def _through_displacement(self, chosen: _Chosen, near: np.ndarray) -> np.ndarray:
+        """(R, T), the part of the derivative through the displacement."""
+        displacement = self._moving.nodal.displacement
+        if not displacement.any():
+            return np.zeros_like(near)
+        if not (self._change.pad or self._change.scenes):
+            return near
+        scene = MovedScene(self._effort.ready, replace(self._change, scenes=[]))
+        still = Nodal(displacement, np.zeros_like(displacement), {})
+        read = _Differences(scene, STENCILS[0], self._effort.seed, chosen.points)
+        return read.over(chosen.step, MovingWalls(self._moving.displacement, still))
+
+
 class _Chosen(NamedTuple):
     step: float
     stencil: Stencil
@@ -202,14 +233,14 @@ class _Differences:
 
     def __init__(self, scene: MovedScene, stencil: Stencil, seed: int, points: int) -> None:
         self._scene, self.stencil, self._seed, self._points = scene, stencil, seed, points
-        self._known: dict[tuple[float, MovingWalls], np.ndarray] = {}
+        self._known: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
 
-    def over(self, step: float, walls: MovingWalls) -> np.ndarray:
+    def over(self, step: float, walls: MovingWalls | None) -> np.ndarray:
         """(R, T) W per unit of the parameter."""
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 
-    def _power(self, offset: float, walls: MovingWalls) -> np.ndarray:
+    def _power(self, offset: float, walls: MovingWalls | None) -> np.ndarray:
         place = offset, walls
         if place not in self._known:
             self._known[place] = self._scene.power(offset, walls, self._seed, self._points)

@@ -63,7 +63,7 @@ class Rates:
     scenes : list[tuple[float, mi.Scene]]
         Weights of scenes in a difference, for changes of other parts; empty if they do not change.
     at : Callable[[float], mi.Scene]
-        The scene with another value of the parameter, with the pad of the present one.
+        The scene with another value of the parameter, with the pad of the present one, if it has any.
     """
 
     name: str
@@ -201,6 +201,8 @@ def _differences(
     load, place, material, dimensions = np.zeros(0), np.zeros(2), dict[str, float](), dict[str, float]()
     for weight, state in states:
         other = _pad(state)
+        if pad is None or other is None:
+            continue
         _refuse_what_else_changes(parameter, pad, other)
         value = weight * np.array(other.load_value)
         load = load + value if len(load) else value
@@ -237,10 +239,13 @@ def _with_pad_of(base: mi.parser.ParserState, state: mi.parser.ParserState, conf
     return mi.parser.instantiate(config, state)
 
 
-def _pad(state: mi.parser.ParserState) -> DeformablePad:
+def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
+    """The deformable pad of a scene, if it has one."""
     pads = [node.props for node in state.nodes if node.props.plugin_name() == PAD]
-    if len(pads) != 1:
-        raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads, one is needed.")
+    if not pads:
+        return None
+    if len(pads) > 1:
+        raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads; allowed is one.")
     pad = DeformablePad.read(pads[0])
     if pad.prony:
         raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")

@@ -42,7 +42,7 @@ def by_paths(scene, *names, points=POINTS, seed=1):
 @pytest.fixture
 def _light_alone(monkeypatch):
     """For comparisons on the same elements."""
-    monkeypatch.setattr(path_derivatives._Along, "_of_mechanics", lambda *_: 0.0)
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "_of_mechanics", lambda *_: 0.0)
 
 
 def on_spheres(field, rms_slope):
@@ -130,7 +130,7 @@ def test_every_law_has_derivatives_with_errors_that_name_the_method():
 def test_the_error_of_the_elements_is_part_of_the_stated_one(monkeypatch):
     scene = pressed(ROUGH)
     whole = by_paths(scene, "fz", points=64).standard_errors
-    monkeypatch.setattr(path_derivatives._Along, "_of_mechanics", lambda *_: 0.0)
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "_of_mechanics", lambda *_: 0.0)
     assert np.all(by_paths(scene, "fz", points=64).standard_errors < whole)
     monkeypatch.undo()
     monkeypatch.setattr("mitsuba_taxel.mechanics.second_state", lambda *_, **__: None)
@@ -150,11 +150,12 @@ def test_the_scene_is_as_it_was_afterwards():
 def test_walls_that_move_along_are_those_of_a_changed_pad():
     """Nodes of a pad at rest move with its dimensions to those of a pad with others."""
     scene = dome_scene("hemispheric", MIRROR, mesh_size=1.7)
-    whole = path_derivatives._Whole([rates(scene, "cell_size")], prepare(scene), 0, 64, True)
-    along = path_derivatives._Along(whole, rates(scene, "cell_size"), whole.linear.nodal(rates(scene, "cell_size")))
+    effort, change = path_derivatives._Effort(prepare(scene), 0, 64, True), rates(scene, "cell_size")
+    (pad,) = deformed_pads(effort.ready.scene)
+    linear = path_derivatives._PadAndSecond(pad, [change])
+    along = path_derivatives._AlongWithPad(effort, linear, change, linear.linear.nodal(change))
     step, chords = 0.1, replace(along._walls, chords=True)
-    vertices = MovedScene(whole.ready, along._change)._places(step, chords).vertices
-    (pad,) = deformed_pads(whole.ready.scene)
+    vertices = MovedScene(effort.ready, change)._places(step, chords).vertices
     roof = vertices[np.repeat(pad.surface.region == 1, 3)]
     distance = np.linalg.norm(roof - [0, 0, 0.5], axis=1)  # the height of the cell follows its size
     assert distance == pytest.approx(0.5 * (2.55 + step), abs=1e-6)
