@@ -68,8 +68,8 @@ from .path.sensitivities import (
 from .path.sensitivities import (
     linearise as linearise,
 )
-from .path.state import Memory as Memory
 from .path.state import State as State
+from .path.state import ViscoelasticMemory as ViscoelasticMemory
 from .results.balance import (
     Reactions as Reactions,
 )

@@ -28,7 +28,7 @@ from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
-from mitsuba_taxel.mechanics.path.state import Comparison, PathRate, State
+from mitsuba_taxel.mechanics.path.state import PathRate, State, StateComparison
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
@@ -174,7 +174,7 @@ class PadPath:
 
     def _comparison(
         self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray
-    ) -> Comparison:
+    ) -> StateComparison:
         """What a second mesh tells of a canonical state; deviations of that which ``mirrors`` took there."""
         with LOCK:
             found = self.second_meshes.comparison(value, displacement, pressure)

@@ -20,7 +20,7 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated
-from mitsuba_taxel.mechanics.path.state import Comparison
+from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
 
@@ -70,25 +70,25 @@ class SecondMeshes:
                     break  # and so would those of finer ones, after much more time
         return None
 
-    def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Comparison:
+    def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
         """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
         path = self._path
         if not value.any():
-            return Comparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
+            return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
-        def told(second: PadPath, comparison: RoofComparison) -> Comparison:
+        def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
             glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
             forces = (glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes)
-            return Comparison(
+            return StateComparison(
                 comparison.error(displacement, other),
                 partial(comparison.deviations, displacement, other),
                 comparison.force_error(*forces) if path.load.gives_displacement else 0.0,
                 at.seconds,
             )
 
-        return self.first(told) or Comparison()
+        return self.first(told) or StateComparison()
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""

@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.results.roof_error import RoofError
 
 
-class Comparison(NamedTuple):
+class StateComparison(NamedTuple):
     """Comparison of a state with a second mesh, as in :class:`State`, and the seconds of its equilibria.
 
     ``deviate`` computes the deviations, which only readings need.
@@ -42,7 +42,7 @@ class PathRate(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class ViscoelasticMemory:
     """Additional data of a state of a viscoelastic silicone, as in :class:`State`.
 
     Attributes
@@ -104,7 +104,7 @@ class State(Displayed):
         Returns the rate along the path, from the tangents of its solved states, at no cost: the unit vector
         ``direction`` of the load's value, and the derivative of the ``displacement`` (N, 3) along it, in mm per N, mm
         or MPa, accurate to about 1e-4. None at rest, where no direction is known, and for a viscoelastic silicone.
-    memory : Memory or None
+    memory : ViscoelasticMemory or None
         Of a viscoelastic silicone: its time, stress, and their errors.
     traction : ndarray
         (2 N, 3) MPa, of an indenter's friction at each node of the top, then of the outside; (0, 3) without.
@@ -125,15 +125,15 @@ class State(Displayed):
     newton_iterations: int
     stability_checked: bool
     solved_in: float = 0.0
-    second_mesh: Callable[[], Comparison] = field(default_factory=lambda: Comparison)
+    second_mesh: Callable[[], StateComparison] = field(default_factory=lambda: StateComparison)
     path_rate: Callable[[], PathRate | None] = field(default_factory=lambda: _no_rate)
-    memory: Memory | None = None
+    memory: ViscoelasticMemory | None = None
     traction: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     indenter_moved: np.ndarray | None = None
     bodies: RigidBodies | None = None
 
     @cached_property
-    def _compared(self) -> Comparison:
+    def _compared(self) -> StateComparison:
         return self.second_mesh()
 
     @property

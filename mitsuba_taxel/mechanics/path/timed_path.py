@@ -32,7 +32,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedP
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
 from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, passed
-from mitsuba_taxel.mechanics.path.state import Comparison, Memory, State
+from mitsuba_taxel.mechanics.path.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.path.time_steps import (
     INTERPOLATION_TOLERANCE,
     TIME_TOLERANCE,
@@ -84,7 +84,7 @@ class TimedPath:
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         memory = None
         if self._material.prony:
-            memory = Memory(time, partial(self._overstress, rows), shape.deviation, at.missed)
+            memory = ViscoelasticMemory(time, partial(self._overstress, rows), shape.deviation, at.missed)
         return State(
             path.mesh, path.material, path.load, np.array(value), shape.displacement, shape.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
@@ -322,28 +322,28 @@ class TimedPath:
                 raise ComputationError(self._end(Ended(at, 0.0, f"touches {found.what}"), time, 0.0))
             self._clear.add((key, rows[:count]))
 
-    def _comparison(self, rows: tuple[Row, ...]) -> Comparison:
+    def _comparison(self, rows: tuple[Row, ...]) -> StateComparison:
         """Comparison with the same rows on the first other mesh that reaches them, and in longer steps."""
         with LOCK:
             at, mesh = self.reached(rows), self._path.mesh
             if not at.displacement.any():
-                return Comparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
+                return StateComparison(NO_ERROR, partial(np.zeros, (2, *mesh.points.shape)), 0.0, 0.0)
 
-            def told(second: PadPath, comparison: RoofComparison) -> Comparison:
+            def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
                 other = self.of(second, self._material)
                 there, longer = other.reached(rows), self._longer.reached(rows)
                 solved = (self, at), (other, there), (self, longer)
                 force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
                 of_steps = float(np.linalg.norm(force_longer - force))
                 error = comparison.force_error(force, force_there) + of_steps
-                return Comparison(
+                return StateComparison(
                     comparison.error(at.displacement, there.displacement),
                     partial(self._deviations, comparison.deviations, at, there, longer),
                     error if self._path.load.gives_displacement else 0.0,
                     there.seconds + (0.0 if longer is at else longer.seconds),
                 )
 
-            return self._path.second_meshes.first(told) or Comparison()
+            return self._path.second_meshes.first(told) or StateComparison()
 
     @cached_property
     def _longer(self) -> TimedPath:
@@ -359,7 +359,7 @@ class TimedPath:
         return found
 
     def _overstress(self, rows: tuple[Row, ...], at: Reached | None = None) -> np.ndarray:
-        """(m, q, 6) MPa, of :class:`Memory`."""
+        """(m, q, 6) MPa, of :class:`ViscoelasticMemory`."""
         at = self.reached(rows) if at is None else at
         return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 

@@ -92,7 +92,7 @@ def nodal_fields(
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension; linear in between.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`Memory.overstress` of a state of a viscoelastic silicone.
+        MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
     """
     everywhere = np.empty(len(mesh.points))
     everywhere[: mesh.corner_count] = pressure

@@ -38,7 +38,7 @@ def write_vtu(
     pressure : (corners,) ndarray
         MPa at the corners of elements, positive in tension.
     overstress : (m, q, 6) ndarray, optional
-        MPa, :attr:`Memory.overstress` of a state of a viscoelastic silicone.
+        MPa, :attr:`ViscoelasticMemory.overstress` of a state of a viscoelastic silicone.
     contact_pressure : (N,) ndarray, optional
         MPa, :func:`contact_pressure` of a state under an indenter, written as "contact pressure [MPa]".
 
