@@ -20,8 +20,9 @@ import xarray as xr
 
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.bench.peers.cases import CASES
+from mitsuba_taxel.bench.ramp import ROWS, ramp
 from mitsuba_taxel.kernels.wavefronts import trace
-from mitsuba_taxel.pads import CELL_SHAPES
+from mitsuba_taxel.pads import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing.diffuse_cells import kept_cell
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.taxels import taxels_of
@@ -45,6 +46,11 @@ def speed(target_error: float) -> Iterator[str]:
         yield f"{cell}: nine taxels without random numbers, to {error:.3%} in {seconds:.2f} s"
         alone, together = with_slope(cell)
         yield f"{cell}: a solved pad at -10 N loaded and read in {alone:.2f} s, with slopes by fz in {together:.2f} s"
+        times = ramp(Pad(cell=cell))
+        yield (
+            f"{cell}: {ROWS} rows of a viscoelastic pad in {times.viscoelastic:.2f} CPU s, of an elastic one in "
+            f"{times.elastic:.2f}, each solved in {times.each:.2f}"
+        )
     yield f"taxel render plate.xml, from process start to exit: {first_answer():.2f} s"
     yield f"a reading of nine taxels from an exported model of two forces, one core: {1e6 * exported_model():.1f} us"
     for name in ("plate-1.05", "pad-lambertian", "pad-lambertian-10"):
