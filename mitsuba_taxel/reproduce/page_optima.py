@@ -259,5 +259,5 @@ def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:
 
 
 def _short(cell: str) -> str:
-    """Such as ``parall.`` and ``square\nprofil.``."""
-    return "\n".join(word if len(word) < 7 else f"{word[:6]}." for word in cell.split())
+    """Such as ``parall.`` and ``square\nprofile``."""
+    return "\n".join(word if len(word) < 8 else f"{word[:6]}." for word in cell.split())
