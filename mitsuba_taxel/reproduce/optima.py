@@ -20,6 +20,9 @@ MESH_SIZE = 1.6
 """Mesh size in mm of the designs; the best ones are verified on a finer mesh."""
 LEAST_WALL = 0.8
 """Thinnest wall that the mould allows, in mm."""
+LEAST_RADIUS = 0.3
+"""Least radius of curvature of a roof with a profile, in mm: less leaves a spike, as a mould's thin pin, that light
+without random numbers takes more patches for than are allowed."""
 NOISE = 1e-6
 """One standard deviation of a reading, in W."""
 HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemispheric": 1.775}
@@ -102,8 +105,13 @@ evaluations = {evaluations}
 [[optimise.constraints]]
 figure = "least_wall"
 least = {least_wall}
-[optimise.variables]
+{of_mould}[optimise.variables]
 {variables}
+"""
+_OF_PROFILE = f"""\
+[[optimise.constraints]]
+figure = "least_radius"
+least = {LEAST_RADIUS}
 """
 
 
@@ -140,6 +148,7 @@ def _study(purpose: str, cell: str) -> str:
         evaluations=evaluations,
         asked=PURPOSES[purpose][1],
         least_wall=LEAST_WALL,
+        of_mould=_OF_PROFILE if cell in PROFILES else "",
         variables="\n".join(f"{name} = [{low}, {high}]" for name, (low, high) in (roof | VARIABLES).items()),
     )
 

@@ -21,6 +21,7 @@ from mitsuba_taxel.reproduce.optima import (
     EVALUATIONS,
     HEIGHTS,
     LEAST_HEIGHT,
+    LEAST_RADIUS,
     LEAST_WALL,
     LOWEST,
     MESH_SIZE,
@@ -50,8 +51,9 @@ cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone,
 
 A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
 variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
-{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
-sides, as pyramids do, and starts as the paper's parallelepiped. A *leaning parallelepiped* has tops that may lie up to
+{lowest:g} to {profile_height:g} mm. Its radii of curvature are at least {least_radius:g} mm: in spikes light is not
+followed without random numbers. It starts as the paper's cylinder. A *square profile* has the same curve on four sides,
+as pyramids do, and starts as the paper's parallelepiped. A *leaning parallelepiped* has tops that may lie up to
 {most_lean:g} mm off the axes of the cells along x, that of the force; all cells lean alike.
 
 Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
@@ -91,6 +93,7 @@ def write_optima(found: Optima, docs: Path, command: str) -> Path:
         lowest=LOWEST,
         hemispheric=LEAST_HEIGHT["hemispheric"],
         least_wall=LEAST_WALL,
+        least_radius=LEAST_RADIUS,
         heights=", ".join(f"{HEIGHTS[cell]:g}" for cell in paper.CELLS),
         mesh_size=MESH_SIZE,
         balanced=BALANCED,
