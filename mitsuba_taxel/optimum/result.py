@@ -91,7 +91,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     if again is None:
         notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
     else:
-        notes += again.notes
+        notes += [note for note in again.notes if note not in notes]
     asked = plan.asked
     reads = {"before": course.read(before), "best": course.read(best)}
     if again is not None:
