@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -15,9 +15,8 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.isolated_process import measure_isolated
 from mitsuba_taxel.pads import CELL_SHAPES
-from mitsuba_taxel.reproduce import paper
+from mitsuba_taxel.reproduce.loading import TARGET_ERROR, TARGET_SLOPE
 
-TARGET_ERROR, TARGET_SLOPE = 0.005, 0.02
 PATHS = ("fz", "fx")
 MOST_SECONDS, MOST_MEMORY = 7200.0, 2**40
 """For one shape; solvers reserve several times as many bytes as they use, which is what a limit would count."""
@@ -41,7 +40,8 @@ shape is measured in a process of its own with an empty cache of solutions.
 - **readings within**, **slopes within**: worst total error of nine taxels, one standard deviation; of slopes relative
   to the steepest taxel at the same force.
 - **CPU s**: of all processors, with the search for mesh, steps and points in the normal one; the tangential study takes
-  over mesh and points. Kernels that Dr.Jit has compiled before are not compiled again.
+  over points and mesh, and searches for a finer one only if its slopes miss the target. Kernels that Dr.Jit has
+  compiled before are not compiled again.
 """
 
 
@@ -51,7 +51,7 @@ class NominalRow:
 
     cell: str
     forces: list[int]
-    mesh_size: float | None
+    mesh_size: list[float | None]
     error: list[float]
     slope: list[float]
     steepest: list[float]
@@ -66,27 +66,26 @@ class NominalShape:
     cell: str
 
     def measured(self) -> NominalRow:
-        from mitsuba_taxel.reproduce.loading import settings_of
-        from mitsuba_taxel.studies import sweep
+        from mitsuba_taxel.reproduce import loading
+        from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+        from mitsuba_taxel.reproduce.slopes import slope_share
 
         row = self.failed("")
-        targets: dict[str, Any] = {"target_error": TARGET_ERROR, "target_slope": TARGET_SLOPE}
-        ranges = f"0:{-paper.NORMAL_FORCE}", f"0:{paper.TANGENTIAL_LIMIT[self.cell]}"
-        for force, reached, defines in zip(PATHS, ranges, ({}, {"fz": -paper.CONSTANT_NORMAL_FORCE}), strict=True):
-            start = _processor_seconds()
-            study = sweep("pad.xml", {force: reached}, {"cell": self.cell, **defines}, **targets)
-            row.seconds.append(_processor_seconds() - start)
-            slopes, errors = (study[name].sel(parameter=force).values for name in ("derivative", "derivative_error"))
-            steepest = np.abs(slopes).max(axis=-1)
-            row.forces.append(study.sizes[force])
-            row.error.append(float((study.total_error / study.power).max()))
-            row.slope.append(float((errors.max(axis=-1) / steepest).max()))
-            row.steepest.append(float(steepest.max()))
-            targets = settings_of(study)
-        return NominalRow(**{**vars(row), "mesh_size": targets["mesh_size"]})
+        with TemporaryDirectory() as folder:
+            store = PaperStudies(Path(folder), announce=lambda name: None)
+            for force, studied in (("fz", loading.normal), ("fx", loading.along_x)):
+                start = _processor_seconds()
+                study = studied(store, self.cell)
+                row.seconds.append(_processor_seconds() - start)
+                row.forces.append(study.sizes[force])
+                row.mesh_size.append(loading.settings_of(study)["mesh_size"])
+                row.error.append(float((study.total_error / study.power).max()))
+                row.slope.append(slope_share(study))
+                row.steepest.append(float(np.abs(study.derivative).max()))
+        return row
 
     def failed(self, end: str) -> NominalRow:
-        return NominalRow(self.cell, [], float("nan"), [], [], [], [], end)
+        return NominalRow(self.cell, [], [], [], [], [], [], end)
 
 
 def nominal(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[NominalRow]:
@@ -107,9 +106,10 @@ def nominal_cells(row: NominalRow) -> list[list[str]]:
     """The row as lines of text, below `HEADINGS`."""
     if row.failure:
         return [[row.cell, row.failure, *[""] * (len(HEADINGS) - 2)]]
-    elements = "default" if row.mesh_size is None else f"{row.mesh_size:.2g}"
     lines = []
     for k, force in enumerate(PATHS):
+        size = row.mesh_size[k]
+        elements = "default" if size is None else f"{size:.2g}"
         shares = f"{row.error[k]:.2%}", f"{row.slope[k]:.2%}"
         figures = f"{row.steepest[k] * 1e6:.4g}", f"{row.seconds[k]:.0f}"
         lines.append([row.cell, force, str(row.forces[k]), elements, *shares, *figures])

@@ -13,6 +13,7 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import POISSON_RATIO, YOUNGS_MODULUS
+from mitsuba_taxel.reproduce.slopes import slope_share
 from mitsuba_taxel.studies import sweep
 
 SCENE = "pad.xml"
@@ -26,7 +27,8 @@ PATHS = ("fz", "fx", "fy", "resultant")
 
 def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`."""
-    return {"fz": normal(store, cell), **along_sides(store, cell), **along_diagonal(store, cell)}
+    paths = {"fz": normal(store, cell), "fx": along_x(store, cell), "fy": along_y(store, cell)}
+    return {**paths, "resultant": along_diagonal(store, cell)}
 
 
 def normal(store: PaperStudies, cell: str) -> xr.Dataset:
@@ -38,26 +40,38 @@ def normal(store: PaperStudies, cell: str) -> xr.Dataset:
     )
 
 
-def along_sides(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
-    """Readings under tangential forces along x and y, with the mesh and the light paths of :func:`normal`."""
-    settings = settings_of(normal(store, cell))
-    return {path: _along_side(store, cell, path, settings) for path in ("fx", "fy")}
+def along_x(store: PaperStudies, cell: str) -> xr.Dataset:
+    """Readings under tangential forces along x, with the settings of :func:`normal` as far as slopes allow."""
+    return _along_side(store, cell, "fx", settings_of(normal(store, cell)))
+
+
+def along_y(store: PaperStudies, cell: str) -> xr.Dataset:
+    """The same along y, with the settings of :func:`along_x`."""
+    return _along_side(store, cell, "fy", settings_of(along_x(store, cell)))
 
 
 def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, Any]) -> xr.Dataset:
     vary = {path: f"0:{paper.TANGENTIAL_LIMIT[cell]}"}
     return store.study(
         f"nominal/{cell}_{path}",
-        {"vary": vary, **settings},
-        lambda: sweep(SCENE, vary, _pressed(cell), **settings),
+        {"vary": vary, "target_slope": TARGET_SLOPE, **settings},
+        lambda: within_target(vary, _pressed(cell), settings),
     )
 
 
-def along_diagonal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
+def within_target(vary: dict[str, str], defines: dict[str, Any], settings: dict[str, Any]) -> xr.Dataset:
+    """Readings with the settings of another study, or on finer meshes if the target of slopes asks for them."""
+    study = sweep(SCENE, vary, defines, **settings)
+    if slope_share(study) <= TARGET_SLOPE:
+        return study
+    return sweep(SCENE, vary, defines, target_slope=TARGET_SLOPE, **settings)
+
+
+def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
     """The same along the secondary diagonal, by the resultant."""
     forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
-    name, settings = f"nominal/{cell}_resultant", settings_of(normal(store, cell))
-    return {"resultant": _tangential(store, name, cell, "resultant", forces, settings)}
+    settings = settings_of(along_x(store, cell))
+    return _tangential(store, f"nominal/{cell}_resultant", cell, "resultant", forces, settings)
 
 
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
@@ -72,10 +86,10 @@ def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     With the mesh and the number of light paths of the nominal readings, which are computed if missing. The attribute
     ``failures`` of each gives the reason for the end; its first line is the first failure.
     """
-    settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
     studies = {}
-    for path in PATHS[1:]:
+    for path, within in {"fx": along_x, "fy": along_y, "resultant": along_diagonal}.items():
+        settings = settings_of(within(store, cell))
         study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, settings)
         studies[path] = study.isel({path: np.isfinite(study.power.values).all(axis=study.power.get_axis_num("taxel"))})
     return studies
@@ -105,9 +119,9 @@ def _pressed(cell: str) -> dict[str, Any]:
 def roof_heights(store: PaperStudies, cell: str) -> xr.Dataset:
     """Displacement along z of the top of each cell in mm, at -8 N and with 8 N along the secondary diagonal.
 
-    ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the nominal readings.
+    ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the readings along the diagonal.
     """
-    mesh_size = settings_of(normal(store, cell))["mesh_size"]
+    mesh_size = settings_of(along_diagonal(store, cell))["mesh_size"]
 
     def compute() -> xr.Dataset:
         pad, silicone = Pad(cell), NeoHookean(YOUNGS_MODULUS, POISSON_RATIO)

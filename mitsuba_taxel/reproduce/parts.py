@@ -26,12 +26,10 @@ OF_SHAPES: dict[str, ShapePart] = {
 def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
     """Computations of parts for one shape, ordered in stages that depend only on earlier ones."""
     others = [part for name, part in OF_SHAPES.items() if name in names and name != "nominal"]
-    stages: list[list[ShapePart]] = [
-        [loading.normal] if set(names) - {"analog"} else [],
-        [loading.along_sides, loading.along_diagonal] if "nominal" in names else [],
-        others,
-    ]
-    return [stage for stage in stages if stage]
+    stages: list[list[ShapePart]] = []
+    if set(names) - {"analog"}:
+        stages = [[loading.normal], [loading.along_x], [loading.along_y, loading.along_diagonal]]
+    return [*stages, others] if others else stages
 
 
 def _of_all_shapes(part: ShapePart, store: PaperStudies, *, workers: int | None) -> dict[str, Any]:

@@ -51,6 +51,11 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
     )
 
 
+def slope_share(study: xr.Dataset) -> float:
+    """Largest error of a derivative by a force, relative to that of the steepest taxel at the same force."""
+    return float((study.derivative_error.max("taxel") / np.abs(study.derivative).max("taxel")).max())
+
+
 class Curves(NamedTuple):
     """Readings against a force in N, from the least to the largest.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -46,6 +47,8 @@ SINGLE = 1e-7
 """Relative rounding error of single precision."""
 CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
+COVER, BEYOND = 5.0, 1.01
+"""Deepest ends of such rays within the silicone, relative to that, and how much further on they begin."""
 
 
 IntoPad = Callable[..., np.ndarray]
@@ -190,16 +193,38 @@ class DiffuseCells:
         return mi.Ray3f(mi.Point3f(origin), direction)
 
     def hidden_share(self, sources: np.ndarray, ends: np.ndarray, share: np.ndarray) -> float:
-        """Share of a reading on paths that are occluded by anything but the package; see :meth:`Cell.flows`."""
+        """Share of a reading on paths that are occluded by anything but the package; see :meth:`Cell.flows`.
+
+        Patches are coarser than the triangles of the walls, which may cover an end of a path at an edge: what it leaves
+        the silicone through does not occlude it.
+        """
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
-        ray = self._rays(start, end - start)
-        ray.maxt = mi.Float(1.0)
-        hit = self.scene.ray_intersect_preliminary(ray)
+        way = end - start
+        start, end = (
+            start + self._covered(start, way, COVER * clear) * way,
+            end - self._covered(end, -way, COVER * clear) * way,
+        )
+        _, hit = self._first(start, end - start)
         hidden = np.array(hit.is_valid())
         for package in filter(is_package, self.scene.shapes()):
             hidden &= ~np.array(hit.shape == mi.ShapePtr(package))
         return float(share[hidden].sum())
+
+    def _covered(self, start: np.ndarray, way: np.ndarray, deepest: float) -> np.ndarray:
+        """(N, 1) shares of ways from points, up to where they leave the silicone if it covers these by ``deepest`` mm
+        at most."""
+        ray, hit = self._first(start, way)
+        normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
+        leaves = hit.is_valid() & (hit.shape == mi.ShapePtr(self.pad)) & (dr.dot(ray.d, normal) > 0)
+        share = np.array(dr.select(leaves, hit.t, 0.0))
+        return np.where(share * np.linalg.norm(way, axis=1) <= deepest, BEYOND * share, 0.0)[:, None]
+
+    def _first(self, start: np.ndarray, way: np.ndarray) -> tuple[mi.Ray3f, mi.PreliminaryIntersection3f]:
+        """Rays that end with each way, and the first surfaces that they hit."""
+        ray = self._rays(start, way)
+        ray.maxt = mi.Float(1.0)
+        return ray, self.scene.ray_intersect_preliminary(ray)
 
     def patches(self, number: int, elements: VolumeMesh | None = None) -> WallPatches:
         """The undeformed walls of a cell, with their dependence on the displacement of the pad's elements or others."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel import studies
 from mitsuba_taxel.bench import nominal
+from mitsuba_taxel.reproduce import loading
 
 
 def study(source, vary, defines, **settings):
@@ -31,15 +31,15 @@ def study(source, vary, defines, **settings):
 
 def test_rows_and_page(monkeypatch, tmp_path):
     asked = []
-    monkeypatch.setattr(studies, "sweep", lambda *scene, **targets: asked.append(targets) or study(*scene, **targets))
+    monkeypatch.setattr(loading, "sweep", lambda *scene, **targets: asked.append(targets) or study(*scene, **targets))
     monkeypatch.setattr(nominal, "measure_isolated", lambda case, *limits: case.measured())
     rows = list(nominal.nominal("hemi*"))
     assert asked == [{"target_error": 0.005, "target_slope": 0.02}, {"points": 256, "mesh_size": 0.75}]
     (row,) = rows
-    assert row.forces == [2, 2] and row.mesh_size == 0.75
+    assert row.forces == [2, 2] and row.mesh_size == [0.75, 0.75]
     assert row.error == pytest.approx([3e-3] * 2) and row.slope == pytest.approx([0.02] * 2)
     nominal.write_page([*rows, nominal.NominalShape("spherical").failed("out of memory")], tmp_path / "a.md", "it")
     page = (tmp_path / "a.md").read_text()
     assert page.count("| hemispheric") == 2 and "out of memory" in page
-    by_default = nominal.nominal_cells(replace(row, mesh_size=None))
+    by_default = nominal.nominal_cells(replace(row, mesh_size=[None, None]))
     assert [line[3] for line in by_default] == ["default", "default"]

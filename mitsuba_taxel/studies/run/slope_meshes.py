@@ -63,7 +63,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         else:
             size = scene.mesh_size
             tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
-        finer = finer_mesh(scene, ready, tried, target)
+        finer = None if tried[-1][1] <= target else finer_mesh(scene, ready, tried, target)  # a total error
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
         if finer is None:
