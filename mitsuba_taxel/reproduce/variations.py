@@ -19,7 +19,8 @@ from mitsuba_taxel.studies.plan.files import make_folder
 POINTS = {"parallelepiped": 1024, "cylindrical": 1024, "spherical": 1024, "hemispheric": 2048}
 """Light paths for each reading and randomisation: light scattered many times within a dome needs more."""
 MORE = 16
-"""Factor on these if slopes are differences of readings."""
+"""Factor on these if slopes are differences of readings. Over such steps, these have much less noise than derivatives
+by random paths in the same time."""
 NORMAL = "0,-10,-20"
 TANGENTIAL = "0,4,8"
 """Force steps in N; the tangential ones are under the paper's normal force, and within the limits of all shapes."""

@@ -200,16 +200,21 @@ class DiffuseCells:
         """
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (each[:, 0] + clear * each[:, 1] for each in (sources, ends))
-        way = end - start
-        start, end = (
-            start + self._covered(start, way, COVER * clear) * way,
-            end - self._covered(end, -way, COVER * clear) * way,
-        )
-        _, hit = self._first(start, end - start)
-        hidden = np.array(hit.is_valid())
-        for package in filter(is_package, self.scene.shapes()):
-            hidden &= ~np.array(hit.shape == mi.ShapePtr(package))
+        hidden = np.flatnonzero(self._occluded(start, end))
+        if len(hidden):
+            start, end = start[hidden], end[hidden]
+            covered = self._covered(start, end - start, COVER * clear), self._covered(end, start - end, COVER * clear)
+            start, end = (1 - covered[0]) * start + covered[0] * end, (1 - covered[1]) * end + covered[1] * start
+            hidden = hidden[self._occluded(start, end)]
         return float(share[hidden].sum())
+
+    def _occluded(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """(N,) whether anything but the package stands between points."""
+        _, hit = self._first(start, end - start)
+        occluded = np.array(hit.is_valid())
+        for package in filter(is_package, self.scene.shapes()):
+            occluded &= ~np.array(hit.shape == mi.ShapePtr(package))
+        return occluded
 
     def _covered(self, start: np.ndarray, way: np.ndarray, deepest: float) -> np.ndarray:
         """(N, 1) shares of ways from points, up to where they leave the silicone if it covers these by ``deepest`` mm
@@ -281,9 +286,10 @@ def _kept_mesh(rest: bytes, degree: int) -> Mesh:
     return Mesh(np.frombuffer(rest).reshape(-1, len(LATTICE), 3), degree)
 
 
-@lru_cache(maxsize=40)
+@lru_cache(maxsize=80)
 def kept_cell(mesh: Mesh, parts: bytes) -> Cell:
-    """Cached for the derivatives of a reading, and for studies that read a scene again."""
+    """Cached for the derivatives of a reading, and for studies that read a scene again: enough for three states of nine
+    cells, which the search for steps and meshes has solved before."""
     return Cell(mesh, *pickle.loads(parts))
 
 
