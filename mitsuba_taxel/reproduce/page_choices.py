@@ -14,9 +14,9 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import figures, paper, plate
 from mitsuba_taxel.reproduce.analysis import PUBLISHED, against_table_one, least, table_one
 from mitsuba_taxel.reproduce.comparison import Fit, pairs_in_order
-from mitsuba_taxel.reproduce.page_words import Found, steepest
+from mitsuba_taxel.reproduce.page_words import Found, paragraph, steepest
 from mitsuba_taxel.reproduce.slopes import Sensitivity
-from mitsuba_taxel.reproduce.variations import FINER_MESH, NOMINAL_LAW, NOMINAL_SPACING, choices
+from mitsuba_taxel.reproduce.variations import FINER_MESH, NOMINAL, NOMINAL_LAW, NOMINAL_SPACING, choices
 
 NEAR_THE_DATASHEET = 0.03
 """Largest distance in mm of a peak from the datasheet's to count as consistent."""
@@ -57,12 +57,21 @@ in mm at which the part reads most under a mirror plate.
 
 {markdown_table(head, rows)}
 
+{_computed(tables)}
+
 A sensor whose packages are turned by 90 degrees has x and y exchanged; Table 1 takes the steeper of the two.
 
 {_influence(tables)}
 
 {_unexplained(tables, fits, heights)}
 """
+
+
+def _computed(tables: Mapping[str, Any]) -> str:
+    """How many choices are computed, and which are not."""
+    names = [choice.words for choice in choices() if choice.words not in tables]
+    missing = f" Not computed: {'; '.join(names)}." if names else ""
+    return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
 
 
 def _heights(found: Found) -> dict[str, plate.Peak]:
@@ -83,7 +92,7 @@ def _height(peak: plate.Peak) -> str:
 
 def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) -> str:
     """The single choices, ranked by their effect on the eight slopes."""
-    nominal = tables["nominal"]
+    nominal = tables[NOMINAL]
 
     def moved(words: str) -> float:
         logs = [
@@ -93,7 +102,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
         ]
         return math.exp(math.sqrt(float(np.mean(np.square(logs)))))
 
-    single = [choice.words for choice in choices() if choice.single]
+    single = [choice.words for choice in choices() if choice.single and choice.words in tables]
     ranked = sorted(single, key=moved, reverse=True)
     listed = ", ".join(f"{words} ({moved(words):.2f})" for words in ranked)
     return f"Single choices by the typical factor by which they change a slope: {listed}."

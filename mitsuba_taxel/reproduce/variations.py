@@ -10,7 +10,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce import paper
-from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 from mitsuba_taxel.reproduce.plate import LAWS, SPACINGS
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER, moduli, write_scene
 from mitsuba_taxel.studies import sweep
@@ -25,7 +25,7 @@ NORMAL = "0,-10,-20"
 TANGENTIAL = "0,4,8"
 """Force steps in N; the tangential ones are under the paper's normal force, and within the limits of all shapes."""
 
-NOMINAL_SPACING, NOMINAL_LAW = 0.9, "uniform_solid_angle"
+NOMINAL, NOMINAL_SPACING, NOMINAL_LAW = "nominal", 0.9, "uniform_solid_angle"
 FINER_MESH = "elements of 1 mm"
 """Not a choice of the paper, but a test of the finite elements of 1.25 mm."""
 ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror"}
@@ -41,7 +41,13 @@ class Variation:
 
     @property
     def name(self) -> str:
-        return "_".join(self.words.replace(",", "").replace("=", "").split()) or "nominal"
+        return "_".join(self.words.replace(",", "").replace("=", "").split())
+
+    @property
+    def cost(self) -> int:
+        """A number by which choices are ordered: paths of other pads, and many random paths upwards, take longest."""
+        other_pad = bool({"c10", "mesh_size"} & set(self.values))
+        return 2 * (self.values.get("law") == "uniform_polar_angle" or other_pad) + (not self.has_derivatives)
 
     @property
     def has_derivatives(self) -> bool:
@@ -66,7 +72,7 @@ def choices() -> list[Variation]:
         Variation(FINER_MESH, {"mesh_size": 1.0}),
     ]
     pairs = [both(one, other) for first in (spacings, roofs) for one in first for other in laws]
-    return [Variation("nominal", {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
+    return [Variation(NOMINAL, {}, single=False), *spacings, *laws, *roofs, *others, *pairs]
 
 
 def both(one: Variation, other: Variation) -> Variation:
@@ -77,13 +83,23 @@ def both(one: Variation, other: Variation) -> Variation:
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
     """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
 
-    A tangential force along y is one along x on a sensor whose packages are turned by 90 degrees.
+    A tangential force along y is one along x on a sensor whose packages are turned by 90 degrees. The costliest choices
+    are computed last; of a store that computes nothing, those are returned that are complete.
+
+    Raises
+    ------
+    MissingStudy
+        if the nominal sensor is missing.
     """
     scene = store.folder / "variations" / "choices.xml"
-    return {
-        choice.words: {cell: _loads(store, scene, choice, cell, workers) for cell in paper.CELLS}
-        for choice in choices()
-    }
+    found = {}
+    for choice in sorted(choices(), key=lambda choice: choice.cost):
+        try:
+            found[choice.words] = {cell: _loads(store, scene, choice, cell, workers) for cell in paper.CELLS}
+        except MissingStudy:
+            if NOMINAL not in found:
+                raise
+    return {choice.words: found[choice.words] for choice in choices() if choice.words in found}
 
 
 def _loads(

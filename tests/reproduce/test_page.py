@@ -117,6 +117,15 @@ def holds(cell: str, expected: float) -> bool:
 
 
 @pytest.mark.usefixtures("painted_figures")
+def test_choices_without_results_are_named(found, tmp_path):
+    some = {words: cells for words, cells in found["variations"].items() if "mirror" not in words}
+    page = write_page({"variations": some}, tmp_path, "it").read_text(encoding="utf-8")
+    missing = "mirror roof; mirror roof, LED uniform_polar_angle; mirror roof, LED lambertian"
+    assert f"{len(some)} of {len(some) + 3} choices and pairs. Not computed: {missing}." in " ".join(page.split())
+    assert "Single choices" in page and "mirror roof (" not in page
+
+
+@pytest.mark.usefixtures("painted_figures")
 def test_the_whole_page(found, tmp_path):
     page = write_page(found, tmp_path, "taxel reproduce -o DIR --docs docs").read_text(encoding="utf-8")
     pictures = re.findall(r"\]\((paper/\w+\.png)\)", page)

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.reproduce import variations
 from mitsuba_taxel.reproduce.paper_studies import MissingStudy, PaperStudies
 from mitsuba_taxel.reproduce.parts import PARTS, chosen
 
@@ -53,3 +54,23 @@ def test_parts_are_chosen_by_name_and_group():
     assert chosen("analog, optics") == ["fig4", "fig5", "fig6", "peak", "analog"]
     with pytest.raises(InputError, match="only = 'fig7' is not allowed"):
         chosen("fig4,fig7")
+
+
+def test_choices_that_are_complete_are_found_without_the_others(tmp_path, monkeypatch):
+    """The costliest are computed last: all forces and shapes of the others are there when random paths begin."""
+    computed: list[str] = []
+    store = PaperStudies(tmp_path, computed.append)
+
+    def sweep(*scene, **settings):
+        if not settings["derivatives"]:
+            raise KeyboardInterrupt
+        return xr.Dataset(coords={"taxel": [1, 2]}, attrs={"failures": ""})
+
+    monkeypatch.setattr(variations, "sweep", sweep)
+    with pytest.raises(MissingStudy):
+        variations.vary(PaperStudies(tmp_path), None)
+    with pytest.raises(KeyboardInterrupt):
+        variations.vary(store, None)
+    found = variations.vary(PaperStudies(tmp_path), None)
+    assert list(found) == [choice.words for choice in variations.choices() if not choice.cost]
+    assert len(computed) == 12 * len(found) + 1
