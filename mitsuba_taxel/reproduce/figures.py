@@ -105,21 +105,23 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
 def tangential_curves(
     nominal: Mapping[str, Mapping[str, xr.Dataset]], beyond: Mapping[str, Mapping[str, xr.Dataset]] | None, file: Path
 ) -> None:
-    """Change of power at -8 N against tangential force, of a corner taxel and the centre; dashed beyond the paper."""
+    """Change of power at -8 N against tangential force, of a corner taxel and the centre; dashed beyond the paper, on
+    from there, as meshes may be coarser."""
     paths = ("fx", "fy", "resultant")
     with _figure(file, len(paths), len(nominal), (12, 8), sharex=True) as axes:
         for column, (cell, studies) in enumerate(nominal.items()):
             for row, path in enumerate(paths):
                 ax = axes[row, column]
                 runs = [(studies[path], "-"), *([(beyond[cell][path], "--")] if beyond else [])]
+                reached = 0.0
                 for study, dash in runs:
                     places, power = _curves(study, path)
-                    if dash == "-":
-                        start = power[0]
+                    change = reached + power - power[0]
+                    reached = change[-1]
                     for number, taxel in enumerate((CORNER, CENTRE)):
                         style = {"color": COLOURS[number], "linestyle": dash, "linewidth": 0.9}
                         label = f"taxel {taxel}" if dash == "-" else None
-                        ax.plot(places, (power - start)[:, taxel - 1], label=label, **style)
+                        ax.plot(places, change[:, taxel - 1], label=label, **style)
                 ax.grid(alpha=0.3)
                 ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
                 ax.set_xlabel(ABSCISSAE[path])

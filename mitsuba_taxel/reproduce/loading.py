@@ -83,13 +83,14 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
     """The tangential paths beyond the paper's limits, in steps of 1 N, to the end of the load path.
 
-    With the mesh and the number of light paths of the nominal readings, which are computed if missing. The attribute
-    ``failures`` of each gives the reason for the end; its first line is the first failure.
+    With the mesh and the number of light paths of :func:`normal`, which is computed if missing: those of the readings
+    below the limits may be finer. The attribute ``failures`` of each gives the reason for the end; its first line is
+    the first failure.
     """
+    settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)
     studies = {}
-    for path, within in {"fx": along_x, "fy": along_y, "resultant": along_diagonal}.items():
-        settings = settings_of(within(store, cell))
+    for path in PATHS[1:]:
         study = _tangential(store, f"beyond/{cell}_{path}", cell, path, forces, settings)
         studies[path] = study.isel({path: np.isfinite(study.power.values).all(axis=study.power.get_axis_num("taxel"))})
     return studies
