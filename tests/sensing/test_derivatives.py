@@ -314,7 +314,6 @@ def test_readings_and_slopes_do_not_depend_on_the_patches_of_the_light(cell, mon
         (lambda: pad_scene(), "power.led", "it is no number of the scene"),
         (lambda: pad_scene(load="pressure", pressure=0.01), "fz", "it is no number of the scene"),
         (lambda: Scene.from_file("pad.xml"), "cell", "it is not a number"),
-        (lambda: Scene.from_file("plate.xml"), "z", "0 deformable pads"),
     ],
 )
 def test_what_has_no_derivative_is_refused(scene, name, words):
