@@ -196,7 +196,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
         By choice, then ``normal`` and ``tangential``, then shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
-    rows = np.arange(len(found))
+    rows, ticks = np.arange(len(found)), (*TICKS, 10_000)
     with _figure(file, 1, 2, (11, 0.32 * len(found) + 1.8), sharey=True) as axes:
         for ax, kind in zip(axes[0], theirs, strict=True):
             for number, cell in enumerate(paper.CELLS):
@@ -207,7 +207,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
                 ax.errorbar(x, rows + 0.15 * (number - 1.5), xerr=bar, label=cell, **style)
                 ax.axvline(1e6 * theirs[kind][cell], color=COLOURS[number], linestyle=DASHES[number], linewidth=0.9)
             ax.set_xscale("log")
-            ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS], fontsize=8)
+            ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=8)
             ax.minorticks_off()
             ax.set_title(f"{kind} force (lines: paper)", fontsize=10)
             ax.set_xlabel("steepest slope [µW/N]")

@@ -10,6 +10,8 @@ import xarray as xr
 
 from mitsuba_taxel.reproduce import loading, paper, plate
 from mitsuba_taxel.reproduce.analysis import (
+    PUBLISHED,
+    against_table_one,
     expected_of_counting,
     explanations,
     nonlinearity_of,
@@ -18,6 +20,7 @@ from mitsuba_taxel.reproduce.analysis import (
     table_one,
 )
 from mitsuba_taxel.reproduce.page import SECTIONS, write_page
+from mitsuba_taxel.reproduce.slopes import Sensitivity
 from mitsuba_taxel.reproduce.variations import choices
 
 NORMAL = {"parallelepiped": 40e-6, "cylindrical": 30e-6, "spherical": 20e-6, "hemispheric": 10e-6}
@@ -161,6 +164,19 @@ def test_numbers_that_go_with_the_square_root_are_recognised(nominal):
     assert fits["square root of the reading"].p > 0.999
     assert fits["maximum slope with counting noise"].p > 0.5
     assert fits["true maximum slope"].p < 1e-6
+
+
+def test_the_factor_of_table_one_does_not_depend_on_the_errors():
+    """Numbers that are twice ours for one force and 18 times for the other are 6 times on average, and 3 off."""
+    times = {"normal": 2.0, "tangential": 18.0}
+
+    def one(kind: str, number: int, cell: str) -> Sensitivity:
+        slope = PUBLISHED[kind][cell] / times[kind]
+        return Sensitivity(slope, slope * 10.0**-number, 0.0, 1, slope, 0.0)
+
+    table = {kind: {cell: one(kind, number, cell) for number, cell in enumerate(paper.CELLS, 1)} for kind in times}
+    fit = against_table_one(table)
+    assert (fit.scale, fit.misfit) == pytest.approx((6, 3))
 
 
 def test_table_one_takes_the_steeper_direction(nominal, make_study):
