@@ -67,7 +67,7 @@ def _residual(
         stuck = (k + 1) * count + np.flatnonzero(sticks)
         residual[stuck], slope[stuck] = answer[k + 1][sticks], matrix[stuck]
     way, at = tried / size, np.flatnonzero(slides)
-    share = np.minimum(most / size, 1.0)[at]
+    share = (np.minimum(most, size) / size)[at]
     along = [unit[(k + 1) * count + at] - matrix[(k + 1) * count + at] / ease[1][at, None] for k in range(2)]
     radial = way[0][at, None] * along[0] + way[1][at, None] * along[1]
     for k in range(2):

@@ -46,3 +46,9 @@ def test_rounding_in_flexible_contact_does_not_keep_it_from_settling():
     expected = np.concatenate([1 + places, 0.1 * np.sin(9 * places), 0 * places])
     found = tractions(matrix, -matrix @ expected, 0.3, np.zeros(180))
     np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_place_pressed_without_traction_overflows_nowhere():
+    found = tractions(np.diag([0.02, 1.0, 1.0]), np.array([-3.0, 0.0, 0.0]), 0.3, np.array([100.0, 0.0, 0.0]))
+    np.testing.assert_allclose(found, [150, 0, 0], atol=1e-9)
