@@ -18,6 +18,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     PlateDisplacement,
     PlateForce,
     Pressure,
+    SpreadForce,
 )
 from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import silicone
@@ -77,7 +78,7 @@ def stability_cases() -> list[Case]:
     """The rows of the table, in its order."""
     materials = (_poisson_ratios, _stiffnesses, _laws)
     pads = (_walls, _sizes, _arrays)
-    loads = (_loads, _indenters, _large_forces, _one_step)
+    loads = (_loads, _indenters, _large_forces, _self_contacts, _one_step)
     meshes = (_default_meshes, _meshes)
     return [case for kind in (*materials, *pads, *loads, *meshes) for case in kind()]
 
@@ -180,6 +181,16 @@ def _large_forces() -> Iterator[Case]:
     for shape in CELL_SHAPES:
         for name, x, y in (("x", 40.0, 0.0), ("the diagonal", 40 * math.sqrt(0.5), 40 * math.sqrt(0.5))):
             yield Case(f"{shape}, 40 N along {name} at -8 N", Pad(shape), value=(x, y, -8.0), with_finer_mesh=False)
+
+
+def _self_contacts() -> Iterator[Case]:
+    """Beyond the first touch, where the reason why a path ends must not depend on the mesh."""
+    load = SpreadForce(self_contact=True)
+    for words, value in (("-200 N", (0.0, 0.0, -200.0)), ("40 N along x at -8 N", (40.0, 0.0, -8.0))):
+        for shape in CELL_SHAPES:
+            for size in (MESH_SIZE, DEFAULT_MESH_SIZE):
+                name = f"{shape}, mesh of {size:g} mm, {words} with self_contact"
+                yield Case(name, Pad(shape), load=load, value=value, mesh_size=size)
 
 
 def _one_step() -> Iterator[Case]:

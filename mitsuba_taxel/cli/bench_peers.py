@@ -70,6 +70,18 @@ def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: 
     _show(COLUMNS, table(sizes or MESH_SIZES, ratios or POISSON_RATIOS), file)
 
 
+@peers.command("ball", short_help="A ball pressed into a cell, beside CalculiX.")
+@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be given again.")
+@click.option("--depth", "depths", multiple=True, type=float, metavar="MM", help="May be given again.")
+@csv_option
+@debug_option
+def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path | None) -> None:
+    """Compare the force and the displacement under a ball with CalculiX, on the same mesh."""
+    from mitsuba_taxel.bench.peers.pressed_ball import COLUMNS, DEPTHS, MESH_SIZES, table
+
+    _show(COLUMNS, table(sizes or MESH_SIZES, depths or DEPTHS), file)
+
+
 def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Path | None) -> None:
     """Print rows as they come, and write them at the end."""
     kept = []

@@ -29,6 +29,8 @@ class CalculixRun:
     ----------
     displacement : (N, 3) ndarray
         Of each node in mm, to seven digits, as many as the program prints.
+    force : (3,) ndarray
+        In N, on the body that is moved; NaN without one.
     seconds : float
         Wall time of the whole process: it reads the deck, solves, and writes the displacements.
     increments : int
@@ -38,6 +40,7 @@ class CalculixRun:
     """
 
     displacement: np.ndarray
+    force: np.ndarray
     seconds: float
     increments: int
     iterations: int
@@ -67,40 +70,61 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
     ComputationError
         if the program ends without the whole load applied.
     """
+    return run(deck(mesh, material, force), len(mesh.points), threads)
+
+
+def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
+    """Run the program on its input ``text``, which prints displacements of all ``nodes``, and maybe a force, last."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        folder.joinpath(f"{_JOB}.inp").write_text(deck(mesh, material, force))
+        folder.joinpath(f"{_JOB}.inp").write_text(text)
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
         start = time.perf_counter()
-        run = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
+        done = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
         seconds = time.perf_counter() - start
-        if run.returncode:
-            raise ComputationError(f"ccx stopped: {_complaint(run.stdout + run.stderr)}.")
+        if done.returncode:
+            raise ComputationError(f"ccx stopped: {_complaint(done.stdout + done.stderr)}.")
         status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
         increments = sum(not row[2].endswith("U") for row in status)  # U: given up
-        return CalculixRun(read_displacement(folder / f"{_JOB}.dat"), seconds, increments, len(convergence))
+        table = folder / f"{_JOB}.dat"
+        moved, force = read_displacement(table, nodes), read_force(table)
+        return CalculixRun(moved, force, seconds, increments, len(convergence))
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
     """Input of the program. The order of C3D10's mid-edge nodes (12, 23, 13, 14, 24, 34) is that of our meshes."""
     load = nodal_forces(mesh, force)
-    lines = ["*NODE, NSET=ALL"]
-    lines += [f"{n},{x:.13e},{y:.13e},{z:.13e}" for n, (x, y, z) in enumerate(mesh.points, start=1)]
-    lines += ["*ELEMENT, TYPE=C3D10, ELSET=ALL"]
-    lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
-    lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
-    lines += [f"{0.5 * material.shear_modulus:.13e},{2 / bulk_modulus(material):.13e}"]
-    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=SILICONE", "*BOUNDARY"]
-    lines += [f"{n},1,3" for n in np.flatnonzero(held(mesh)) + 1]
+    lines = pad_lines(mesh, material)
     lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
     lines += [f"{n + 1},{axis + 1},{load[n, axis]:.13e}" for n, axis in np.argwhere(load)]
-    lines += ["*NODE PRINT, NSET=ALL, FREQUENCY=1000000", "U", "*END STEP", ""]  # after the last increment only
+    lines += ["*NODE PRINT, NSET=PAD, FREQUENCY=1000000", "U", "*END STEP", ""]  # after the last increment only
     return "\n".join(lines)
 
 
-def read_displacement(file: Path) -> np.ndarray:
-    """(N, 3) displacements in mm of nodes 1 to N, from a `.dat` file with one table."""
-    return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2)
+def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
+    """The part of the input before the step that holds the pad: the set PAD of nodes, and of elements."""
+    lines = ["*NODE, NSET=PAD", *node_lines(mesh.points, 1), "*ELEMENT, TYPE=C3D10, ELSET=PAD"]
+    lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
+    lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
+    lines += [f"{0.5 * material.shear_modulus:.13e},{2 / bulk_modulus(material):.13e}"]
+    lines += ["*SOLID SECTION, ELSET=PAD, MATERIAL=SILICONE", "*BOUNDARY"]
+    return lines + [f"{n},1,3" for n in np.flatnonzero(held(mesh)) + 1]
+
+
+def node_lines(points: np.ndarray, first: int) -> list[str]:
+    """Lines of nodes (N, 3), numbered from ``first`` on."""
+    return [f"{n},{x:.13e},{y:.13e},{z:.13e}" for n, (x, y, z) in enumerate(points, start=first)]
+
+
+def read_displacement(file: Path, nodes: int) -> np.ndarray:
+    """(N, 3) displacements in mm of nodes 1 to N, from a `.dat` file that begins with their table."""
+    return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
+
+
+def read_force(file: Path) -> np.ndarray:
+    """(3,) N, the total force that a `.dat` file ends with; NaN if it holds none."""
+    _, _, total = file.read_text().partition("total force")
+    return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
 
 
 def _rows(file: Path) -> list[list[str]]:

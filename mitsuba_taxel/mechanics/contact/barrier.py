@@ -18,7 +18,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP
 from mitsuba_taxel.pads.pad import REGIONS
 
-REACH = 4e-3
+REACH = 2e-3
 """Distance from which on walls repel each other, relative to the pad's height."""
 REACH_AT_REST = 0.5
 """The same, at most, relative to the smallest distance of triangles of the undeformed pad that share no corner."""
@@ -65,8 +65,8 @@ class Barrier:
             *(np.asfortranarray(part) for part in (mesh.points[self._nodes], np.unique(sides, axis=0), triangles))
         )
         height = float(np.ptp(mesh.points[:, 2]))
-        self.reach = REACH * height
-        self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
+        self.reach = REACH / REACH_AT_REST * height  # how far is looked
+        self.reach = REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 

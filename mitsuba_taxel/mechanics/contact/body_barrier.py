@@ -64,8 +64,8 @@ class BodyBarrier:
             for part in ("sides", "triangles")
         )
         self._mesh = ipc.CollisionMesh(places, np.asfortranarray(sides), np.asfortranarray(triangles))
-        self.reach = REACH * float(np.ptp(mesh.points[:, 2]))
-        self.reach = min(self.reach, REACH_AT_REST * self.gap(np.zeros_like(mesh.points)))
+        self.reach = REACH / REACH_AT_REST * float(np.ptp(mesh.points[:, 2]))  # how far is looked
+        self.reach = REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 

@@ -16,6 +16,11 @@ from mitsuba_taxel.bench.peers.elements import table
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads import REGIONS, Pad, mesh_pad
 
+TOTAL = """
+ total force (fx,fy,fz) for set BALL and time  0.1000000E+01
+
+       -1.389803E-02 -7.737624E-03 -1.156888E+00
+"""
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 
 
@@ -121,8 +126,8 @@ def test_deck_holds_mesh_load_and_moduli(meshes):
     assert [float(word) for word in blocks["*HYPERELASTIC"][0]] == pytest.approx([mu / 2, 2 / kappa], rel=1e-12)
 
 
-def test_table_of_displacements_is_read(tmp_path):
-    from mitsuba_taxel.bench.peers.calculix import read_displacement
+def test_displacements_and_force_are_read(tmp_path):
+    from mitsuba_taxel.bench.peers.calculix import read_displacement, read_force
 
     file = tmp_path / "pad.dat"
     file.write_text(
@@ -131,7 +136,11 @@ def test_table_of_displacements_is_read(tmp_path):
         "         2  5.914691E-02  1.896835E-17 -5.971062E-02\n"
     )
     expected = [[0, -7.40724e-17, 0.03757569], [0.05914691, 1.896835e-17, -0.05971062]]
-    assert np.array_equal(read_displacement(file), expected)
+    assert np.array_equal(read_displacement(file, 2), expected)
+    assert np.isnan(read_force(file)).all()
+    file.write_text(file.read_text() + TOTAL)
+    assert np.array_equal(read_displacement(file, 2), expected)
+    assert np.array_equal(read_force(file), [-0.01389803, -7.737624e-03, -1.156888])
 
 
 @pytest.mark.parametrize("cell, tolerance", [("parallelepiped", 1e-12), ("cylindrical", 1e-3)])
