@@ -189,7 +189,7 @@ def _self_contacts() -> Iterator[Case]:
     for words, value in (("-200 N", (0.0, 0.0, -200.0)), ("40 N along x at -8 N", (40.0, 0.0, -8.0))):
         for shape in CELL_SHAPES:
             for size in (MESH_SIZE, DEFAULT_MESH_SIZE):
-                name = f"{shape}, mesh of {size:g} mm, {words} with self_contact"
+                name = f"{words} on {shape} cells with self_contact, mesh of {size:g} mm"
                 yield Case(name, Pad(shape), load=load, value=value, mesh_size=size)
 
 

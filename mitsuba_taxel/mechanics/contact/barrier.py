@@ -42,6 +42,8 @@ class Barrier:
         Of the whole undeformed pad, which stands on the board.
     modulus : float
         MPa, pressure of the repulsion for its size: that at a third of the reach is about twice it.
+    share : float
+        Of the usual reach.
 
     Attributes
     ----------
@@ -54,7 +56,7 @@ class Barrier:
         without `ipctk`.
     """
 
-    def __init__(self, mesh: VolumeMesh, modulus: float) -> None:
+    def __init__(self, mesh: VolumeMesh, modulus: float, share: float = 1.0) -> None:
         self._ipc = ipc = ipctk_of_one_thread()
         faces = mesh.faces[mesh.face_region != REGIONS["bottom"]]
         self._nodes, number = np.unique(faces, return_inverse=True)
@@ -66,7 +68,7 @@ class Barrier:
         )
         height = float(np.ptp(mesh.points[:, 2]))
         self.reach = REACH / REACH_AT_REST * height  # how far is looked
-        self.reach = REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
+        self.reach = share * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 

@@ -32,6 +32,8 @@ class BodyBarrier:
     modulus : float
         MPa, as of the pad's own barrier.
     bodies : RigidBodies
+    share : float
+        Of the usual reach.
 
     Attributes
     ----------
@@ -44,7 +46,7 @@ class BodyBarrier:
         without `ipctk`.
     """
 
-    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies) -> None:
+    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies, share: float = 1.0) -> None:
         self._ipc = ipc = ipctk_of_one_thread()
         cut = cut_faces(mesh, CUTS)
         kept = cut.triangles[mesh.face_region[cut.faces] != REGIONS["bottom"]]
@@ -65,7 +67,7 @@ class BodyBarrier:
         )
         self._mesh = ipc.CollisionMesh(places, np.asfortranarray(sides), np.asfortranarray(triangles))
         self.reach = REACH / REACH_AT_REST * float(np.ptp(mesh.points[:, 2]))  # how far is looked
-        self.reach = REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
+        self.reach = share * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 

@@ -14,9 +14,9 @@ from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
 class Contacts:
     """The sum of the barriers of a pad; parameters are those of a `BodyBarrier`, whose bodies may be None."""
 
-    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies | None) -> None:
-        self._own = Barrier(mesh, modulus)
-        self._bodies = None if bodies is None else BodyBarrier(mesh, modulus, bodies)
+    def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies | None, share: float = 1.0) -> None:
+        self._own = Barrier(mesh, modulus, share)
+        self._bodies = None if bodies is None else BodyBarrier(mesh, modulus, bodies, share)
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) nodal forces in N of the pad on itself, and of board and bodies on it."""

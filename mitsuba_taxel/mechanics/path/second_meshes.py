@@ -20,6 +20,7 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated
+from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
@@ -71,7 +72,7 @@ class SecondMeshes:
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
-        """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
+        """StateComparison of a canonical state of the path with that on the first other mesh that bears the load."""
         path = self._path
         if not value.any():
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
@@ -88,7 +89,8 @@ class SecondMeshes:
                 at.seconds,
             )
 
-        return self.first(told) or StateComparison()
+        found = self.first(told) or StateComparison()
+        return with_reach(path, found, value, displacement, pressure) if path.load.goes_on else found
 
     def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None if there is no such mesh, or it differs too little in fact."""

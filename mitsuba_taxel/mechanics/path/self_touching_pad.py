@@ -29,20 +29,20 @@ class SelfTouchingPad(LoadedPad):
     """A meshed pad glued to the board, whose walls stay apart, and off the board and rigid ``bodies``.
 
     The whole pad touches itself, also across the mirrors of the part that is solved for. Its barriers and tangent are
-    restricted to displacements of the part. Against others, stability is that of the tangent of the whole. Further
-    parameters are those of a `LoadedPad`.
+    restricted to displacements of the part. Against others, stability is that of the tangent of the whole. The reach of
+    the barriers is a ``share`` of the usual one. Further parameters are those of a `LoadedPad`.
     """
 
     solves_between = True
     _pattern: tuple[bytes, ...] = ()
 
-    def __init__(self, *parts: Any, bodies: RigidBodies | None = None, **more: Any) -> None:
+    def __init__(self, *parts: Any, bodies: RigidBodies | None = None, share: float = 1.0, **more: Any) -> None:
         super().__init__(*parts, **more)
-        self._bodies = bodies
+        self._bodies, self._share = bodies, share
 
     @cached_property
     def _contacts(self) -> Contacts:
-        return Contacts(self.whole, self.material.youngs_modulus, self._bodies)
+        return Contacts(self.whole, self.material.youngs_modulus, self._bodies, self._share)
 
     @cached_property
     def _expansion(self) -> sparse.csr_array:
@@ -51,6 +51,11 @@ class SelfTouchingPad(LoadedPad):
         entries = sign.ravel(), (np.arange(place.size), place.ravel())
         of_part = sparse.csr_array(entries, shape=(place.size, 3 * len(self.part.mesh.points)))
         return sparse.csr_array(self.model.over_unknowns(of_part))
+
+    def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """The unknowns in balance near those of a state, with half the reach."""
+        parts = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
+        return SelfTouchingPad(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
         return known + self._contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)

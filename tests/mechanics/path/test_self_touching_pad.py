@@ -10,18 +10,25 @@ import pytest
 import trimesh
 
 from mitsuba_taxel import PadSensor, PhotoReflector, Scene, measure
+from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X
 from mitsuba_taxel.kernels.mesh_adapter import places_of
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, SpreadForce, Viscoelastic, linearise, load_path
 from mitsuba_taxel.mechanics import reactions as reactions_of
 from mitsuba_taxel.mechanics.contact.barrier import Barrier
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
+from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
+from mitsuba_taxel.mechanics.path.state import StateComparison
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.sensing.audit import energy_audit
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -196,6 +203,34 @@ def test_a_package_off_the_middle_is_touched_by_the_pad_without_symmetry(held):
     assert not beside.bodies.kept_by(ACROSS_X) and held.bodies.kept_by(ACROSS_X)
     np.testing.assert_allclose(beside.displacement, held.displacement, atol=3e-4)
     assert reactions_of(beside).force[2] == pytest.approx(reactions_of(held).force[2], rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "bodies"), [("touching", None), ("held", PACKAGE)])
+def test_the_error_by_the_reach_is_the_change_with_a_far_shorter_one(name, bodies, request):
+    state = request.getfixturevalue(name)
+    bodies = None if bodies is None else RigidBodies(bodies.tobytes())
+    path = pad_path(PAD, LAW, ON, 2.0, bodies=bodies)
+    nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
+    found = with_reach(path, nothing, state.value, state.displacement, state.pressure)
+
+    pads = [SelfTouchingPad(state.mesh, LAW, ON, bodies=bodies, share=share) for share in (1.0, 0.5, 0.25)]
+    unknowns = pads[0].gather(state.displacement, state.pressure)
+    for pad in pads:
+        unknowns = pad.closer(unknowns, state.value)
+    displacement, pressure = pads[0].split(unknowns)  # with an eighth of the reach
+    force = [glued_force(state.mesh, LAW, u, p, region="top")[2] for u, p in
+             ((state.displacement, state.pressure), (displacement, pressure))]  # fmt: skip
+    assert found.force_error == pytest.approx(8 / 7 * abs(force[1] - force[0]), rel=0.1)
+    assert found.force_error > 1e-3 * abs(force[0])
+    deviation, expected = found.deviate()[1] * ERROR_SHARE, 8 / 7 * (displacement - state.displacement)
+    assert np.linalg.norm(deviation - expected) < 0.2 * np.linalg.norm(expected)
+
+
+def test_before_anything_touches_the_reach_makes_no_error():
+    (state,) = pressed(CLEAR)
+    nothing = StateComparison(NO_ERROR, lambda: np.zeros((2, *state.displacement.shape)), 0.0)
+    found = with_reach(pad_path(PAD, LAW, ON, 2.0), nothing, state.value, state.displacement, state.pressure)
+    assert found.force_error == 0 and not found.deviate().any()
 
 
 def test_states_are_the_same_bits_in_any_order(fresh, touching):

@@ -1,0 +1,72 @@
+"""The error of a state by the distance from which its walls repel each other: from the same state with half of it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.convergence import ERROR_SHARE
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
+from mitsuba_taxel.mechanics.path.state import StateComparison
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.mechanics.path.pad_path import PadPath
+
+REMAINDER = 2.0
+"""Error by the reach, which is proportional to it, relative to the change with half of it."""
+
+
+class _Closer(NamedTuple):
+    """A state with half the reach."""
+
+    displacement: np.ndarray
+    pressure: np.ndarray
+    seconds: float
+
+
+def with_reach(
+    path: PadPath, found: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+) -> StateComparison:
+    """The comparison of a canonical state with that of a second mesh, and the error by the reach added to its
+    deviations and to that of the force; nothing is known where the state with half the reach is not found."""
+    deviate = found.deviate
+    closer = None if deviate is None else _closer(path, value, displacement, pressure)
+    if deviate is None or closer is None:
+        return StateComparison(seconds=found.seconds)
+
+    def both() -> np.ndarray:
+        along, rest = deviate()
+        left = REMAINDER * (closer.displacement - displacement) / ERROR_SHARE
+        return np.array([along, left + np.copysign(1.0, (rest * left).sum()) * rest])  # which must not cancel by chance
+
+    force_error = found.force_error
+    if path.load.gives_displacement:
+        shapes = (displacement, pressure), (closer.displacement, closer.pressure)
+        here, there = (glued_force(path.mesh, path.material, *shape, region="top") for shape in shapes)
+        force_error += REMAINDER * float(np.linalg.norm(there - here))
+    return StateComparison(found.error, both, force_error, found.seconds + closer.seconds)
+
+
+def _closer(path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> _Closer | None:
+    name = cache.key("closer", *path.key_parts, RESIDUAL_TOLERANCE, value.tolist())
+    with cache.alone(name):
+        arrays = cache.load(name)
+        if arrays is None:
+            began = time.perf_counter()
+            segment, _ = path.segments_to(value)[-1]
+            pad = path.pad_for(segment.origin, segment.direction)
+            assert isinstance(pad, SelfTouchingPad)  # as the load goes on
+            try:
+                unknowns = pad.closer(pad.gather(displacement, pressure), value)
+            except Rejected:
+                return None
+            moved, squeezed = pad.split(unknowns)
+            seconds = np.array(time.perf_counter() - began)
+            arrays = {"displacement": moved, "pressure": squeezed, "seconds": seconds}
+            cache.store(name, arrays)
+    return _Closer(arrays["displacement"], arrays["pressure"], float(arrays["seconds"]))
