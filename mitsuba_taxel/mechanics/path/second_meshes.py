@@ -72,7 +72,7 @@ class SecondMeshes:
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
-        """StateComparison of a canonical state of the path with that on the first other mesh that bears the load."""
+        """Comparison of a canonical state of the path with that on the first other mesh that bears the load."""
         path = self._path
         if not value.any():
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
