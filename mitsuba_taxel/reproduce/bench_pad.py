@@ -25,7 +25,7 @@ from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 SIDE = 5
 """Cells along each side of the pad."""
-TRAVELS = (0.3, 0.6, 1.2, 1.7, 1.95)
+TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05)
 """Travels of the indenter in mm at which a path is read."""
 POINTS, MESH_SIZE = 256, 1.6
 """Light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter, which are

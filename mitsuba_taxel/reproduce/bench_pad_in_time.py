@@ -34,22 +34,32 @@ class Row(NamedTuple):
 
 
 def cycle(
-    store: PaperStudies, press: Press, prony: Prony, friction: float = 0.0, mesh_size: float | None = None
+    store: PaperStudies,
+    press: Press,
+    prony: Prony,
+    late: float = 0.0,
+    friction: float = 0.0,
+    mesh_size: float | None = None,
 ) -> xr.Dataset:
     """Force and readings along a cycle of the measured duration, from rest to rest: by ``row`` with its ``travel``.
 
-    Without terms, the pad is elastic. The last row, at no travel, is not computed: the indenter leaves the pad there.
+    The record begins at a travel of ``late`` mm. Without terms, the pad is elastic. The last row, at no travel, is not
+    computed: the indenter leaves the pad there.
     """
     share = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
-    rows = [Row(round(float(t), 6), round(float(s) * CYCLE_TRAVEL, 6)) for t, s in zip(times, share, strict=True)]
+    most = CYCLE_TRAVEL + late
+    rows = [Row(round(float(t), 6), round(float(s) * most, 6)) for t, s in zip(times, share, strict=True)]
     return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
 
 
-def hold_and_release(store: PaperStudies, press: Press, prony: Prony, mesh_size: float | None = None) -> xr.Dataset:
+def hold_and_release(
+    store: PaperStudies, press: Press, prony: Prony, late: float = 0.0, mesh_size: float | None = None
+) -> xr.Dataset:
     """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
     end = REACHED + HELD
-    held = [Row(REACHED, measured.HELD_AT), *(Row(REACHED + time, measured.HELD_AT) for time in HOLD_TIMES)]
+    travel = round(measured.HELD_AT + late, 6)
+    held = [Row(REACHED, travel), *(Row(REACHED + time, travel) for time in HOLD_TIMES)]
     left = [Row(end, 0.0), *(Row(end + time, 0.0) for time in measured.TAIL_TIMES)]
     return _path(store, "hold", press, prony, [*held, *left], POINTS, mesh_size=mesh_size)
 

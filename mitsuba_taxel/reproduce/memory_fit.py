@@ -94,15 +94,16 @@ class Memory(NamedTuple):
     errors: Errors
 
 
-def results(store: PaperStudies, press: Press) -> Memory:
-    """Fit of the series to the tail, and predictions; missing paths are computed."""
+def results(store: PaperStudies, press: Press, late: float) -> Memory:
+    """Fit of the series to the tail, and predictions; missing paths are computed. Records begin at ``late`` mm."""
 
     def computed(terms: Prony) -> np.ndarray:
-        return tail_of(hold_and_release(store, press, terms))
+        return tail_of(hold_and_release(store, press, terms, late))
 
     terms, paths = fit(computed)
-    study, finer = (hold_and_release(store, press, terms, size) for size in (None, FINER))
-    slow, rubbed = cycle(store, press, terms), cycle(store, press, (), FRICTION)
+    study, finer = (hold_and_release(store, press, terms, late, size) for size in (None, FINER))
+    slow, slow_finer = (cycle(store, press, terms, late, mesh_size=size) for size in (None, FINER))
+    rubbed = cycle(store, press, (), late, FRICTION)
     return Memory(
         terms,
         paths,
@@ -112,7 +113,7 @@ def results(store: PaperStudies, press: Press) -> Memory:
         loop_of(slow),
         loop_of(rubbed),
         float(rubbed.force.max() / slow.force.max()),
-        errors_of(study, finer, slow, cycle(store, press, terms, mesh_size=FINER)),
+        errors_of(study, finer, slow, slow_finer),
     )
 
 

@@ -14,7 +14,7 @@ from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 INDENTER, START = "sphere", (7.5, 1.05)
 """End of the rod, and initial height and radius in mm."""
-PREDICTED_TRAVELS = (0.3, 0.6, 1.2, 1.65, 1.95)
+PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
 """Travels in mm at the other taxels, where paths may end before that of the hold."""
 MAP_TRAVEL = 1.6
 """Travel in mm of the computed map: that of the hold changes it by half a point at most."""
@@ -115,17 +115,18 @@ def results(store: PaperStudies) -> Results:
         else bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
         for taxel in curves
     }
-    compared = {taxel: compare(studies[taxel], taxel, found.modulus, curve) for taxel, curve in curves.items()}
-    centred = held_map(middle)
+    compared = {taxel: compare(studies[taxel], taxel, found, curve) for taxel, curve in curves.items()}
+    held = (found.travel(measured.HELD_AT),)
+    errors = bench_pad.path(store, fitted, held, with_errors=True)
+    finer = bench_pad.path(store, fitted, held, mesh_size=FINER)
+    centred = held_map(errors)
     offset = offset_from(centred, np.array(measured.HELD_MAP))
-    errors = bench_pad.path(store, fitted, (measured.HELD_AT,), with_errors=True)
-    finer = bench_pad.path(store, fitted, (measured.HELD_AT,), mesh_size=FINER)
-    moved = bench_pad.path(store, fitted.moved(*offset.tolist()), (MAP_TRAVEL,))
+    moved = bench_pad.path(store, fitted.moved(*offset.tolist()), (found.travel(MAP_TRAVEL),))
     tried = [_wide(bench_pad.path(store, Press(h, INDENTER, r)), h) for h, r in found.tried]
     there = ring(np.array(measured.HELD_MAP), 1)
     widest = min(tried, key=lambda wide: abs(wide.near - there))
-    held = _wide(middle, fitted.height).held
-    return Results(found, compared, offset, centred, held_map(moved, MAP_TRAVEL), held, errors, finer, widest)
+    change = float(errors.change.sel(taxel=measured.PRESSED).item())
+    return Results(found, compared, offset, centred, held_map(moved), change, errors, finer, widest)
 
 
 def _press_of(found: Found) -> Press:
@@ -133,8 +134,8 @@ def _press_of(found: Found) -> Press:
 
 
 def _wide(study: xr.Dataset, height: float) -> Wide:
-    held = float(study.change.sel(travel=measured.HELD_AT, taxel=measured.PRESSED))
-    return Wide(height, ring(held_map(study), 1), held)
+    held = study.sel(travel=[measured.HELD_AT])
+    return Wide(height, ring(held_map(held), 1), float(held.change.sel(taxel=measured.PRESSED).item()))
 
 
 def measured_curve(taxel: int) -> Curve:
@@ -147,19 +148,21 @@ def curve_of(study: xr.Dataset, taxel: int) -> Curve:
     return Curve(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
 
 
-def compare(study: xr.Dataset, taxel: int, modulus: float, there: Curve) -> Compared:
+def compare(study: xr.Dataset, taxel: int, found: Found, there: Curve) -> Compared:
     """The computed path of a taxel beside its measured curve."""
     computed = curve_of(study, taxel)
     places = np.linspace(0.0, computed.travel[-1], 200)
-    along, here = (computed.at(travel) for travel in (places, there.travel))
-    along, here = (one._replace(force=modulus * one.force) for one in (along, here))
+    along, here = (computed.at(travel) for travel in (places, there.travel + found.late))
+    along, here = (
+        one._replace(travel=one.travel - found.late, force=found.modulus * one.force) for one in (along, here)
+    )
     change = np.interp(there.force, along.force, along.change, right=np.nan)
     return Compared(there, here, along, change, study.attrs["end"])
 
 
-def held_map(study: xr.Dataset, travel: float = measured.HELD_AT) -> np.ndarray:
-    """(5, 5) changes of all taxels at a travel, in percent of the middle one's."""
-    change = study.change.sel(travel=travel).values
+def held_map(study: xr.Dataset) -> np.ndarray:
+    """(5, 5) changes of all taxels at the last travel, in percent of the middle one's."""
+    change = study.change.isel(travel=-1).values
     return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 
 

@@ -1,8 +1,9 @@
 """Height, modulus and end of the indenter of the measured pad, from one taxel alone.
 
 The force of a neo-Hookean pad at a given travel is proportional to its modulus, which therefore has a closed form for
-each shape. The other unknowns are found by least squares on their logarithms, by Gauss's and Newton's method with
-Broyden's update of the derivatives, as each residual costs a path of finite elements (C. G. Broyden, 1965).
+each shape. A record may begin late, when contact was noticed. The unknowns are found by least squares, with logarithms
+of forces and changes linear in those of height and radius, and Broyden's update of their derivatives, as each curve
+costs a path of finite elements (C. G. Broyden, 1965).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares, minimize_scalar
 
 DIFFERENCE = 0.1
 """Relative change of an unknown for the first derivatives."""
@@ -20,6 +22,9 @@ LONGEST = 0.25
 SETTLED = 0.02
 """Relative change of the unknowns below which the search ends."""
 MOST_STEPS = 6
+UNKNOWNS = 4
+LATEST = 0.3
+"""Largest travel in mm at which a record may begin."""
 DIGITS = 3
 """Significant digits of the unknowns, so that paths are found again."""
 
@@ -60,6 +65,10 @@ class Found(NamedTuple):
         Height of the pad and radius of the indenter's end, in mm.
     modulus : float
         In MPa.
+    late : float
+        Travel in mm at which the record begins.
+    deviations : (3,) ndarray
+        Standard errors of height, radius and this travel in mm, from the scatter of the residuals.
     misfit : float
         Root mean square of the residuals of forces and changes, each relative to its largest.
     tried : dict[tuple[float, ...], float]
@@ -68,24 +77,41 @@ class Found(NamedTuple):
 
     unknowns: np.ndarray
     modulus: float
+    late: float
+    deviations: np.ndarray
     misfit: float
     tried: dict[tuple[float, ...], float]
 
+    def travel(self, recorded: float) -> float:
+        """Travel in mm from the first contact, by that of the record, to the digits that name a path."""
+        return round(recorded + self.late, 3)
 
-def modulus(computed: Curve, measured: Curve) -> float:
+
+def lateness(computed: Curve, measured: Curve) -> float:
+    """Travel in mm, at most `LATEST`, at which the record begins, by least squares."""
+    found = minimize_scalar(
+        lambda late: np.square(residuals(computed, measured, late)).sum(),
+        bounds=(0.0, LATEST),
+        method="bounded",
+        options={"xatol": 1e-4},
+    )
+    return round(float(found.x), DIGITS)
+
+
+def modulus(computed: Curve, measured: Curve, late: float = 0.0) -> float:
     """The modulus in MPa by least squares of the forces as far as the path computed with 1 MPa goes."""
-    here = computed.at(measured.travel).force
+    here = computed.at(measured.travel + late).force
     borne = np.isfinite(here)
     return float(here[borne] @ measured.force[borne] / (here[borne] @ here[borne]))
 
 
-def residuals(computed: Curve, measured: Curve) -> np.ndarray:
+def residuals(computed: Curve, measured: Curve, late: float = 0.0) -> np.ndarray:
     """(2 S,) errors of the forces, with the best modulus, and of the changes, each relative to its largest.
 
     Beyond the end of the computed path, errors are those at its last travel.
     """
-    here = computed.at(measured.travel)
-    scaled = modulus(computed, measured) * here.force
+    here = computed.at(measured.travel + late)
+    scaled = modulus(computed, measured, late) * here.force
     found = np.stack(
         [
             (scaled - measured.force) / measured.force.max(),
@@ -99,29 +125,51 @@ def residuals(computed: Curve, measured: Curve) -> np.ndarray:
 
 def fit(pressed: Callable[[float, float], Curve], measured: Curve, start: tuple[float, float]) -> Found:
     """Height and radius whose curve, computed by ``pressed(height, radius)``, is nearest to the measured one."""
-    known: dict[tuple[float, ...], np.ndarray] = {}
+    known: dict[tuple[float, ...], Curve] = {}
 
-    def error(logs: np.ndarray) -> np.ndarray:
+    def computed(logs: np.ndarray) -> Curve:
         key = tuple(rounded(value) for value in np.exp(logs))
         if key not in known:
-            known[key] = residuals(pressed(*key), measured)
+            known[key] = pressed(*key)
         return known[key]
 
-    here = np.log(start)
-    left = error(here)
-    slopes = np.stack([(error(here + row) - left) / DIFFERENCE for row in DIFFERENCE * np.eye(2)], axis=1)
+    here, late = np.log(start), 0.0
+    curve = computed(here)
+    others = [computed(here + row) for row in DIFFERENCE * np.eye(2)]
+    count = min(len(one.travel) for one in (curve, *others))
+    slopes = np.stack([_logs(one, count) - _logs(curve, count) for one in others], axis=-1) / DIFFERENCE
     for _ in range(MOST_STEPS):
-        step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
+
+        def misfit(unknowns: np.ndarray, here=here, curve=curve, slopes=slopes) -> np.ndarray:
+            values = np.exp(_logs(curve, slopes.shape[1]) + slopes @ (unknowns[:2] - here))
+            return residuals(Curve(curve.travel[: slopes.shape[1]], *values), measured, unknowns[2])
+
+        within = [-np.inf, -np.inf, 0.0], [np.inf, np.inf, LATEST]
+        solution = least_squares(misfit, [*here, late], bounds=within)
+        late, step = solution.x[2], solution.x[:2] - here
         step *= min(1.0, LONGEST / np.abs(step).max())
-        there = error(here + step)
-        slopes += np.outer(there - left - slopes @ step, step) / (step @ step)
-        if there @ there < left @ left:
-            here, left = here + step, there
+        there = computed(here + step)
+        count = min(slopes.shape[1], len(there.travel))
+        slopes = slopes[:, :count]
+        missed = _logs(there, count) - _logs(curve, count) - slopes @ step
+        slopes = slopes + missed[..., None] * step / (step @ step)
+        here, curve = here + step, there
         if np.abs(step).max() < SETTLED:
             break
-    tried = {key: float(np.sqrt(np.mean(values**2))) for key, values in known.items()}
+    lates = {key: lateness(one, measured) for key, one in known.items()}
+    errors = {key: residuals(one, measured, lates[key]) for key, one in known.items()}
+    tried = {key: float(np.sqrt(np.mean(values**2))) for key, values in errors.items()}
     best = min(tried, key=lambda key: tried[key])
-    return Found(np.array(best), modulus(pressed(*best), measured), tried[best], tried)
+    jacobian = np.asarray(solution.jac)
+    spread = np.linalg.pinv(jacobian.T @ jacobian) * 2 * solution.cost / (len(solution.fun) - UNKNOWNS)
+    deviations = np.sqrt(np.diag(spread)) * [*best, 1.0]
+    stiffness = modulus(known[best], measured, lates[best])
+    return Found(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
+
+
+def _logs(curve: Curve, count: int) -> np.ndarray:
+    """(2, count) logarithms of forces and changes at the first travels."""
+    return np.log(np.stack([curve.force[:count], curve.change[:count]]))
 
 
 def rounded(value: float) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_taxel.base.markdown import markdown_table
+from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import bench_pad, measured, validation_figures
 from mitsuba_taxel.reproduce.pad_comparison import FINER, MAP_TRAVEL, Compared, Results, ring
 from mitsuba_taxel.reproduce.page_words import paragraph
@@ -37,7 +38,8 @@ def pad_section(found: Results, pictures: Path) -> str:
 its taxels {taxels}. Its height, its silicone and the indenter are not stated.
 
 **Fitted to taxel {fitted} alone**, to its force and its reading at {points} travels, by {tried} paths of
-finite elements; the modulus has a closed form, as forces are proportional to it:
+finite elements; the modulus has a closed form, as forces are proportional to it. A record begins where the robot
+noticed the contact, and how late that is, is found as well:
 
 {markdown_table(["unknown", "value"], _unknowns(found))}
 
@@ -73,11 +75,15 @@ middle of taxel {fitted}. All else in the map is predicted.
 
 
 def _unknowns(found: Results) -> list[list[str]]:
-    height, radius = found.found.unknowns
+    height, radius, late = (
+        with_error(value, error)
+        for value, error in zip([*found.found.unknowns, found.found.late], found.found.deviations, strict=True)
+    )
     return [
-        ["height of the silicone above the dies", f"{height:g} mm"],
-        ["radius of the end of the indenter", f"{radius:g} mm"],
+        ["height of the silicone above the dies", f"{height} mm"],
+        ["radius of the end of the indenter", f"{radius} mm"],
         ["Young's modulus", f"{found.found.modulus:.3g} MPa"],
+        ["travel from the first contact to where the record begins", f"{late} mm"],
     ]
 
 

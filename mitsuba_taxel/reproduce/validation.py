@@ -41,7 +41,7 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     pictures = docs / "validation"
     make_folder(pictures)
     found = results(store)
-    memory = memory_fit.results(store, found.fitted)
+    memory = memory_fit.results(store, found.fitted, found.found.late)
     sections = [
         _HEAD.format(command=command, minutes=MINUTES),
         pad_section(found, pictures),

@@ -34,6 +34,11 @@ def made_up(x=0.0, y=0.0, end=""):
     )
 
 
+FOUND = Found(
+    np.array([7.5, 1.05]), 0.5, 0.0, np.array([0.2, 0.05, 0.01]), 0.01, {(7.5, 1.05): 0.01, (8.0, 1.05): 0.05}
+)
+
+
 def test_taxels_lie_in_rows_from_the_upper_left():
     assert bench_pad.centre_of(1) == (-7.1, 7.1)
     assert bench_pad.centre_of(13) == (0, 0)
@@ -47,11 +52,19 @@ def test_the_offset_is_found_from_the_asymmetry(offset):
 
 
 def test_a_curve_beside_the_measured_one():
-    one = pad_comparison.compare(made_up(), 13, 0.5, pad_comparison.measured_curve(13))
+    one = pad_comparison.compare(made_up(), 13, FOUND, pad_comparison.measured_curve(13))
     inside = one.measured.travel < 1.92
     assert np.abs(one.force_error[inside]).max() < 2
     assert np.abs(one.change_error[inside]).max() < 2
     assert np.isnan(one.force_error[~inside]).all()
+
+
+def test_a_record_that_begins_late_is_compared_from_its_own_start():
+    there = pad_comparison.measured_curve(13)
+    one = pad_comparison.compare(made_up(), 13, FOUND._replace(late=0.1), there._replace(travel=there.travel - 0.1))
+    inside = one.measured.travel < 1.82
+    assert np.abs(one.force_error[inside]).max() < 2
+    assert one.along.travel[0] == pytest.approx(-0.1) and FOUND._replace(late=0.079).travel(1.7) == 1.779
 
 
 def test_voltages_of_the_pad_are_far_from_saturation():
@@ -63,10 +76,10 @@ def test_voltages_of_the_pad_are_far_from_saturation():
 
 def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
     curve = pad_comparison.measured_curve(13)
-    fitted = pad_comparison.compare(made_up(), 13, 0.5, curve)
-    weak = pad_comparison.compare(made_up(end="the pad touches itself."), 13, 0.4, curve)
+    fitted = pad_comparison.compare(made_up(), 13, FOUND, curve)
+    weak = pad_comparison.compare(made_up(end="the pad touches itself."), 13, FOUND._replace(modulus=0.4), curve)
     found = pad_comparison.Results(
-        Found(np.array([7.5, 1.05]), 0.5, 0.01, {(7.5, 1.05): 0.01, (8.0, 1.05): 0.05}),
+        FOUND,
         {13: fitted, 5: weak},
         np.array([-0.3, 0.4]),
         pad_comparison.held_map(made_up()),
@@ -78,7 +91,7 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
     )
     text = page_pad.pad_section(found, tmp_path)
     for words in (
-        "7.5 mm",
+        "7.50 ± 0.20 mm",
         "0.5 MPa",
         "-0.30 mm along x",
         "**not within** the target of 10 %",

@@ -56,8 +56,10 @@ def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
         1.2,
         memory_fit.Errors(np.full(8, 1e-3), np.full(4, 2e-3), 1e-4, memory_fit.Loop(0.05, 0.06, 0.02, 0.01)),
     )
-    monkeypatch.setattr(memory_fit, "results", lambda store, press: memory)
-    monkeypatch.setattr(validation, "results", lambda store: SimpleNamespace(fitted=None))
+    monkeypatch.setattr(memory_fit, "results", lambda store, press, late: memory)
+    monkeypatch.setattr(
+        validation, "results", lambda store: SimpleNamespace(fitted=None, found=SimpleNamespace(late=0.1))
+    )
     rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0, 3.0, 1.0, 33.0)
     monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
