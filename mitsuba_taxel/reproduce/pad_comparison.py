@@ -17,7 +17,7 @@ INDENTER, START = "sphere", (7.5, 1.05)
 PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
 """Travels in mm at the other taxels, where paths may end before that of the hold."""
 MAP_TRAVEL = 1.6
-"""Travel in mm of the computed map: that of the hold changes it by half a point at most."""
+"""Travel in mm of the computed map, under an indenter off the middle, where paths may end before that of the hold."""
 FINER = 1.05
 """Size in mm of smaller elements, on which the fitted pad is held once more."""
 

@@ -63,7 +63,7 @@ gain is needed, and no reading comes near saturation.
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
 While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {held}. All taxels in percent
-of that, in their places, measured / here (at {MAP_TRAVEL:g} mm, which changes them by half a point at most):
+of that, in their places, measured / here (at {MAP_TRAVEL:g} mm):
 
 {markdown_table(heads, _map_rows(found))}
 
@@ -229,15 +229,14 @@ def _map_words(found: Results) -> str:
 
 
 def _widest(found: Results) -> str:
-    """What the pads that were tried tell about a map that is too narrow."""
+    """What the pads that were tried tell about a map that is too narrow or too wide."""
     there, here = (ring(np.array(values), 1) for values in (measured.HELD_MAP, found.centred))
     height, near, held = found.widest
     means = f"The mean of the four nearest taxels is {there:.0f} % measured and {here:.0f} % here."
-    if height == found.found.unknowns[0]:
+    if height == found.found.unknowns[0] or abs(there - here) <= MAP_TARGET:
         return means
     return (
         f"{means} Of the pads tried, that of {height:g} mm comes nearest with {near:.0f} %, but its taxel "
-        f"{measured.PRESSED} changes by {100 * held:.1f} % only while it is held. A blunter end raises that, and bends "
-        "the curve of the force more than measured. Which assumption is wrong, the shape of the end, its friction or "
-        "the light from the roof, these data do not tell."
+        f"{measured.PRESSED} changes by {100 * held:.1f} % while it is held. Which assumption is wrong, these data do "
+        "not tell."
     )
