@@ -18,7 +18,7 @@ from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised
 from mitsuba_taxel.reproduce.scenes import CENTRE, CORNER
 from mitsuba_taxel.reproduce.slopes import Sensitivity, curves
 
-TICKS = (5, 10, 20, 50, 100, 200, 500, 1000)
+TICKS = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 DASHES = ("-", "--", ":", "-.")
 ABSCISSAE = {"fz": "normal force $F_z$ [N]", "fx": "force along x [N]", "fy": "force along y [N]"}
 ABSCISSAE["resultant"] = "force along the diagonal [N]"
@@ -196,7 +196,7 @@ def choices(found: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: 
         By choice, then ``normal`` and ``tangential``, then shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
-    rows, ticks = np.arange(len(found)), (*TICKS, 10_000)
+    rows, ticks = np.arange(len(found)), (10, 100, 1000, 10_000)
     with _figure(file, 1, 2, (11, 0.32 * len(found) + 1.8), sharey=True) as axes:
         for ax, kind in zip(axes[0], theirs, strict=True):
             for number, cell in enumerate(paper.CELLS):

@@ -90,10 +90,11 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     meshes = f"{sizes[0]:.2f} mm" + (f" to {sizes[-1]:.2f} mm" if len(sizes) > 1 else "")
     count = sum(study.power.size for study in studies)
     shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
+    noise = f", of which the noise of the light is at most {light:.2%}" if light else ""
     return (
         f"{count} readings took {wall:.0f} s, summed over their studies ({shares}, summed over processes). The largest "
-        f"total error of a reading is {total:.2%}, of which the light has at most {light:.2%}; the estimated error of "
-        f"the roofs' displacement is at most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
+        f"total error of a reading is {total:.2%}{noise}; the estimated error of the roofs' displacement is at "
+        f"most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
     )
 
 
