@@ -21,8 +21,8 @@ MESH_SIZE = 1.6
 LEAST_WALL = 0.8
 """Thinnest wall that the mould allows, in mm."""
 LEAST_RADIUS = 0.3
-"""Least radius of curvature of a roof with a profile, in mm: less leaves a spike, as a mould's thin pin, that light
-without random numbers takes more patches for than are allowed."""
+"""Least radius of curvature of the roof of a square profile, in mm: spikes take more patches for light without random
+numbers than are allowed."""
 NOISE = 1e-6
 """One standard deviation of a reading, in W."""
 HEIGHTS = {"parallelepiped": 1.55, "cylindrical": 1.55, "spherical": 1.6, "hemispheric": 1.775}
@@ -108,7 +108,7 @@ least = {least_wall}
 {of_mould}[optimise.variables]
 {variables}
 """
-_OF_PROFILE = f"""\
+_OF_SQUARES = f"""\
 [[optimise.constraints]]
 figure = "least_radius"
 least = {LEAST_RADIUS}
@@ -148,7 +148,7 @@ def _study(purpose: str, cell: str) -> str:
         evaluations=evaluations,
         asked=PURPOSES[purpose][1],
         least_wall=LEAST_WALL,
-        of_mould=_OF_PROFILE if cell in PROFILES else "",
+        of_mould=_OF_SQUARES if cell == SQUARE else "",
         variables="\n".join(f"{name} = [{low}, {high}]" for name, (low, high) in (roof | VARIABLES).items()),
     )
 

@@ -51,10 +51,10 @@ cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone,
 
 A *profile* is any roof of revolution given by three points of a spline: with the three dimensions above, its eight
 variables are r of the first two, relative to half of cell_size, from {r1:g} and {r2:g} on, and z of all, from
-{lowest:g} to {profile_height:g} mm. Its radii of curvature are at least {least_radius:g} mm: in spikes light is not
-followed without random numbers. It starts as the paper's cylinder. A *square profile* has the same curve on four sides,
-as pyramids do, and starts as the paper's parallelepiped. A *leaning parallelepiped* has tops that may lie up to
-{most_lean:g} mm off the axes of the cells along x, that of the force; all cells lean alike.
+{lowest:g} to {profile_height:g} mm. It starts as the paper's cylinder. A *square profile* has the same curve on four
+sides, as pyramids do, and starts as the paper's parallelepiped; its radii of curvature are at least {least_radius:g}
+mm, as light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off
+the axes of the cells along x, that of the force; all cells lean alike.
 
 Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
 mesh. *Held by* names active bounds, and *left* is the slope of the objective that neither bounds nor constraints hold,
