@@ -192,7 +192,8 @@ def _roof(one: xr.Dataset) -> list[str]:
 def _lean(one: xr.Dataset) -> list[str]:
     """By how much tops of cells lean."""
     values = _values(one)
-    return [f"tops of cells lie {values['top_x']:.3g} mm off their axes along x"] if "top_x" in values else []
+    said = "tops of cells lie {:.3g} mm off their axes along x, by which the outer wall is thinner there"
+    return [said.format(round(values["top_x"], 6))] if "top_x" in values else []
 
 
 def _left(one: xr.Dataset) -> str:

@@ -76,7 +76,7 @@ def test_the_page(tmp_path):
         "0 failed; as little more was expected), "
         "no allowed design (13 designs, 5 failed; as no more was allowed)\n" in text
     )
-    assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x" in text
+    assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x, by" in text
     for cell in PROFILES:
         assert f"The best {cell} is 1.20 times as sensitive as the paper's parallelepiped cells, and 1.00 times" in text
     assert "{" not in text.replace("{cite}", "")
