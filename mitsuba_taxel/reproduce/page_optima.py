@@ -192,8 +192,11 @@ def _roof(one: xr.Dataset) -> list[str]:
 def _lean(one: xr.Dataset) -> list[str]:
     """By how much tops of cells lean."""
     values = _values(one)
-    said = "tops of cells lie {:.3g} mm off their axes along x, by which the outer wall is thinner there"
-    return [said.format(round(values["top_x"], 6))] if "top_x" in values else []
+    if "top_x" not in values:
+        return []
+    lean = round(values["top_x"], 6)
+    said = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
+    return [said if lean else "it does not lean, as the outer wall would be thinner by as much"]
 
 
 def _left(one: xr.Dataset) -> str:
@@ -210,7 +213,7 @@ def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
     shown = []
     for best, count, failed, close in zip(*columns, strict=True):
         value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
-        ended = "as no more was allowed" if count >= most else "as little more was expected"
+        ended = "as no more was allowed" if count >= most else "as its steps gained no more"
         near = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
         shown.append(f"{value} ({count:.0f} designs{near}, {failed:.0f} failed; {ended})")
     return f"its descents ended at {', '.join(shown)}"

@@ -73,7 +73,7 @@ def test_the_page(tmp_path):
     )
     assert "a *profile* is any" in text.lower() and (
         "- square profile: its descents ended at 60 µW/N (8 designs, within 1% of the best of all after 6, "
-        "0 failed; as little more was expected), "
+        "0 failed; as its steps gained no more), "
         "no allowed design (13 designs, 5 failed; as no more was allowed)\n" in text
     )
     assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x, by" in text
