@@ -12,7 +12,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.mesh_adapter import Places, move_vertices
 from mitsuba_taxel.mechanics.path.pad_path import PadPath
-from mitsuba_taxel.mechanics.path.state import Comparison
+from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.sensing import targets
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import mechanics_share
@@ -71,7 +71,7 @@ def test_parts_of_an_error_that_take_each_other_back_do_not_cancel(llvm_mono):
     ready = prepare(sensor())
     (pad,) = loaded_pads(ready.scene)
     further = 0.01 * pad.state.displacement
-    pad.state = replace(pad.state, second_mesh=lambda: Comparison(deviate=lambda: np.array([-further, further])))
+    pad.state = replace(pad.state, second_mesh=lambda: StateComparison(deviate=lambda: np.array([-further, further])))
     _, changes = mechanics_deviations(ready.scene, lambda: _powers(ready, 1, 1024))
     less, more = changes.mean(axis=1)
     assert less < 0 < more and abs(less + more) < 4 * standard_error(changes.sum(axis=0)) + 0.01 * more

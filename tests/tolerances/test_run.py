@@ -101,12 +101,12 @@ def test_what_is_on_disk(folder, result):
     assert json.loads(tree["nominal"].attrs["circuit"])["transfer"] == 5e-3
 
 
-def test_a_plate_has_no_derivatives_but_spreads(tmp_path):
+def test_a_plate_has_no_linear_answer_but_spreads(tmp_path):
     laws = 'z = { law = "normal", mean = 0.7, sd = 0.01 }\n'
     head = 'scene = "plate.xml"\npoints = 64\ndefine = { scattering = "lambertian" }\n'
     (tmp_path / "study.toml").write_text(f"{head}[tolerance]\nsamples = 8\n[tolerance.of]\n{laws}")
     result = run_tolerance(tmp_path / "study.toml", tmp_path / "out")
-    assert result.notes[0].startswith("no linear answer for z:")
+    assert "A study stores derivatives only without random numbers" in result.notes[1]
     (row,) = result.spread.itertuples()
     assert row.figure == "rest" and row.sd > 0 and np.isnan(row.linear_sd) and row.explained > 0.95
 
