@@ -14,6 +14,8 @@ from mitsuba_taxel.reproduce.page_words import paragraph
 
 ALIKE = 1.1
 """Ratio of widths of loops that counts as agreement."""
+RESOLVED = 2.0
+"""Least width of a loop that is told, relative to its error."""
 
 _LOOPS = (
     ("force at equal travel", "force", measured.FORCE_LOOP),
@@ -93,6 +95,8 @@ def _hold_words(found: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
     hold = "agrees" if within else "**does not agree**"
     change, error = 100 * found.held_change, 100 * found.errors.held_change
     alike = "as" if change - error <= measured.HELD_CHANGE else "**not** as"
+    if error > measured.HELD_CHANGE:
+        alike = "which does not resolve what is"
     return (
         f"The hold {hold} within its scatter. From 0.5 s on its voltage changes by {_with(change, error)} %, {alike} "
         f"measured: by {measured.HELD_CHANGE:g} % at most."
@@ -100,12 +104,16 @@ def _hold_words(found: Memory, forces: np.ndarray, scatters: np.ndarray) -> str:
 
 
 def _loop_words(found: Memory) -> str:
-    ratios = [there / getattr(found.loop, name) for _, name, there in _LOOPS]
+    told = [one for one in _LOOPS if getattr(found.loop, one[1]) > RESOLVED * getattr(found.errors.loop, one[1])]
+    if not told:
+        return "No width of the loop is resolved."
+    ratios = [there / getattr(found.loop, name) for _, name, there in told]
     low, high = min(ratios), max(ratios)
+    rest = f" ({len(_LOOPS) - len(told)} of {len(_LOOPS)} widths are not resolved)" if len(told) < len(_LOOPS) else ""
     if 1 / ALIKE <= low and high <= ALIKE:
-        return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %."
+        return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %{rest}."
     verdict = (
-        f"**The loop does not agree**: the measured ones are {low:.2g} to {high:.2g} times as wide as predicted. "
+        f"**The loop does not agree**: the measured ones are {low:.2g} to {high:.2g} times as wide as predicted{rest}. "
         f"Friction below the indenter opens {found.rubbed.force:.2f} of {measured.FORCE_LOOP:g} % and changes the "
         f"largest force by {100 * (found.stiffer - 1):+.0f} %."
     )

@@ -118,6 +118,16 @@ def test_numbers_decide_what_the_page_says_of_hold_and_loop(changed, words, tmp_
     assert "Mullins" not in text  # that would widen loops
 
 
+def test_widths_below_their_errors_are_no_part_of_the_verdict(tmp_path):
+    errors = memory_fit.Errors(np.zeros(8), np.zeros(4), 0.002, memory_fit.Loop(0.05, 0.06, 0.4, 0.4))
+    made = made_memory(loop=memory_fit.Loop(0.75, 0.8, 0.4, 0.25), errors=errors)
+    text = " ".join(page_memory.memory_section(made, tmp_path).split())
+    assert "10 to 11 times as wide as predicted (2 of 4 widths are not resolved)" in text
+    assert "0.00 ± 0.20 %, which does not resolve what is measured: by 0.15 %" in text
+    none = made._replace(errors=errors._replace(loop=memory_fit.Loop(9, 9, 9, 9)))
+    assert "No width of the loop is resolved." in page_memory.memory_section(none, tmp_path)
+
+
 def test_a_spread_that_tolerances_do_not_reach_is_said():
     rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 15.0, 10.0, 1.0, 1.0, 12.0)
     text = " ".join(page_rest.rest_section(rest).split())
