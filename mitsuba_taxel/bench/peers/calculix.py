@@ -51,6 +51,12 @@ def installed() -> bool:
     return shutil.which("ccx") is not None
 
 
+def require() -> None:
+    """Raise `ComputationError` if CalculiX is not installed."""
+    if not installed():
+        raise ComputationError("ccx is not installed.")
+
+
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:
     """Deform a pad glued to the board by a dead load spread over its undeformed top.
 

@@ -30,8 +30,7 @@ def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Itera
     ComputationError
         if CalculiX is not installed.
     """
-    if not calculix.installed():
-        raise ComputationError("ccx is not installed.")
+    calculix.require()
     for poisson_ratio in poisson_ratios:
         for mesh_size in mesh_sizes:
             yield from rows_of(NeoHookean(poisson_ratio=poisson_ratio), mesh_size)

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import trimesh
 
-from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.peers import calculix
 from mitsuba_taxel.bench.peers.displacement_form import DisplacementForm
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
@@ -49,8 +48,7 @@ def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tupl
     ComputationError
         if CalculiX is not installed.
     """
-    if not calculix.installed():
-        raise ComputationError("ccx is not installed.")
+    calculix.require()
     for mesh_size in mesh_sizes:
         for depth in depths:
             yield row_of(mesh_size, depth)
