@@ -8,16 +8,19 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.scene import Scene
 
+WITHOUT_PAD = "the scene holds no pad: its derivatives are differences of random paths, whose noise studies do not take"
+
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Those of ``names`` for which ``scene`` has no derivative, with the reasons in words."""
+    """Those of ``names`` for which ``scene`` has no derivative that studies take, with the reasons in words."""
     from mitsuba_taxel.sensing.scene_rates import rates
 
     refused = {}
     for name in names:
         try:
-            rates(scene, name)
+            if not rates(scene, name).load.size:
+                refused[name] = WITHOUT_PAD
         except InputError as reason:
             refused[name] = str(reason)
     return refused
