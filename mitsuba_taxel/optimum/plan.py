@@ -396,7 +396,8 @@ class _Asked:
         table = {"figure": given} if isinstance(given, str) else given
         kind = KINDS.get(table.get("figure", "")) if isinstance(table, dict) else None
         if kind is None:
-            raise InputError(f"figure {given!r} is not known: one of {', '.join(KINDS)} is needed.")
+            named = table.get("figure", given) if isinstance(table, dict) else given
+            raise InputError(f"figure {named!r} is not known: one of {', '.join(KINDS)} is needed.")
         told = {name: value for name, value in table.items() if name != "figure"}
         name = table["figure"]
         allowed = (*kind.takes, *(("along",) if kind.lines else ()))
@@ -416,8 +417,9 @@ class _Asked:
         names = (list(self.lines) if several else list(self.lines)[:1]) if given is None else given
         names = [names] if isinstance(names, str) else names
         if not is_row(names, lambda one: isinstance(one, str) and one in self.lines) or len(names) < KINDS[name].lines:
-            some = "lines of loads, two or more" if several else "one line of loads"
-            raise InputError(f"{name}: along = {given!r} is not allowed: {some} of {', '.join(self.lines)} is needed.")
+            some = "two or more lines of loads" if several else "one line of loads"
+            needed = f"of {', '.join(self.lines)} {'are' if several else 'is'} needed"
+            raise InputError(f"{name}: along = {names!r} is not allowed: {some} {needed}.")
         for line in names:
             if len(self.lines[line][1]) < KINDS[name].steps:
                 along = f" along {line}" if line else ""
