@@ -98,6 +98,7 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
             ax.set_ylabel("optical power [W]")
         for ax in axes[-1]:
             ax.set_xlabel(ABSCISSAE["fz"])
+            ax.locator_params("x", nbins=5)
         axes[0, 0].invert_xaxis()
         axes[0, -1].figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right center", title="taxel")
 
