@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,7 +17,10 @@ from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.shape_error import off_by_shape
 from mitsuba_taxel.characterise.summary import common_channel
+from mitsuba_taxel.characterise.volts import volts_table
 from mitsuba_taxel.characterise.wording import as_word, with_error
+from mitsuba_taxel.electronics import Circuit, in_volts
+from mitsuba_taxel.electronics.volts import circuit_of_study
 
 if TYPE_CHECKING:
     import pandas
@@ -28,6 +32,8 @@ NEEDS = {
     "hysteresis": "growing and falling forces",
     "repeatability": "two cycles",
 }
+SLACK = 1 + 1e-9
+"""Factor of forces that are equal to a limit but for rounding."""
 DRAWS = 20_000
 """Random draws for the probabilities: accurate to 0.4 percentage points."""
 
@@ -38,7 +44,8 @@ class Comparison(NamedTuple):
     ``table`` : ``rank``; the parameters in which the variants differ; a column for each figure and its ``_error``;
     ``allowed``, the probability that the variant meets the limits; ``first``, that it is the best of those that do;
     ``behind``, the difference from the first one, and ``behind_error``. ``by``, the figure of the ranking; ``limits``
-    of figures; ``unit`` of each; ``channel``, the channel that represents the taxels; ``notes``.
+    of figures; ``unit`` of each; ``channel``, the channel that represents the taxels; ``volts``, the
+    ``volts_table`` of all studies, None without a circuit; ``notes``.
     """
 
     table: pandas.DataFrame
@@ -46,6 +53,7 @@ class Comparison(NamedTuple):
     limits: dict[str, float]
     unit: dict[str, str]
     channel: str
+    volts: pandas.DataFrame | None
     notes: list[str]
 
 
@@ -63,6 +71,7 @@ def compare(
     *,
     force: str | None = None,
     up_to: float | None = None,
+    circuit: Circuit | None = None,
 ) -> Comparison:
     """Rank the variants of a sensor in studies: one for each combination of the parameters varied besides the force.
 
@@ -72,6 +81,8 @@ def compare(
     of the errors of mechanics and geometry, with their estimated signs, between variants that differ in numerical
     parameters only; variants of other shapes or scenes have independent errors.
 
+    Readings are in volts if there is a circuit, else in watts.
+
     Parameters
     ----------
     studies : Mapping[str, xr.Dataset or xr.DataTree]
@@ -79,23 +90,26 @@ def compare(
     by : str
         One of max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis and repeatability.
     at_most : Mapping[str, float], optional
-        Limits of some of these in their units: % for deviations, %/N and W/N for slopes.
+        Limits of some of these in their units: % for deviations, %/N and W/N, or V/N behind a circuit, for slopes.
     force : str, optional
         Force along which to compare, if the studies vary several.
     up_to : float, optional
         Largest force in N that is used; variants that do not reach it are left out.
+    circuit : Circuit, optional
+        Behind which all readings are compared, instead of those of the studies.
 
     Raises
     ------
     InputError
-        if there are fewer than two variants, or they lack a figure.
+        if there are fewer than two variants, or they lack a figure; or if only some of the studies have a circuit.
     """
     limits = dict(at_most or {})
     for name in (by, *limits):
         if name not in FIGURES:
             raise InputError(f"figure {name!r} is not known: one of {', '.join(FIGURES)} is needed.")
     notes: list[str] = []
-    variants = _in_range(_along(list(_variants(studies)), force), up_to, notes)
+    circuits = _circuits(studies, circuit)
+    variants = _in_range(_along(list(_variants(studies, circuits)), force), up_to, notes)
     if len(variants) < 2:
         raise InputError(f"{len(variants)} variants along a force are not enough: at least two to compare are needed.")
     variants, channel = _one_channel(variants)
@@ -112,20 +126,54 @@ def compare(
     meets = allowed.mean(axis=0)
     order = np.lexsort((-_score(by, value[0]), meets < 0.5))
     table = _table(variants, names, value, covariance, meets, first, order)
-    return Comparison(table, by, limits, units, channel, notes)
+    volts = _volts(studies, circuits, force, up_to) if circuits else None
+    return Comparison(table, by, limits, units, channel, volts, notes)
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
     return -value if by in DEVIATIONS else np.abs(value)
 
 
-def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree]) -> Iterator[_Variant]:
+def _circuits(studies: Mapping[str, xr.Dataset | xr.DataTree], circuit: Circuit | None) -> dict[str, Circuit]:
+    """The circuit behind each study; empty if there is none."""
+    own = {name: circuit or circuit_of_study(study) for name, study in studies.items()}
+    known = {name: each for name, each in own.items() if each is not None}
+    if known and len(known) < len(own):
+        without = next(name for name in own if name not in known)
+        raise InputError(
+            f"{next(iter(known))} in volts and {without} in watts cannot be compared: a circuit for all is needed."
+        )
+    return known
+
+
+def _volts(
+    studies: Mapping[str, xr.Dataset | xr.DataTree],
+    circuits: Mapping[str, Circuit],
+    force: str | None,
+    up_to: float | None,
+) -> pandas.DataFrame:
+    """What the circuits show along the lines that are compared."""
+    import pandas
+
+    tables = [
+        volts_table(study, circuits[name], math.inf if up_to is None else up_to * SLACK).assign(study=name)
+        for name, study in studies.items()
+    ]
+    table = pandas.concat(tables, ignore_index=True)
+    table = table if force is None else table[table.force == force]
+    first = ["force", *(["study"] if len(studies) > 1 else [])]
+    return table[[*first, *(name for name in table.columns if name not in ("force", "study"))]]
+
+
+def _variants(studies: Mapping[str, xr.Dataset | xr.DataTree], circuits: Mapping[str, Circuit]) -> Iterator[_Variant]:
     for name, study in studies.items():
         for each in [study] if isinstance(study, xr.Dataset) else study.leaves:
             scene, leaf = ("", each) if isinstance(each, xr.Dataset) else (each.name, each.to_dataset())
             labels = {**({"study": name} if len(studies) > 1 else {}), **({"scene": scene} if scene else {})}
             numbers = (leaf.attrs.get("seed"), leaf.attrs.get("points"), leaf.sizes["replicate"])
-            found, off = experiments(leaf), [experiments(one) for one in off_by_shape(leaf)]
+            every = (leaf, *off_by_shape(leaf))
+            shown = (in_volts(one, circuits[name]) for one in every) if circuits else every
+            found, *off = map(experiments, shown)
             for number, one in enumerate(found):
                 if one.loading_runs:
                     yield _Variant({**labels, **one.where}, one, [all_[number] for all_ in off], numbers)
@@ -147,7 +195,7 @@ def _in_range(variants: list[_Variant], up_to: float | None, notes: list[str]) -
         return variants
 
     def cut(one: Experiment) -> Experiment:
-        parts = (run.part(np.abs(run.force) <= up_to * (1 + 1e-9)) for run in one.runs)
+        parts = (run.part(np.abs(run.force) <= up_to * SLACK) for run in one.runs)
         return replace(one, runs=tuple(part for part in parts if len(part.force) > 1))
 
     reach = [max(np.abs(run.force).max() for run in variant.reading.runs) for variant in variants]

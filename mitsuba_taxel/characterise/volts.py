@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,21 +13,22 @@ from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import loading_lines, runs
 from mitsuba_taxel.characterise.shape_error import off_by_shape, with_shape
 from mitsuba_taxel.characterise.slopes import slopes
-from mitsuba_taxel.electronics import Circuit, in_volts, power_at, respond, total_noise
+from mitsuba_taxel.electronics import Circuit, in_volts, respond, saturation_force, total_noise
 
 if TYPE_CHECKING:
     import pandas
 
 
-def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit) -> pandas.DataFrame:
-    """One row per line of load and taxel of a study behind a circuit; none if no force is varied.
+def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
+    """One row per line of load, with forces up to a number of newtons, and taxel of a study behind a circuit; none if
+    no force is varied.
 
     Returns
     -------
     Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at
     the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
     ``mean_slope_counts_per_N``; ``noise_force_N``, the noise as a force at the first step, and ``least_noise_force_N``,
-    the least of all steps; ``saturation_N``, the force where the output reaches the circuit's limit, by linear
+    the least of all steps; ``saturation_N``, the least force where the output reaches the circuit's limit, by linear
     interpolation of the power, NaN if it does not.
     """
     import pandas
@@ -36,55 +38,43 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit) -> pandas.Dat
         [
             {"force": row.pop("force"), **({"scene": name} if name else {}), **row}
             for name, leaf in leaves
-            for row in _rows(leaf, circuit)
+            for row in _rows(leaf, circuit, up_to)
         ]
     )
 
 
-def _rows(study: xr.Dataset, circuit: Circuit) -> Iterator[dict[str, Any]]:
+def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
     volts, *off = (in_volts(one, circuit) for one in (study, *off_by_shape(study)))
     for line in loading_lines(study):
         for (where, power), *shown in zip(*(runs(one, line) for one in (study, volts, *off)), strict=True):
-            if len(power.force) < 2:
+            within = np.abs(power.force) <= up_to
+            if within.sum() < 2:
                 continue
-            slope, *moved = (slopes(voltage) for _, voltage in shown)
+            slope, *moved = (slopes(voltage.part(within)) for _, voltage in shown)
             error = with_shape(slope.mean_slope_error, slope.mean_slope, [one.mean_slope for one in moved])
-            found = _figures(circuit, power, slope.mean_slope, error)
+            found = _figures(circuit, power.part(within), slope.mean_slope, error)
             for number, taxel in enumerate(study.taxel.values.tolist()):
                 figures = {name: values[number].item() for name, values in found.items()}
                 yield {"force": line.name, **where, **line.constant, "taxel": taxel, **figures}
 
 
 def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
-    """Each (channels,), along a run from its least force."""
-    order = np.argsort(np.abs(power.force), kind="stable")
+    """Each (channels,), along a run; the first step is that from the least force towards the largest."""
+    order = np.argsort(power.force)
     force, light = power.force[order], np.maximum(power.value[order], 0.0)
     shown, noise = respond(circuit, light), total_noise(circuit, light)
     steps = np.abs(np.diff(shown.voltage, axis=0) / np.diff(force)[:, None])
     with np.errstate(divide="ignore"):
         hidden = np.divide((noise[1:] + noise[:-1]) / 2, steps)
+    least, largest = np.abs(force).argmin(), np.abs(force).argmax()
     return {
-        "rest_V": shown.voltage[0],
-        "rest_counts": shown.counts[0],
-        "noise_V": noise[0],
+        "rest_V": shown.voltage[least],
+        "rest_counts": shown.counts[least],
+        "noise_V": noise[least],
         "mean_slope_V_per_N": slope,
         "mean_slope_V_per_N_error": error,
         "mean_slope_counts_per_N": slope / circuit.step,
-        "noise_force_N": hidden[0],
+        "noise_force_N": hidden[least - (largest < least)],
         "least_noise_force_N": hidden.min(axis=0),
-        "saturation_N": _saturation(circuit, force, light),
+        "saturation_N": saturation_force(circuit, force, light),
     }
-
-
-def _saturation(circuit: Circuit, force: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """(channels,) least force at which the light brings the output to the circuit's limit."""
-    beyond = light - power_at(circuit, np.nextafter(circuit.limit, 0.0))
-    found = np.full(light.shape[1], np.nan)
-    for channel, excess in enumerate(beyond.T):
-        if excess[0] >= 0:
-            found[channel] = force[0]
-        elif (excess >= 0).any():
-            after = int(np.argmax(excess >= 0))
-            share = excess[after - 1] / (excess[after - 1] - excess[after])
-            found[channel] = force[after - 1] + share * (force[after] - force[after - 1])
-    return found

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise.characteristics import NOT_ABOVE, NOT_RESOLVED
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NOT_ABOVE, NOT_RESOLVED, SLOPES
 
 if TYPE_CHECKING:
     import pandas
@@ -16,6 +16,8 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
     letter: f"\\{letter}" for letter in "&%$#_{}"
 }
 
+AS_SHOWN = "As the circuit shows it"
+"""Title of a table of circuit figures."""
 REMARKS = {
     NOT_RESOLVED: "smaller than its standard error; more points resolve it, and the tables on disk hold the number",
     NOT_ABOVE: "no slope is resolved to be larger than the mean one",
@@ -87,6 +89,19 @@ def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
     return {unit: table[table.reading == unit] for unit in table.reading.unique()}
 
 
+def merit_tables(
+    table: pandas.DataFrame, volts: pandas.DataFrame | None = None
+) -> dict[str, tuple[list[str], list[list[str]]]]:
+    """Headings and rows of slopes and deviations, for each unit of the readings, and of a table of circuit figures, by
+    title."""
+    titled = {}
+    for unit, part in by_reading(table).items():
+        of = f" of readings in {unit}" if unit else ""
+        titled[f"Sensitivities{of}"] = table_rows(part, SLOPES)
+        titled[f"Largest deviations{of}, in percent of the largest change"] = table_rows(part, DEVIATIONS)
+    return titled if volts is None else {**titled, AS_SHOWN: figure_rows(volts)}
+
+
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a table of symmetric pairs, one per pair."""
     if not len(pairs):
@@ -100,8 +115,7 @@ def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], 
 
 
 def figure_rows(table: pandas.DataFrame) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a table of circuit figures, with four digits."""
-    table = table.dropna(axis=1, how="all")
+    """Headings and rows of a table of circuit figures, with four digits; ``-`` for a missing one."""
     cells = table.map(lambda value: as_word(float(f"{value:.4g}")) if isinstance(value, float) else str(value))
     return list(table.columns), cells.values.tolist()
 

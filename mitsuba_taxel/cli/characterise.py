@@ -73,8 +73,7 @@ def _measured(file: Path) -> tuple[list, list, list, list[str]]:
 def _as_json(table, pairs, notes: list[str], files: list[Path], volts) -> str:
     import json
 
-    def records(frame) -> list[dict]:
-        return frame.astype(object).where(frame.notna(), None).to_dict("records")
+    from .tables import records
 
     return json.dumps(
         {
@@ -88,19 +87,11 @@ def _as_json(table, pairs, notes: list[str], files: list[Path], volts) -> str:
 
 
 def _show(table, pairs, volts) -> None:
-    from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
-    from mitsuba_taxel.characterise.wording import by_reading, figure_rows, pair_rows, table_rows
+    from mitsuba_taxel.characterise.wording import merit_tables, pair_rows
 
     from .tables import print_figures
 
-    titles = {}
-    for unit, part in by_reading(table).items():
-        of = f" of readings in {unit}" if unit else ""
-        titles[f"Sensitivities{of}"] = table_rows(part, SLOPES)
-        titles[f"Largest deviations{of}, in percent of the largest change"] = table_rows(part, DEVIATIONS)
-    titles["Symmetric pairs under a tangential load"] = pair_rows(pairs)
-    if volts is not None:
-        titles["As the circuit shows it"] = figure_rows(volts)
+    titles = {**merit_tables(table, volts), "Symmetric pairs under a tangential load": pair_rows(pairs)}
     for title, (headings, rows) in titles.items():
         if rows:
             print_figures(title, headings, rows)

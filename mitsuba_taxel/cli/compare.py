@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import assignments, debug_option, json_option
+from .options import assignments, circuit_option, debug_option, json_option
 
 FIGURES = (
     "max_slope", "mean_slope", "zero_slope", "relative_slope", "nonlinearity", "hysteresis", "repeatability",
@@ -18,13 +18,15 @@ FIGURES = (
 @click.option("--by", type=click.Choice(FIGURES), default="relative_slope", show_default=True, help="Figure of merit.")
 @click.option(
     "--at-most", multiple=True, metavar="FIGURE=LIMIT", callback=assignments,
-    help="A limit that variants must meet, such as nonlinearity=3; in % for deviations and %/N or W/N for slopes.",
+    help="A limit that variants must meet, such as nonlinearity=3; in % for deviations, and for slopes in %/N and W/N "
+    "or, with a circuit, V/N.",
 )  # fmt: skip
 @click.option("--force", metavar="NAME", help="Force along which to compare, if several are varied.")
 @click.option("--up-to", type=click.FloatRange(min=0, min_open=True), metavar="N", help="Only forces up to N newtons.")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Also write comparison.csv and a plot."
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Also write the tables and a plot."
 )
+@circuit_option
 @json_option
 @debug_option
 def command(
@@ -34,22 +36,25 @@ def command(
     force: str | None,
     up_to: float | None,
     output: Path | None,
+    circuit: Path | None,
     as_json: bool,
 ) -> None:
     """Rank the variants in one or several studies: shapes, dimensions, whatever is varied besides the force.
 
     Slopes are ranked by magnitude. The table gives the probability that a variant is the best of those that meet the
-    limits, and its difference from the first, with an error in which common random numbers cancel.
+    limits, and its difference from the first, with an error in which common random numbers cancel. Behind a circuit,
+    that of the studies or another one, readings are volts.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import compare, comparison_rows
+    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import print_figures
+    from .tables import circuit_in, print_figures, records
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}
-    found = compare(studies, by, limits, force=force, up_to=up_to)
+    found = compare(studies, by, limits, force=force, up_to=up_to, circuit=circuit_in(circuit))
     if output is not None:
         from mitsuba_taxel.base.atomic import replacing
         from mitsuba_taxel.plots.ranking import plot_ranking
@@ -57,17 +62,24 @@ def command(
         make_folder(output)
         with replacing(output / "comparison.csv") as file:
             found.table.to_csv(file, index=False)
+        if found.volts is not None:
+            with replacing(output / "volts.csv") as file:
+                found.volts.to_csv(file, index=False)
         with replacing(output / "comparison.png") as file:
             plot_ranking(found).savefig(file)
     if as_json:
         import json
 
-        rows = found.table.astype(object).where(found.table.notna(), None).to_dict("records")
         about = {"by": by, "units": found.unit, "channel": found.channel, "notes": found.notes}
-        click.echo(json.dumps({"variants": rows, **about}))
+        volts = {} if found.volts is None else {"volts": records(found.volts)}
+        click.echo(json.dumps({"variants": records(found.table), **about, **volts}))
         return
-    print_figures(", ".join(filter(None, (f"By {by.replace('_', ' ')}", found.channel))), *comparison_rows(found))
+    of = "" if found.volts is None else "readings in V"
+    title = ", ".join(filter(None, (f"By {by.replace('_', ' ')}", of, found.channel)))
+    print_figures(title, *comparison_rows(found))
     print("first: probability to be the best of those allowed; behind: difference from the first, with its error.")
+    if found.volts is not None:
+        print_figures(AS_SHOWN, *figure_rows(found.volts))
     for note in found.notes:
         print(note)
     if output is not None:

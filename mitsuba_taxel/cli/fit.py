@@ -31,11 +31,10 @@ def command(source: Path, folder: Path, workers: int | None, scheduler: str | No
 
 
 def _as_json(result) -> dict[str, object]:
-    from .tables import known
+    from .tables import known, records
 
-    table = result.unknowns
     return {
-        "unknowns": table.astype(object).where(table.notna(), None).to_dict("records"),
+        "unknowns": records(result.unknowns),
         "correlation": [[known(value) for value in row] for row in result.correlation.to_numpy().tolist()],
         "misfit": known(result.misfit),
         "warnings": result.warnings,

@@ -56,13 +56,13 @@ def _best_so_far() -> Iterator[Callable]:
 
 
 def _as_json(result) -> dict[str, object]:
-    from .tables import known
+    from .tables import known, records
 
     tables = {"figures", "variables", "slopes", "history", "front"}
     shown: dict[str, object] = {}
     for name, value in vars(result).items():
         if name in tables:
-            value = value.astype(object).where(value.notna(), None).to_dict("records")
+            value = records(value)
         shown[name] = known(value) if isinstance(value, float) else value
     return shown
 

@@ -151,8 +151,7 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
         return {}
     from .tables import known
 
-    errors = ({**row, "standard_error": known(row["standard_error"])} for row in derivatives.rows())
-    return {"derivatives": list(errors)}
+    return {"derivatives": [{name: known(value) for name, value in row.items()} for row in derivatives.rows()]}
 
 
 def volts_as_json(volts) -> dict[str, object]:

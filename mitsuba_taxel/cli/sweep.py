@@ -157,17 +157,15 @@ def _as_json(study) -> dict[str, object]:
     from mitsuba_taxel.studies import stage_totals, study_error_budget
     from mitsuba_taxel.studies.store.tables import summary_table
 
-    from .tables import known
+    from .tables import known, records
 
     budget = {source: known(share) for source, share in study_error_budget(study).items()}
-    rows = summary_table(study).to_dict("records")
-    sensitivity = [{name: known(value) for name, value in row.items()} for row in rows]
-    return {"sensitivity": sensitivity, "error_budget": budget, "seconds": stage_totals(study)}
+    return {"sensitivity": records(summary_table(study)), "error_budget": budget, "seconds": stage_totals(study)}
 
 
 def _show(name: str, study) -> None:
     from mitsuba_taxel.characterise import slope_summary, volts_table
-    from mitsuba_taxel.characterise.wording import figure_rows, remarks_explained, table_rows
+    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, table_rows
     from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.sensing.wording import budget_line, light_of_study
     from mitsuba_taxel.studies import stage_totals, study_error_budget
@@ -181,7 +179,7 @@ def _show(name: str, study) -> None:
     for line in remarks_explained(slopes[slopes.figure.isin(SHOWN)]):
         print(line)
     if len(slopes) and (circuit := circuit_of_study(study)):
-        print_figures("As the circuit shows it", *figure_rows(volts_table(study, circuit)))
+        print_figures(AS_SHOWN, *figure_rows(volts_table(study, circuit)))
     print(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
         print(note)

@@ -102,8 +102,7 @@ def circuit_in(file):
 
 
 def print_volts(taxels: Iterable[int], volts) -> None:
-    """Each taxel behind a circuit, and its derivatives in volts."""
-    noise = volts.equivalent_noise()
+    """Each taxel behind a circuit, and its derivatives in volts and counts."""
     print("\nAs the circuit shows it; noise: 1 sigma of the electronics")
     rows = zip(
         map(str, taxels),
@@ -111,14 +110,28 @@ def print_volts(taxels: Iterable[int], volts) -> None:
         (f"{error:.1e}" for error in volts.error),
         (f"{value:.2e}" for value in volts.noise),
         map(str, volts.counts),
-        *([f"{value:.2e}" for value in values] for values in noise.values()),
         strict=True,
     )
-    names = [f"noise as {name}" for name in noise]
-    print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts", *names), rows)
+    print_table(("taxel", "voltage [V]", "total error [V]", "noise [V]", "counts"), rows)
     print(f"One count: {volts.step:.4g} V")
     if volts.derivatives is not None:
-        print_derivatives(volts.derivatives)
+        _print_shown_derivatives(volts.derivatives)
+
+
+def _print_shown_derivatives(shown) -> None:
+    """In volts; and for each parameter and taxel in counts, the noise and the distance from saturation."""
+    print_derivatives(shown.in_volts)
+    print("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")
+    rows = (
+        (
+            row["parameter"],
+            str(row["taxel"]),
+            row["unit"].replace("V", "counts", 1),
+            *(f"{row[name]:.4g}" for name in ("counts", "noise_equivalent", "to_saturation")),
+        )
+        for row in shown.rows()
+    )
+    print_table(("parameter", "taxel", "unit", "derivative", "noise", "to saturation"), rows)
 
 
 def print_crosstalk(crosstalk) -> None:
@@ -184,8 +197,13 @@ def print_pads(rows: Sequence[Mapping]) -> None:
 
 
 def known(number: float) -> float | None:
-    """A number, or None for NaN, which JSON does not support."""
-    return None if isinstance(number, float) and math.isnan(number) else number
+    """A number, or None for one that is not finite, which JSON does not support."""
+    return None if isinstance(number, float) and not math.isfinite(number) else number
+
+
+def records(table) -> list[dict[str, object]]:
+    """The rows of a data frame for JSON."""
+    return [{name: known(value) for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:

@@ -44,9 +44,10 @@ def command(
 
 
 def _as_json(result) -> dict[str, Any]:
+    from .tables import records
+
     tables = {"spread": result.spread, "shares": result.shares, "parameters": result.parameters}
-    found = {name: table.astype(object).where(table.notna(), None).to_dict("records") for name, table in tables.items()}
-    return found | _counts(result)
+    return {name: records(table) for name, table in tables.items()} | _counts(result)
 
 
 def _counts(result) -> dict[str, int]:
@@ -64,6 +65,9 @@ def _show(result) -> None:
     def with_error(value: float, error: float) -> str:
         return share(value) if math.isnan(error) else f"{share(value)} ± {share(error)}"
 
+    def relative(value: float, nominal: float) -> float:
+        return value / nominal if nominal else math.nan
+
     counts = _counts(result)
     few = f", {counts['exact']} of them exact, all linear" if counts else ""
     print(f"{len(result.samples)} samples{few}; spreads are one standard deviation, relative to the nominal value:")
@@ -75,9 +79,12 @@ def _show(result) -> None:
                 str(row.taxel),
                 row.unit,
                 f"{row.nominal:.4g}",
-                with_error(row.mean / row.nominal - 1, getattr(row, "mean_error", math.nan) / abs(row.nominal)),
-                with_error(row.sd / abs(row.nominal), row.sd_error / abs(row.nominal)),
-                share(row.linear_sd / abs(row.nominal)),
+                with_error(
+                    relative(row.mean - row.nominal, row.nominal),
+                    relative(getattr(row, "mean_error", math.nan), abs(row.nominal)),
+                ),
+                with_error(relative(row.sd, abs(row.nominal)), relative(row.sd_error, abs(row.nominal))),
+                share(relative(row.linear_sd, abs(row.nominal))),
                 share(row.linear_error),
                 share(row.explained),
             )

@@ -19,8 +19,20 @@ from .response import (
 from .response import (
     respond as respond,
 )
+from .saturation import (
+    change_to_saturation as change_to_saturation,
+)
+from .saturation import (
+    saturating_power as saturating_power,
+)
+from .saturation import (
+    saturation_force as saturation_force,
+)
 from .shown import (
     Shown as Shown,
+)
+from .shown import (
+    ShownDerivatives as ShownDerivatives,
 )
 from .shown import (
     shown as shown,

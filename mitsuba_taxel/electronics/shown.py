@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -10,6 +11,36 @@ import numpy as np
 from mitsuba_taxel.electronics.circuit import Circuit
 from mitsuba_taxel.electronics.noise import total_noise
 from mitsuba_taxel.electronics.response import respond
+from mitsuba_taxel.electronics.saturation import change_to_saturation
+
+
+class ShownDerivatives(NamedTuple):
+    """Derivatives of T readings by P parameters behind a circuit.
+
+    Attributes
+    ----------
+    in_volts : Derivatives
+        Those of the readings, in volts instead of watts.
+    counts : (T, P) ndarray
+        The same in counts of the converter.
+    noise_equivalent : (T, P) ndarray
+        Noise as a change of the parameter; infinite where the derivative is 0.
+    to_saturation : (T, P) ndarray
+        Change of the parameter that brings the output to the circuit's limit, if the light follows its derivative; 0
+        where it is there, infinite where the light does not change.
+    """
+
+    in_volts: Any
+    counts: np.ndarray
+    noise_equivalent: np.ndarray
+    to_saturation: np.ndarray
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """One derivative each: as of ``Derivatives``, with ``counts``, ``noise_equivalent`` and ``to_saturation``."""
+        others = (self.counts, self.noise_equivalent, self.to_saturation)
+        cells = zip(*(values.T.ravel().tolist() for values in others), strict=True)
+        for row, (counts, noise, change) in zip(self.in_volts.rows(), cells, strict=True):
+            yield {**row, "counts": counts, "noise_equivalent": noise, "to_saturation": change}
 
 
 class Shown(NamedTuple):
@@ -22,8 +53,8 @@ class Shown(NamedTuple):
     counts : (T,) ndarray of int
     step : float
         Voltage of one count, in V.
-    derivatives : Derivatives or None
-        Those of the readings, in volts instead of watts.
+    derivatives : ShownDerivatives or None
+        Those of the readings.
     """
 
     voltage: np.ndarray
@@ -31,7 +62,7 @@ class Shown(NamedTuple):
     noise: np.ndarray
     counts: np.ndarray
     step: float
-    derivatives: Any
+    derivatives: ShownDerivatives | None
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
@@ -43,33 +74,28 @@ class Shown(NamedTuple):
             "counts": self.counts,
         }
 
-    def equivalent_noise(self) -> dict[str, np.ndarray]:
-        """(T,) noise as an equivalent change of each parameter with a derivative, by its name and unit; infinite
-        where the derivative is 0."""
-        if self.derivatives is None:
-            return {}
-        found = {}
-        for name, unit, slopes in zip(
-            self.derivatives.parameters, self.derivatives.units, self.derivatives.values.T, strict=True
-        ):
-            with np.errstate(divide="ignore"):
-                found[f"{name} [{unit.removeprefix('V/').replace('V', '1')}]"] = np.divide(self.noise, np.abs(slopes))
-        return found
-
 
 def shown(circuit: Circuit, readings: Any) -> Shown:
-    """``Readings`` behind a circuit; derivatives follow by the chain rule, with the circuit's exact slope."""
+    """``Readings`` behind a circuit."""
     power = np.maximum(readings.power, 0.0)
-    response, derivatives = respond(circuit, power), readings.derivatives
-    if derivatives is not None:
-        at = respond(circuit, np.maximum(derivatives.power, 0.0))
-        derivatives = replace(
-            derivatives,
-            units=tuple(unit.replace("W", "V", 1) for unit in derivatives.units),
-            values=at.rate[:, None] * derivatives.values,
-            standard_errors=at.rate[:, None] * derivatives.standard_errors,
-            power=at.voltage,
-        )
+    response, noise = respond(circuit, power), total_noise(circuit, power)
     error = response.rate * readings.total_error
-    noise = total_noise(circuit, power)
+    derivatives = None if readings.derivatives is None else _shown(circuit, readings.derivatives, noise)
     return Shown(response.voltage, error, noise, response.counts, circuit.step, derivatives)
+
+
+def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDerivatives:
+    """``Derivatives`` behind a circuit, by the chain rule with its exact slope, with the noise (T,) of the readings."""
+    at = respond(circuit, np.maximum(derivatives.power, 0.0))
+    in_volts = replace(
+        derivatives,
+        units=tuple(unit.replace("W", "V", 1) for unit in derivatives.units),
+        values=at.rate[:, None] * derivatives.values,
+        standard_errors=at.rate[:, None] * derivatives.standard_errors,
+        power=at.voltage,
+        power_errors=at.rate * derivatives.power_errors,
+    )
+    with np.errstate(divide="ignore"):
+        equivalent = np.divide(noise[:, None], np.abs(in_volts.values))
+    margin = change_to_saturation(circuit, derivatives.power, derivatives.values)
+    return ShownDerivatives(in_volts, in_volts.values / circuit.step, equivalent, margin)

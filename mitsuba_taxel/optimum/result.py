@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mitsuba_taxel.electronics import saturation_force
 from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs
+from mitsuba_taxel.optimum.figures import Seen, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Balance
 
@@ -98,6 +101,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         pair = again.read([before, best])
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
+    notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
     held = course.balanced(best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else []))
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
     multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
@@ -130,6 +134,25 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         _doubts(course, held, probability),
         notes,
     )
+
+
+def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:
+    """What the circuit shows along lines of loads, whose parameter is given by their name; empty without a circuit."""
+    if seen.circuit is None:
+        return []
+    notes = [f"one count: {seen.circuit.step:.4g} V"]
+    for name, line in seen.lines.items():
+        if len(line.values) > 1:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                noise = noise_equivalent_force(seen, name).real.reshape(line.power.shape)[0]
+            noises = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (noise.min(), noise.max())))
+            saturated = saturation_force(seen.circuit, line.values, line.power.real)
+            where = "nowhere"
+            if np.isfinite(saturated).any():
+                first = int(np.nanargmin(np.abs(saturated)))
+                where = f"from {along[name]} = {saturated[first]:.4g} on (taxel {first + 1})"
+            notes.append(f"along {name}: noise of the first reading as {along[name]}: {noises}; saturated {where}")
+    return notes
 
 
 def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:

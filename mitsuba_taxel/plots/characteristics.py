@@ -144,44 +144,51 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
     """The mean slope against each varied parameter other than the force.
 
     Absolute, and in percent of the reading at rest, if known; each with a line for every combination of the others, and
-    bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several experiments.
+    bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several experiments. Readings in watts
+    and in volts have panels of their own.
     """
-    shown = _of_first_unit(experiments)
-    names = parameters_of(shown)
-    relative = all(one.rest is not None for one in shown)
-    channel = common_channel(shown)
-    axes = panel_axes(len(names), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
-    for name, places in zip(names, axes, strict=True):
+    names, by_unit = parameters_of(experiments), _by_unit(experiments)
+    relative = all(one.rest is not None for shown in by_unit for one in shown)
+    axes = panel_axes(len(by_unit) * len(names), 1 + relative, size=(4.6, 3.0), sharex=False, narrow=narrow)
+    panels = ((shown, name) for shown in by_unit for name in names)
+    for (shown, name), places in zip(panels, axes, strict=True):
+        channel = common_channel(shown)
+        of = f"readings in {shown[0].unit}" if len(by_unit) > 1 else ""
+        title = ", ".join(filter(None, (of, channel.words)))
         lines: dict[str, list[Experiment]] = {}
         for one in shown:
-            others = (f"{other} = {as_label(value)}" for other, value in one.where.items() if other != name)
-            lines.setdefault(", ".join(others) if len(names) > 1 else "", []).append(one)
+            others = (f"{other} = {as_label(one.where.get(other))}" for other in names if other != name)
+            lines.setdefault(", ".join(others), []).append(one)
         chosen = np.unique(np.linspace(0, len(lines) - 1, MOST_LINES).round().astype(int))
         for number, label in enumerate(np.array(list(lines), dtype=object)[chosen]):
             _draw_against(places, name, lines[label], channel, label, number)
         for ax, unit in zip(places, (f"{shown[0].unit}/N", "%/N"), strict=False):
             label_with_prefix([ax], f"mean slope by {shown[0].force}", unit)
-            ax.set_title(channel.words, fontsize="medium")
+            ax.set_title(title, fontsize="medium")
             ax.set_xlabel(name)
             if len(lines) > 1:
                 ax.legend(frameon=False, fontsize="x-small")
         if len(lines) > MOST_LINES:
-            places[0].set_title(f"{channel.words} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small")
+            places[0].set_title(f"{title} ({len(lines) - MOST_LINES} more lines left out)", fontsize="small")
     return axes[0, 0].figure
 
 
 def parameters_of(experiments: Sequence[Experiment]) -> list[str]:
     """Parameters in which experiments along one force differ; empty for several forces."""
-    loaded = _of_first_unit(experiments)
+    loaded = next(iter(_by_unit(experiments)), [])
     if len({(one.force, len(one.taxel)) for one in loaded}) != 1:
         return []
     names = dict.fromkeys(name for one in loaded for name in one.where)
     return [name for name in names if len({as_label(one.where.get(name)) for one in loaded}) > 1]
 
 
-def _of_first_unit(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Experiments with a run of growing force, in watts if they are given in volts too."""
-    return [one for one in experiments if one.loading_runs and one.unit == experiments[0].unit]
+def _by_unit(experiments: Sequence[Experiment]) -> list[list[Experiment]]:
+    """Experiments with a run of growing force, those of each unit of readings together."""
+    by_unit: dict[str, list[Experiment]] = {}
+    for one in experiments:
+        if one.loading_runs:
+            by_unit.setdefault(one.unit, []).append(one)
+    return list(by_unit.values())
 
 
 def _draw_against(

@@ -17,6 +17,7 @@ TITLES = {
     "rest": "reading at rest",
     "sensitivity": "sensitivity",
     "noise_force": "noise as a force",
+    "saturation_force": "saturation force",
     "crosstalk": "cross-talk",
 }
 
@@ -47,7 +48,7 @@ def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figu
 
 
 def _draw_spread(ax: Axes, rows: pandas.DataFrame, name: str) -> None:
-    place, unit = np.arange(len(rows)), 100 / rows.nominal.to_numpy()
+    place, unit = np.arange(len(rows)), 100 / rows.nominal.replace(0.0, np.nan).to_numpy()
     low, high, mean = ((rows[column] - rows.nominal).to_numpy() * unit for column in ("low", "high", "mean"))
     ax.use_sticky_edges = False
     ax.bar(place, high - low, bottom=low, width=0.7, color=COLOURS[4], label="5 to 95 % of the samples")

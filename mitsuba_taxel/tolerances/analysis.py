@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.electronics import Circuit, in_volts, power_at, total_noise
 from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.tolerances.control import LITTLE, corrected
-from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
+from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel, shown_readings
 from mitsuba_taxel.tolerances.plan import FEWEST, TolerancePlan
 from mitsuba_taxel.tolerances.shares import fewest_of, fitted, indices
 
@@ -32,15 +30,15 @@ class Tolerance:
     Attributes
     ----------
     spread : DataFrame
-        One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force``, ``crosstalk``) and taxel:
-        ``unit``; ``nominal``, with all parameters at their mean; ``mean``, ``sd`` with its ``sd_error``, ``low`` and
-        ``high`` (5 and 95 %) of the samples; ``linear_sd``, from derivatives, and ``linear_error``, the root mean
-        square error of this linear prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``,
-        the cross-validated share of the variance predicted by the polynomial behind the indices. With ``exact`` below
-        the number of samples: ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by
-        the exact ones, with ``mean_error``, ``low_error`` and ``high_error`` as well; ``linear_error`` and
-        ``explained`` over the exact ones; and ``linear_explained``, the share of their variance explained by their
-        linear answer.
+        One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``, and
+        ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean;
+        ``mean``, ``sd`` with its ``sd_error``, ``low`` and ``high`` (5 and 95 %) of the samples; ``linear_sd``, from
+        derivatives, and ``linear_error``, the root mean square error of this linear prediction over the samples,
+        relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of the variance predicted by the
+        polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``, ``low`` and
+        ``high`` of the linear answer of all samples, corrected by the exact ones, with ``mean_error``, ``low_error``
+        and ``high_error`` as well; ``linear_error`` and ``explained`` over the exact ones; and ``linear_explained``,
+        the share of their variance explained by their linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter: ``rate``, the figure's derivative in ``unit``; its ``linear`` share of
         the variance; the ``first`` and ``total`` Sobol' indices.
@@ -82,14 +80,15 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         notes = [*notes, f"samples without readings, left out: {lost} of {len(known)} (their reasons are in samples/)"]
     if known.sum() < FEWEST:
         raise ComputationError(f"only {known.sum()} of {len(known)} samples could be read: {FEWEST} are needed.")
-    loaded = loaded_taxel(nominal, force) if nominal.shape[1] > 1 else None
-    noise = None if plan.batch.circuit is None else partial(_noise, plan.batch.circuit)
-    at_mean, found = (figures(one, force, loaded, noise) for one in (nominal, exact[known]))
-    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded, noise)
+    circuit = plan.batch.circuit
+    loaded = loaded_taxel(shown_readings(nominal, circuit), force) if nominal.shape[1] > 1 else None
+    at_mean, found = (figures(one, force, loaded, circuit) for one in (nominal, exact[known]))
+    slopes = figure_rates(nominal, _rates(plan, mean, nominal), force, loaded, circuit)
     z, others = plan.standardised[: plan.exact][known], plan.standardised[plan.exact :]
     notes = [*notes, *mean.attrs["notes"].splitlines()]
-    if plan.batch.circuit is not None:
-        notes.append(f"one count: {plan.batch.circuit.step:.4g} V")
+    if circuit is not None:
+        notes.append(f"one count: {circuit.step:.4g} V")
+        notes += _note_of_saturation(found, force)
     parts = [_of_figure(plan, name, at_mean[name], found[name], slopes[name], z, others) for name in found]
     spread = pandas.DataFrame([row for rows, _ in parts for row in rows])
     shares = pandas.DataFrame([row for _, rows in parts for row in rows])
@@ -140,9 +139,20 @@ def _notes_of_few(spread: pandas.DataFrame, exact: int, others: int, parameters:
     return notes
 
 
+def _note_of_saturation(found: dict[str, np.ndarray], force: np.ndarray) -> list[str]:
+    """How many of the samples saturate."""
+    if "saturation_force" not in found:
+        return []
+    saturated = np.isfinite(found["saturation_force"])
+    count, samples, most = saturated.sum(axis=0), len(saturated), int(saturated.sum(axis=0).argmax())
+    told = f"{count[most]} of {samples} samples (taxel {most + 1})" if count.any() else f"none of {samples} samples"
+    least, largest = force[np.abs(force).argmin()], force[np.abs(force).argmax()]
+    return [f"the output reaches the circuit's limit between {least:g} and {largest:g} N in {told}"]
+
+
 def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
-    """(samples, forces, taxels) in W, or V with a circuit."""
-    readings = (study if plan.batch.circuit is None else in_volts(study, plan.batch.circuit))[name]
+    """(samples, forces, taxels) in W."""
+    readings = study[name]
     if "replicate" in readings.dims:
         readings = readings.mean("replicate")
     if not plan.force:
@@ -151,11 +161,10 @@ def _readings(plan: TolerancePlan, study: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _rates(plan: TolerancePlan, mean: xr.Dataset, nominal: np.ndarray) -> np.ndarray:
-    """(forces, taxels, parameters), NaN where there is no derivative."""
+    """(forces, taxels, parameters) of readings in W, NaN where there is no derivative."""
     rates = np.full((*nominal.shape, len(plan.laws)), math.nan)
     if "derivative" in mean:
-        shown = mean if plan.batch.circuit is None else in_volts(mean, plan.batch.circuit)
-        derivative = shown.derivative.isel({STEP: 0})
+        derivative = mean.derivative.isel({STEP: 0})
         if not plan.force:
             derivative = derivative.expand_dims("force")
         for number, law in enumerate(plan.laws):
@@ -241,12 +250,9 @@ def _deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _units(plan: TolerancePlan) -> dict[str, str]:
     unit = "W" if plan.batch.circuit is None else "V"
-    return {"rest": unit, "sensitivity": f"{unit}/N", "noise_force": "N", "crosstalk": "1"}
-
-
-def _noise(circuit: Circuit, voltage: np.ndarray) -> np.ndarray:
-    """Standard deviation in V at a voltage; NaN where the output is saturated."""
-    return total_noise(circuit, power_at(circuit, voltage))
+    return {
+        "rest": unit, "sensitivity": f"{unit}/N", "noise_force": "N", "saturation_force": "N", "crosstalk": "1",
+    }  # fmt: skip
 
 
 def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel import InputError
+from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.characterise import compare, comparison_rows
 
 FORCE = np.array([0.0, -5, -10])
@@ -77,6 +80,64 @@ def test_forces_that_are_not_reached():
     found = compare({"long": one, "short": short}, "mean_slope", up_to=10)
     assert len(found.table) == 2 and len(found.notes) == 2 and "ends at 5 N: study = short" in found.notes[0]
     assert len(compare({"long": one, "short": short}, "mean_slope", up_to=5).table) == 4
+
+
+CIRCUIT = Circuit(supply=3.3, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0, adc_bits=4)
+"""1 V per watt, up to 3.3 V."""
+
+
+def test_behind_a_linear_circuit_watts_are_volts():
+    """Half a volt per watt; limits of slopes are in V/N."""
+    one = {"one": study([0.02, 0.01], 1e-5, bend=0.01)}
+    half = dataclasses.replace(CIRCUIT, load_resistance=0.5)
+    watts = compare(one, "mean_slope", {"nonlinearity": 3})
+    volts = compare(one, "mean_slope", {"nonlinearity": 3}, circuit=half)
+    assert watts.volts is None and watts.unit["mean_slope"] == "W/N" and volts.unit["mean_slope"] == "V/N"
+    for name in ("mean_slope", "mean_slope_error", "behind", "behind_error"):
+        np.testing.assert_allclose(volts.table[name], watts.table[name] / 2, rtol=1e-9, atol=1e-18)
+    for name in ("nonlinearity", "nonlinearity_error", "first", "allowed"):
+        np.testing.assert_allclose(volts.table[name], watts.table[name], rtol=1e-6)
+    limited = [list(compare(one, "mean_slope", {"mean_slope": 0.0075}, circuit=each).table.allowed) for each in
+               (CIRCUIT, half)]  # fmt: skip
+    assert limited == [[0, 0], [1, 0]]
+
+
+def test_a_variant_that_saturates_is_behind_in_volts():
+    """Twice as sensitive in watts, but at 3.3 V from 2.3 W and 0.1 N on."""
+    bright = study([23.0, 0.01], 1e-6)
+    (first, second), told = (compare({"one": bright}, "mean_slope", circuit=each) for each in (None, CIRCUIT)), {}
+    assert list(first.table.cell) == ["a", "b"] == list(second.table.cell)
+    assert second.table.mean_slope[0] == pytest.approx(-0.23, rel=1e-3)
+    told = second.volts.set_index("cell")
+    assert told.saturation_N["a"] == pytest.approx(-0.1, rel=1e-3) and np.isnan(told.saturation_N["b"])
+    assert told.mean_slope_counts_per_N["b"] == pytest.approx(-0.01 * 16 / 3.3, rel=1e-3)
+    dazzled = bright.assign(replicate_power=bright.replicate_power + 3 * (bright.cell == "a"))
+    assert list(compare({"one": dazzled}, "mean_slope").table.cell) == ["a", "b"]
+    found = compare({"one": dazzled}, "mean_slope", circuit=CIRCUIT)
+    assert list(found.table.cell) == ["b", "a"] and found.table.mean_slope[1] == 0
+    assert found.volts.set_index("cell").saturation_N["a"] == 0
+
+
+def test_errors_by_the_shape_go_through_the_circuit():
+    one = study([0.02, 0.01], 1e-9)
+    moved = one.assign(deviation=(("fz", "taxel"), -1e-3 * FORCE[:, None])).broadcast_like(one)
+    watts, volts = (compare({"one": moved}, "mean_slope", circuit=each).table for each in (None, CIRCUIT))
+    np.testing.assert_allclose(volts.mean_slope_error, watts.mean_slope_error, rtol=1e-6)
+
+
+def test_studies_have_their_own_circuits():
+    """Or none of them has; a circuit that is given counts for all."""
+    circuits = [dataclasses.replace(CIRCUIT, load_resistance=ohm) for ohm in (1.0, 0.25)]
+    plain = study([0.02], 1e-6)
+    own = [plain.assign_attrs(circuit=json.dumps(one.as_table())) for one in circuits]
+    found = compare({"x": own[0], "y": own[1]}, "mean_slope")
+    np.testing.assert_allclose(found.table.mean_slope, [-0.02, -0.005], rtol=1e-3)
+    assert list(found.volts.study) == ["x", "y"] and list(found.volts)[:2] == ["force", "study"]
+    with pytest.raises(InputError, match="^x in volts and z in watts cannot be compared: a circuit for all is needed"):
+        compare({"x": own[0], "z": plain})
+    both = compare({"x": own[0], "z": plain}, "mean_slope", up_to=5, circuit=circuits[1])
+    np.testing.assert_allclose(both.table.mean_slope, -0.005, rtol=1e-3)
+    assert compare({"x": own[0], "z": plain}, force="fz", circuit=circuits[1]).unit["relative_slope"] == "%/N"
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas
 import pytest
 import xarray as xr
 
 from mitsuba_taxel import Circuit
 from mitsuba_taxel.characterise import experiments, simulated_experiments, volts_table
-from mitsuba_taxel.electronics import in_volts, power_at, total_noise
+from mitsuba_taxel.electronics import in_volts, power_at, saturating_power, total_noise
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=22e3, transfer=8.0, saturation_voltage=0.1)
 FORCES = np.linspace(0, -10, 21)
@@ -38,6 +39,29 @@ def test_closed_forms(study):
     assert np.isnan(table.saturation_N[1]) and table.saturation_N[3] == 0
     assert table.saturation_N[2] == pytest.approx(-(limit - 1e-5) / 4e-6, rel=1e-6)
     assert table.least_noise_force_N[2] < table.noise_force_N[3]
+
+
+def test_of_a_run_through_zero_neighbouring_forces_count(study):
+    """The light of one taxel is linear, that of the other changes on one side of zero alone."""
+    force = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    power = np.array([1e-6, 1e-5]) + np.array([2e-7, 3e-5]) * force[:, None]
+    power[0, 1], power[1, 1] = 1e-5, 1e-5
+    samples = np.repeat(power[:, None], 32, axis=1)
+    coords = {"fx": force, "taxel": [1, 2]}
+    both = xr.Dataset({"replicate_power": (("fx", "replicate", "taxel"), samples)}, coords, study.attrs)
+    table = volts_table(both, CIRCUIT).set_index("taxel")
+    assert table.rest_V[1] == pytest.approx(0.176)
+    assert table.noise_force_N[1] == pytest.approx(total_noise(CIRCUIT, 1e-6) / (22e3 * 8 * 2e-7), rel=1e-3)
+    limit = saturating_power(CIRCUIT)
+    assert np.isnan(table.saturation_N[1]) and np.isinf(table.noise_force_N[2])
+    assert table.saturation_N[2] == pytest.approx((limit - 1e-5) / 3e-5)
+
+
+def test_only_forces_up_to_a_limit(study):
+    near = volts_table(study, CIRCUIT, up_to=5).set_index("taxel")
+    expected = volts_table(study.sel(fz=slice(0, -5)), CIRCUIT).set_index("taxel")
+    pandas.testing.assert_frame_equal(near, expected)
+    assert np.isnan(near.saturation_N[1]) and len(volts_table(study, CIRCUIT, up_to=0.1)) == 0
 
 
 def test_experiments_come_in_watts_and_volts(study):

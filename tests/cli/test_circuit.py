@@ -41,6 +41,20 @@ def test_render(taxel):
     assert reading["counts"] == int(reading["voltage_V"] * 4096 / 3.3) and answer["volts_per_count"] == 3.3 / 4096
 
 
+def test_render_with_derivatives(taxel):
+    """Volts and counts are those of a resistor; the changes that equal the noise and lead to saturation follow."""
+    words = ("render", "plate.xml", "--points", 64, "--circuit", "circuit.toml", "--derivatives", "fz", "--json")
+    answer = json.loads(taxel(*words).stdout)
+    (reading,), (watts,), (volts,) = (answer[name] for name in ("readings", "derivatives", "derivatives_in_volts"))
+    assert volts["value"] == pytest.approx(22e3 * 8e-3 * watts["value"], rel=1e-3)
+    assert volts["counts"] == pytest.approx(volts["value"] * 4096 / 3.3)
+    assert volts["noise_equivalent"] == pytest.approx(reading["noise_V"] / abs(volts["value"]))
+    limit = 2 * 3.2 / 22e3
+    assert volts["to_saturation"] == pytest.approx(
+        (limit - 8e-3 * reading["power_W"]) / 8e-3 / watts["value"], rel=1e-3
+    )
+
+
 def test_a_study_file_and_another_circuit(taxel, tmp_path):
     told = taxel("sweep", "study.toml", "-o", "out")
     assert told.returncode == 0 and "mean_slope_counts_per_N" in told.stdout, told.stderr

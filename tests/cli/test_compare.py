@@ -38,6 +38,32 @@ def test_a_study_is_ranked(taxel, tmp_path):
     assert [row["rank"] for row in rows] == [1, 2] and {row["allowed"] for row in rows} == {1.0}
 
 
+@pytest.mark.usefixtures("painted_figures")
+def test_a_study_is_ranked_in_volts(taxel, tmp_path):
+    """On a load that is too large the brighter variant saturates: the other one is more sensitive."""
+    (tmp_path / "scene.xml").write_text(SCENE)
+    vary = {"reflectance": "0.1,1", "fz": "0.6,0.8,1"}
+    study = mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
+    dim, bright = study.power.sel(fz=0.6, taxel=1).values
+    load = 3.3 / (0.5 * (dim + study.power.sel(fz=1, taxel=1).values[1]))
+    table = f"supply = 3.3\nload_resistance = {load}\ntransfer = 1\nsaturation_voltage = 0\n"
+    (tmp_path / "circuit.toml").write_text(table)
+    watts = taxel("compare", "out", "--by", "mean_slope", "--json")
+    done = taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "-o", "ranking")
+    assert done.returncode == 0 and done.stdout.startswith("By mean slope, readings in V:"), done.stderr
+    assert "As the circuit shows it, fz:" in done.stdout
+    assert {file.name for file in (tmp_path / "ranking").iterdir()} == {
+        "comparison.csv", "comparison.png", "volts.csv",
+    }  # fmt: skip
+    volts = json.loads(taxel("compare", "out", "--by", "mean_slope", "--circuit", "circuit.toml", "--json").stdout)
+    first = {"watts": json.loads(watts.stdout)["variants"][0], "volts": volts["variants"][0]}
+    assert {name: row["reflectance"] for name, row in first.items()} == {"watts": 1, "volts": 0.1}
+    saturated = {row["reflectance"]: row["saturation_N"] for row in volts["volts"]}
+    assert saturated[0.1] is None and saturated[1] == pytest.approx(0.6)
+    assert volts["volts"][1]["noise_force_N"] is None  # infinite, which JSON does not know
+    assert volts["units"]["mean_slope"] == "V/N"
+
+
 @pytest.mark.parametrize("words", [("--by", "x"), ("--at-most", "x=1"), ("--at-most", "nonlinearity=-1"), ("nowhere",)])
 def test_bad_input_is_one_line(taxel, words):
     done = taxel("compare", ".", *words)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel.electronics import in_volts, respond, shown, total_noise, with_volts
+from mitsuba_taxel.electronics import in_volts, respond, saturating_power, shown, total_noise, with_volts
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
@@ -59,9 +59,18 @@ def test_derivatives_follow_the_chain_rule(circuit):
     derivatives = Derivatives(("fz", "x"), ("W/N", "W"), slopes, 0.1 * slopes, power(force), none, 0.1, np.ones(2))
     told = shown(one, Readings(np.tile(power(force), (32, 1)), 64, 0, derivatives=derivatives))
     ends = [respond(one, power(force + sign * step)).voltage for sign in (1, -1)]
-    np.testing.assert_allclose(told.derivatives.values[:, 0], (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
-    assert told.derivatives.units == ("V/N", "V")
-    np.testing.assert_allclose(told.derivatives.standard_errors, 0.1 * told.derivatives.values)
-    noise = told.equivalent_noise()
-    assert list(noise) == ["fz [N]", "x [1]"]
-    np.testing.assert_allclose(noise["fz [N]"] * told.derivatives.values[:, 0], told.noise)
+    volts, counts, noise, margin = told.derivatives
+    np.testing.assert_allclose(volts.values[:, 0], (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+    assert volts.units == ("V/N", "V")
+    np.testing.assert_allclose(volts.standard_errors, 0.1 * volts.values)
+    np.testing.assert_allclose(counts, volts.values * 4096 / 3.3)
+    np.testing.assert_allclose(noise * volts.values, np.tile(told.noise[:, None], 2))
+    limit = saturating_power(one)
+    np.testing.assert_allclose(margin, np.maximum(limit - power(force)[:, None], 0) / slopes)
+    *_, last = told.derivatives.rows()
+    assert (last["taxel"], last["parameter"], last["unit"]) == (2, "x", "V")
+    assert (last["counts"], last["noise_equivalent"], last["to_saturation"]) == (
+        counts[1, 1],
+        noise[1, 1],
+        margin[1, 1],
+    )

@@ -7,6 +7,7 @@ import pytest
 
 from mitsuba_taxel import Circuit
 from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen
+from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
@@ -69,6 +70,20 @@ def test_values():
     slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     np.testing.assert_allclose(of("resolution", along=("z", "x"), noise=0.1), expected)
+
+
+def test_what_a_circuit_shows_of_a_design():
+    """Of 1 V per watt up to 4 V, with 0.3 V of noise: readings 1, 2, 5 and 1, 1.5, 3 W along 0, 1 and 2 N."""
+    circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0, other_noise=0.3)
+    power = np.array([[1.0, 1.0], [2.0, 1.5], [5.0, 3.0]]) + 0j
+    lines = {name: Line(np.arange(count), power[:count], power[:count, 0]) for name, count in (("z", 3), ("x", 2))}
+    lines["still"] = Line(np.zeros(1), power[:1], power[:1, 0])
+    assert circuit_notes(Seen(lines, {}, circuit), {"z": "fz", "x": "fx", "still": ""}) == [
+        "one count: 0.0009766 V",
+        "along z: noise of the first reading as fz: 0.2 to 0.3; saturated from fz = 1.667 on (taxel 1)",
+        "along x: noise of the first reading as fx: 0.3 to 0.6; saturated nowhere",
+    ]
+    assert circuit_notes(Seen(lines, {}, None), {}) == []
 
 
 def test_words():

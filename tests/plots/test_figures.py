@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -108,6 +110,17 @@ def test_slopes_are_compared_absolute_and_relative():
 def test_under_a_tangential_load_the_taxel_that_changes_most_is_compared():
     figure = plot_sensitivity([experiment(1e-5, (1.0, 0, 0), nu=number) for number in (0.48, 0.49)])
     assert figure.axes[0].get_ylabel() == "change, taxel 1 [µW]"
+
+
+def test_slopes_against_a_dimension_in_watts_and_volts():
+    watts = [experiment(-1e-5 * size, size=size, reading="W") for size in (1.0, 2.0)]
+    volts = [replace(experiment(-3e-3 / size, size=size, reading="V"), unit="V") for size in (1.0, 2.0)]
+    assert parameters_of(watts + volts) == ["size"]
+    figure = plot_against(watts + volts)
+    absolute = figure.axes[::2]
+    assert [ax.get_ylabel() for ax in absolute] == ["mean slope by fz [µW/N]", "mean slope by fz [mV/N]"]
+    assert [ax.get_title() for ax in absolute] == [f"readings in {unit}, mean of 3 taxels" for unit in "WV"]
+    np.testing.assert_allclose(absolute[1].containers[0].lines[0].get_xydata(), [[1, -3e-3], [2, -1.5e-3]])
 
 
 def test_slopes_against_each_dimension():

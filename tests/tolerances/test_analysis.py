@@ -11,7 +11,7 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel.tolerances import law_of, run_tolerance
-from mitsuba_taxel.tolerances.analysis import _notes_of_few, _of_figure
+from mitsuba_taxel.tolerances.analysis import _note_of_saturation, _notes_of_few, _of_figure
 
 CELL = one_cell(scattering="isotropic", fz=0, led_power=1, spacing=0.8).replace(
     '<emitter type="annular_led">', '<float name="spacing" value="$spacing"/> <emitter type="annular_led">'
@@ -81,6 +81,13 @@ def test_the_reader_is_told_what_few_samples_cannot_tell():
     assert "explains only 30% of the variance of rest (taxel 2)" in note and "other 91 add little to these 9" in note
     (note,) = _notes_of_few(spread[2:], exact=8, others=92, parameters=5)
     assert "Sobol' indices are shares of the linear answer" in note and "exact = 9 or more" in note
+
+
+def test_the_reader_is_told_how_many_samples_saturate():
+    found = np.array([[np.nan, -1.0], [np.nan, -2.0], [-0.5, np.nan]])
+    (note,) = _note_of_saturation({"saturation_force": found}, np.array([-3.0, 0.0]))
+    assert note == "the output reaches the circuit's limit between 0 and -3 N in 2 of 3 samples (taxel 2)"
+    assert _note_of_saturation({"rest": found}, np.zeros(1)) == []
 
 
 def test_the_relative_error_of_what_does_not_vary_is_missing():

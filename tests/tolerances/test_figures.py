@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from mitsuba_taxel import Circuit
 from mitsuba_taxel.tolerances.figures import figure_rates, figures, loaded_taxel
 
 FORCE = np.array([0.0, -2.0])
@@ -32,12 +35,45 @@ def test_of_one_reading_there_is_rest_alone():
     assert list(figures(np.ones((7, 2, 1)), FORCE, None)) == ["rest", "sensitivity"]
 
 
-def test_noise_as_a_force_is_the_noise_at_rest_over_the_slope():
+VOLT_PER_WATT = Circuit(supply=20.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0, other_noise=0.1)
+"""Up to 20 V."""
+
+
+def test_behind_a_linear_circuit():
+    """Half a volt per watt: all but the cross-talk is halved, and the noise is a force, that at rest over the slope."""
     one = readings(3.0, 1.0)
-    found = figures(one, FORCE, 1, lambda rest: 0.01 * np.sqrt(rest))
-    np.testing.assert_allclose(found["noise_force"], 0.01 * np.sqrt([12, 6]) / [0.6, 1.5])
-    rates = figure_rates(one, (one / 3.0)[..., None], FORCE, 1, lambda rest: 0.01 * np.sqrt(rest))
-    np.testing.assert_allclose(rates["noise_force"][:, 0], -0.5 / 3.0 * found["noise_force"], rtol=1e-6)
+    circuit = dataclasses.replace(VOLT_PER_WATT, load_resistance=0.5, adc_bits=24)
+    watts, volts = figures(one, FORCE, 1), figures(one, FORCE, 1, circuit)
+    for name in ("rest", "sensitivity"):
+        np.testing.assert_allclose(volts[name], watts[name] / 2, rtol=1e-12)
+    np.testing.assert_allclose(volts["crosstalk"], watts["crosstalk"])
+    np.testing.assert_allclose(volts["noise_force"], 0.1 / np.array([0.3, 0.75]), rtol=1e-6)
+    rates = figure_rates(one, (one / 3.0)[..., None], FORCE, 1, circuit)
+    np.testing.assert_allclose(rates["noise_force"][:, 0], -1 / 3.0 * volts["noise_force"], rtol=1e-6)
+    np.testing.assert_allclose(rates["rest"][:, 0], volts["rest"] / 3, rtol=1e-6)
+
+
+def test_saturation_of_light_that_is_linear_in_the_force():
+    """One taxel saturates on the way; by the gain, F = -(20 / gain - r) / s with readings gain (r - s F)."""
+    one = readings(4.6, 1.0)
+    found = figures(one, FORCE, 1, VOLT_PER_WATT)
+    np.testing.assert_allclose(found["saturation_force"], [-(20 / 4.6 - 4) / 0.2, np.nan])
+    assert found["sensitivity"][0] == pytest.approx((20 - 18.4) / -2)
+    rates = figure_rates(one, (one / 4.6)[..., None], FORCE, 1, VOLT_PER_WATT)
+    np.testing.assert_allclose(rates["saturation_force"][:, 0], [20 / 4.6**2 / 0.2, np.nan], rtol=1e-4)
+    bright = np.stack([one, 2 * one, 0.1 * one])
+    np.testing.assert_allclose(figures(bright, FORCE, 1, VOLT_PER_WATT)["saturation_force"][1:, 0], [0, np.nan])
+
+
+def test_a_converter_of_few_bits_adds_the_noise_of_its_steps():
+    found = figures(readings(3.0, 1.0), FORCE, 1, dataclasses.replace(VOLT_PER_WATT, other_noise=0.0, adc_bits=2))
+    np.testing.assert_allclose(found["noise_force"], 5 / np.sqrt(12) / np.array([0.6, 1.5]), rtol=1e-6)
+
+
+def test_missing_readings_are_missing_behind_a_circuit():
+    one = readings(3.0, 1.0)
+    one[0, 1] = np.nan
+    assert all(np.isnan(values[1]) for values in figures(one, FORCE, 0, VOLT_PER_WATT).values())
 
 
 def test_derivatives():

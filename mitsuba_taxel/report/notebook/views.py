@@ -16,6 +16,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.wording import budget_line, light_error_line, readings_columns
 
 if TYPE_CHECKING:
+    import pandas
     import xarray as xr
 
     from mitsuba_taxel.mechanics import Material, Viscoelastic
@@ -45,7 +46,7 @@ class StudyView:
 
 
 def show(study: xr.Dataset | xr.DataTree) -> StudyView:
-    """View of a study for notebooks: its plot, the sensitivities and the error budget.
+    """View of a study for notebooks: its plot, the sensitivities, what its circuit shows, and the error budget.
 
     Parameters
     ----------
@@ -189,18 +190,23 @@ def _readings_html(readings: Readings) -> str:
 
 
 def _study(study: xr.Dataset, name: str) -> str:
-    from mitsuba_taxel.characterise import sensitivity_table
+    from mitsuba_taxel.characterise import sensitivity_table, volts_table
+    from mitsuba_taxel.electronics.volts import circuit_of_study
     from mitsuba_taxel.studies import study_error_budget
 
-    slopes = sensitivity_table(study)
-    rows = [[_cell(value) for value in row] for row in slopes.itertuples(index=False)]
-    sensitivities = _table([str(column) for column in slopes.columns], rows) if rows else ""
+    circuit, sensitivities = circuit_of_study(study), _numbers(sensitivity_table(study))
+    volts = "" if circuit is None else _numbers(volts_table(study, circuit))
     failures = study.attrs["failures"].splitlines()
     lines = [*study.attrs["notes"].splitlines(), *(f"failed: {line}" for line in failures[:MOST_LINES])]
     if len(failures) > MOST_LINES:
         lines.append(f"failed: {len(failures) - MOST_LINES} more")
     budget = _line(f"{budget_line(study_error_budget(study))}.")
-    return _framed(f"Study: {name}", _plot(study), sensitivities, budget, *map(_line, lines))
+    return _framed(f"Study: {name}", _plot(study), sensitivities, volts, budget, *map(_line, lines))
+
+
+def _numbers(table: pandas.DataFrame) -> str:
+    rows = [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return _table([str(column) for column in table.columns], rows) if rows else ""
 
 
 def _plot(study: xr.Dataset) -> str:

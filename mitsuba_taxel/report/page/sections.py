@@ -10,9 +10,10 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.units import prefixed
-from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs
-from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES
-from mitsuba_taxel.characterise.wording import pair_rows, remarks_explained, table_rows, with_error
+from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS
+from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, remarks_explained, with_error
+from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.plots.characteristics import (
     parameters_of,
     plot_against,
@@ -93,17 +94,29 @@ def power(study: xr.Dataset, key: str) -> str:
 
 
 def _readings(study: xr.Dataset) -> str:
-    frame = study[["power", "total_error"]].to_dataframe().reset_index()
-    keys = [name for name in frame.columns if name not in ("power", "total_error")]
+    shown = [("power", "total_error", "W"), ("voltage", "voltage_error", "V")]
+    shown = [each for each in shown if each[0] in study]
+    counts = ["counts"] if "counts" in study else []
+    numbers = [*(name for each in shown for name in each[:2]), *counts]
+    frame = study[numbers].to_dataframe().reset_index()
+    keys = [name for name in frame.columns if name not in numbers]
     units = [f" [{study[name].attrs['units']}]" if "units" in study[name].attrs else "" for name in keys]
-    factor, unit = prefixed(float(frame.power.abs().max()), "W")
+    scales = [prefixed(float(frame[name].abs().max()), unit) for name, _, unit in shown]
     rows = [
-        [*(_word(record[name]) for name in keys), with_error(record["power"] / factor, record["total_error"] / factor)]
+        [
+            *(_word(record[name]) for name in keys),
+            *(
+                with_error(record[name] / factor, record[error] / factor)
+                for (name, error, _), (factor, _) in zip(shown, scales, strict=True)
+            ),
+            *(_word(record[name]) for name in counts),
+        ]
         for record in frame.head(MOST_ROWS).to_dict("records")
     ]
     headings = [name + unit for name, unit in zip(keys, units, strict=True)]
+    headings += [f"{name} [{unit}]" for (name, *_), (_, unit) in zip(shown, scales, strict=True)]
     left = _left_out(len(frame), "readings.csv holds")
-    return table(f"Power with its total error{left}", [*headings, f"power [{unit}]"], rows)
+    return table(f"Readings with their total error{left}", [*headings, *counts], rows)
 
 
 def _left_out(rows: int, elsewhere: str) -> str:
@@ -115,16 +128,16 @@ def _word(value: object) -> str:
 
 
 def merit(study: xr.Dataset, key: str) -> str:
-    """Sensitivity, linearity and tangential maps; empty if no force is varied."""
-    found = simulated_experiments(study)
+    """Sensitivity, linearity and tangential maps, also in volts behind the study's circuit; empty if no force is
+    varied."""
+    circuit = circuit_of_study(study)
+    found = simulated_experiments(study, circuit)
     if not found.experiments:
         return ""
     figures, pairs = characteristics(found.experiments, found.off), symmetric_pairs(found.maps)
+    volts = None if circuit is None else volts_table(study, circuit)
     parts = []
-    for title, (headings, rows) in {
-        "Sensitivities": table_rows(figures, SLOPES),
-        "Largest deviations, in percent of the largest change": table_rows(figures, DEVIATIONS),
-    }.items():
+    for title, (headings, rows) in merit_tables(figures, volts).items():
         if rows:
             left = _left_out(len(rows), "taxel characterise lists")
             parts.append(table(f"{title}{left}", headings, rows[:MOST_ROWS]))

@@ -16,7 +16,20 @@ import pytest
 import xarray as xr
 
 import mitsuba_taxel
-from mitsuba_taxel import InputError, NeoHookean, Pad, PadFile, PadSensor, Readings, Scene, Yeoh, load_path, show
+from mitsuba_taxel import (
+    Circuit,
+    InputError,
+    NeoHookean,
+    Pad,
+    PadFile,
+    PadSensor,
+    Readings,
+    Scene,
+    Yeoh,
+    load_path,
+    show,
+)
+from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.mechanics.materials.silicones import SILICONES
 from mitsuba_taxel.sensing import find_scene
 
@@ -188,6 +201,15 @@ def test_study():
     assert "a<b>.xml" in words and "all is well" in words and "failed" not in words
     assert "mean_slope_W_per_N" in words and "-1.000e-04" in words  # -0.1 of 1 mW for each N
     assert "light 0.43%, mechanics 0.00%, geometry 0.00%, total 0.43%" in words
+
+
+@pytest.mark.usefixtures("painted_figures")
+def test_study_behind_a_circuit():
+    """0.1 mW for each N of 1 mW, on 1 kOhm behind 1 A/W: 1 V at rest, more than the limit of 1.15 V at -1.5 N."""
+    circuit = Circuit(supply=1.15, load_resistance=1e3, transfer=1.0, saturation_voltage=0.0)
+    words = text_of(show(with_volts(a_study(), circuit))._repr_html_())
+    assert "mean_slope_W_per_N" in words and "mean_slope_counts_per_N" in words
+    assert "-7.500e-02" in words and "-1.500e+00" in words  # V/N from 0 to -2 N; N
 
 
 def test_study_of_several_scenes_with_failures():

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from mitsuba_taxel import InputError, open_study, sweep
+from mitsuba_taxel import Circuit, InputError, open_study, sweep
+from mitsuba_taxel.characterise import volts_table
+from mitsuba_taxel.electronics import with_volts
 from mitsuba_taxel.geometry.triangles import area_normals
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.report.page import light, panels, sections, study_page, write_report
@@ -190,6 +192,19 @@ def test_the_page_says_what_the_study_says(page, study_folder):
         for word in ("mechanics", "total", "optics", "max slope [µW/N]", "relative slope [%/N]", "nonlinearity [%]")
     )
     assert json.loads(study.attrs["versions"])["mitsuba"] in text
+
+
+def test_behind_a_circuit_the_page_says_it_in_volts_too(study_folder):
+    """The numbers of the tables that `taxel characterise` writes."""
+    circuit = Circuit(supply=3.3, load_resistance=1e3, transfer=0.1)
+    study = with_volts(open_study(study_folder), circuit)
+    text = sections.power(study, "") + sections.merit(study, "")
+    volts = volts_table(study, circuit)
+    for reading in ("W", "V"):
+        assert f"Sensitivities of readings in {reading}" in text
+    assert "mean_slope_counts_per_N" in text and "saturation_N" in text
+    assert all(f"<td>{value:.4g}</td>" in text for value in volts.mean_slope_V_per_N)
+    assert f"<td>{int(study.counts.values.flat[0])}</td>" in text and "voltage [mV]" in text
 
 
 def test_what_a_study_says_is_not_taken_for_html():
