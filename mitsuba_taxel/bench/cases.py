@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from mitsuba_taxel.bench.row import Row
+from mitsuba_taxel.bench.row import MechanicsRow
 from mitsuba_taxel.bench.slivers import SliverPad
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
@@ -63,15 +63,15 @@ class Case:
     with_finer_mesh: bool = False
     refused: bool = False
 
-    def measured(self) -> Row:
+    def measured(self) -> MechanicsRow:
         """The row, measured in this process."""
         from mitsuba_taxel.bench.measure import measure
 
         return measure(self)
 
-    def failed(self, end: str) -> Row:
+    def failed(self, end: str) -> MechanicsRow:
         """The row of a process that returned none."""
-        return Row(self.name, end, wrong="no answer")
+        return MechanicsRow(self.name, end, wrong="no answer")
 
 
 def stability_cases() -> list[Case]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.cases import Case
-from mitsuba_taxel.bench.row import CONVERGED, Row
+from mitsuba_taxel.bench.row import CONVERGED, MechanicsRow
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -46,7 +46,7 @@ class _Outcome:
     state: State | None
 
 
-def measure(case: Case) -> Row:
+def measure(case: Case) -> MechanicsRow:
     """The row of a case. Cached solutions are used: only with an empty cache are the seconds meaningful."""
     began = time.process_time()
     outcome = _in_one_step(case) if case.in_one_step else _along_path(case)
@@ -54,11 +54,11 @@ def measure(case: Case) -> Row:
     seconds, megabytes = time.process_time() - began, peak_memory()
     if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
         figures["finer_change"] = _finer_change(case, outcome.state)
-    row = Row(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
+    row = MechanicsRow(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
     return with_flaw(row, case.refused)
 
 
-def with_flaw(row: Row, refused: bool) -> Row:
+def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
     """A finished row that says what is wrong with it, if anything; its case must be ``refused``, or must not."""
     return replace(row, wrong=failure_of(row, refused))
 
@@ -69,7 +69,7 @@ def peak_memory() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def failure_of(row: Row, refused: bool = False) -> str:
+def failure_of(row: MechanicsRow, refused: bool = False) -> str:
     """What is wrong with a finished row of a case that must be ``refused``, or must not; empty if nothing."""
     if row.verdict.startswith("refused") != refused:
         return "it should be refused" if refused else "it should not be refused"

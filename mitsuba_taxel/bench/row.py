@@ -36,7 +36,7 @@ def _cell(row: Any, name: str, form: str) -> str:
 
 
 @dataclass(frozen=True)
-class Row:
+class MechanicsRow:
     """Result of a case; missing values are NaN.
 
     Attributes

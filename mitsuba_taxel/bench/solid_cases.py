@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench.cases import CELL, Case
-from mitsuba_taxel.bench.row import Row
+from mitsuba_taxel.bench.row import MechanicsRow
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 
@@ -44,7 +44,7 @@ class SolidCase:
     tilt: float = 0.0
     refused: bool = False
 
-    def measured(self) -> Row:
+    def measured(self) -> MechanicsRow:
         """The row, measured in this process."""
         from mitsuba_taxel.bench.measure import measure, with_flaw
 
@@ -55,12 +55,12 @@ class SolidCase:
                 load = IndenterDisplacement(Indenter(file=str(file), tilt=self.tilt))
             except InputError as error:
                 said = str(error).replace(str(file), file.name)
-                return with_flaw(Row(self.name, f"refused: {said}"), self.refused)
+                return with_flaw(MechanicsRow(self.name, f"refused: {said}"), self.refused)
             return measure(Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused))
 
-    def failed(self, end: str) -> Row:
+    def failed(self, end: str) -> MechanicsRow:
         """The row of a process that returned none."""
-        return Row(self.name, end, wrong="no answer")
+        return MechanicsRow(self.name, end, wrong="no answer")
 
 
 def solid_cases() -> list[SolidCase]:

@@ -14,10 +14,10 @@ from mitsuba_taxel.bench.circuit_cases import MOST_DIFFERENCE
 from mitsuba_taxel.bench.circuit_row import CircuitRow
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, ReadingRow
-from mitsuba_taxel.bench.row import Row, cells, headings
+from mitsuba_taxel.bench.row import MechanicsRow, cells, headings
 from mitsuba_taxel.mechanics import NeoHookean
 
-AnyRow = Row | ReadingRow | CircuitRow
+AnyRow = MechanicsRow | ReadingRow | CircuitRow
 LEFT = ("case", "setting", "verdict", "stability", "reference by", "remark")
 """Headings of text columns."""
 
@@ -88,7 +88,7 @@ current law at the emitter, in 60 decimal digits.
 
 def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
     """Write the rows with a heading, in full precision; columns that a row lacks are empty, missing numbers ``nan``."""
-    names = dict.fromkeys(field.name for kind in (Row, ReadingRow, CircuitRow) for field in fields(kind))
+    names = dict.fromkeys(field.name for kind in (MechanicsRow, ReadingRow, CircuitRow) for field in fields(kind))
     with replacing(file) as temporary, temporary.open("w", newline="") as stream:
         writer = csv.DictWriter(stream, list(names))
         writer.writeheader()
@@ -97,11 +97,11 @@ def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
 
 def write_markdown(rows: Sequence[AnyRow], file: Path, command: str) -> None:
     """Write the rows as a page that names its ``command`` and explains its columns."""
-    mechanics = [row for row in rows if isinstance(row, Row)]
+    mechanics = [row for row in rows if isinstance(row, MechanicsRow)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]
     text = _PAGE.format(command=command, seconds=MOST_SECONDS, memory=MOST_MEMORY / 2**30)
     if mechanics:
-        table = markdown_table(headings(Row), map(cells, mechanics), LEFT)
+        table = markdown_table(headings(MechanicsRow), map(cells, mechanics), LEFT)
         law = NeoHookean()
         silicone = f"E = {law.youngs_modulus:g} MPa, nu = {law.poisson_ratio:g}"
         text += _MECHANICS.format(silicone=silicone, mesh_size=MESH_SIZE, table=table)

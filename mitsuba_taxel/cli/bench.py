@@ -31,7 +31,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
     """
     from mitsuba_taxel.bench.circuit_row import CircuitRow
     from mitsuba_taxel.bench.reading_row import ReadingRow
-    from mitsuba_taxel.bench.row import Row, cells, headings
+    from mitsuba_taxel.bench.row import MechanicsRow, cells, headings
     from mitsuba_taxel.bench.stability import check, stability
     from mitsuba_taxel.bench.tables import AnyRow
 
@@ -46,7 +46,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
             rows.append(row)
             click.echo(f"{row.verdict}{f'; WRONG: {row.wrong}' if row.wrong else ''}", err=True)
     finally:
-        for kind in (Row, ReadingRow, CircuitRow):
+        for kind in (MechanicsRow, ReadingRow, CircuitRow):
             if table := [cells(row) for row in rows if isinstance(row, kind)]:
                 print_text_table(headings(kind), table)
     check(rows)

@@ -26,7 +26,7 @@ POINTS = 1024
 Prony = tuple[tuple[float, float], ...]
 
 
-class Row(NamedTuple):
+class TimedTravel(NamedTuple):
     """A time in s, and the travel then in mm."""
 
     time: float
@@ -49,7 +49,7 @@ def cycle(
     share = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
     most = CYCLE_TRAVEL + late
-    rows = [Row(round(float(t), 6), round(float(s) * most, 6)) for t, s in zip(times, share, strict=True)]
+    rows = [TimedTravel(round(float(t), 6), round(float(s) * most, 6)) for t, s in zip(times, share, strict=True)]
     return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
 
 
@@ -59,8 +59,8 @@ def hold_and_release(
     """The same at the times of the record: pressed within 0.1 s, held, and the indenter withdrawn at once."""
     end = REACHED + HELD
     travel = round(measured.HELD_AT + late, 6)
-    held = [Row(REACHED, travel), *(Row(REACHED + time, travel) for time in HOLD_TIMES)]
-    left = [Row(end, 0.0), *(Row(end + time, 0.0) for time in measured.TAIL_TIMES)]
+    held = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]
+    left = [TimedTravel(end, 0.0), *(TimedTravel(end + time, 0.0) for time in measured.TAIL_TIMES)]
     return _path(store, "hold", press, prony, [*held, *left], POINTS, mesh_size=mesh_size)
 
 
@@ -69,7 +69,7 @@ def _path(
     kind: str,
     press: Press,
     prony: Prony,
-    rows: list[Row],
+    rows: list[TimedTravel],
     points: int,
     friction: float = 0.0,
     mesh_size: float | None = None,
@@ -88,7 +88,13 @@ def _path(
 
 
 def _computed(
-    store: PaperStudies, press: Press, terms: str, rows: list[Row], points: int, friction: float, mesh_size: float
+    store: PaperStudies,
+    press: Press,
+    terms: str,
+    rows: list[TimedTravel],
+    points: int,
+    friction: float,
+    mesh_size: float,
 ) -> xr.Dataset:
     file = store.folder / "pressed" / "pad.xml"
     bench_pad.write_scene(file)

@@ -9,7 +9,7 @@ import xarray as xr
 
 from mitsuba_taxel.reproduce import bench_pad, measured
 from mitsuba_taxel.reproduce.bench_pad import Press
-from mitsuba_taxel.reproduce.pad_fit import Curve, Found, fit
+from mitsuba_taxel.reproduce.pad_fit import Found, PressedTaxel, fit
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 INDENTER, START = "sphere", (7.5, 1.05)
@@ -27,9 +27,9 @@ class Compared(NamedTuple):
 
     Attributes
     ----------
-    measured, computed : Curve
+    measured, computed : PressedTaxel
         Forces in N, with the fitted modulus.
-    along : Curve
+    along : PressedTaxel
         The computed curve at many travels, to draw.
     change_at_force : (S,) ndarray
         Computed change at the measured forces.
@@ -37,9 +37,9 @@ class Compared(NamedTuple):
         Why the path ends early; else empty.
     """
 
-    measured: Curve
-    computed: Curve
-    along: Curve
+    measured: PressedTaxel
+    computed: PressedTaxel
+    along: PressedTaxel
     change_at_force: np.ndarray
     end: str
 
@@ -103,7 +103,7 @@ def results(store: PaperStudies) -> Results:
     """Fit to taxel 13, and predictions; missing paths are computed."""
     curves = {taxel: measured_curve(taxel) for taxel in measured.PRESSES}
 
-    def pressed(height: float, radius: float) -> Curve:
+    def pressed(height: float, radius: float) -> PressedTaxel:
         return curve_of(bench_pad.path(store, Press(height, INDENTER, radius)), measured.PRESSED)
 
     found = fit(pressed, curves[measured.PRESSED], START)
@@ -138,17 +138,17 @@ def _wide(study: xr.Dataset, height: float) -> Wide:
     return Wide(height, ring(held_map(held), 1), float(held.change.sel(taxel=measured.PRESSED).item()))
 
 
-def measured_curve(taxel: int) -> Curve:
+def measured_curve(taxel: int) -> PressedTaxel:
     """The measured curve of a taxel, by its voltage at rest."""
     press = measured.PRESSES[taxel]
-    return Curve(np.array(press.travels), np.array(press.forces), np.array(press.volts) / press.at_rest)
+    return PressedTaxel(np.array(press.travels), np.array(press.forces), np.array(press.volts) / press.at_rest)
 
 
-def curve_of(study: xr.Dataset, taxel: int) -> Curve:
-    return Curve(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
+def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
+    return PressedTaxel(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
 
 
-def compare(study: xr.Dataset, taxel: int, found: Found, there: Curve) -> Compared:
+def compare(study: xr.Dataset, taxel: int, found: Found, there: PressedTaxel) -> Compared:
     """The computed path of a taxel beside its measured curve."""
     computed = curve_of(study, taxel)
     places = np.linspace(0.0, computed.travel[-1], 200)

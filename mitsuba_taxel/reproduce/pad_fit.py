@@ -29,7 +29,7 @@ DIGITS = 3
 """Significant digits of the unknowns, so that paths are found again."""
 
 
-class Curve(NamedTuple):
+class PressedTaxel(NamedTuple):
     """One taxel pressed to some travels.
 
     Attributes
@@ -46,14 +46,14 @@ class Curve(NamedTuple):
     force: np.ndarray
     change: np.ndarray
 
-    def at(self, travel: np.ndarray) -> Curve:
+    def at(self, travel: np.ndarray) -> PressedTaxel:
         """The curve at other travels, by a spline through rest; NaN beyond its end."""
         through = np.insert(self.travel, 0, 0.0)
         values = [
             CubicSpline(through, np.insert(y, 0, 0.0), bc_type="natural", extrapolate=False)(travel)
             for y in (self.force, self.change)
         ]
-        return Curve(travel, *values)
+        return PressedTaxel(travel, *values)
 
 
 class Found(NamedTuple):
@@ -87,7 +87,7 @@ class Found(NamedTuple):
         return round(recorded + self.late, 3)
 
 
-def lateness(computed: Curve, measured: Curve) -> float:
+def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
     """Travel in mm, at most `LATEST`, at which the record begins, by least squares."""
     found = minimize_scalar(
         lambda late: np.square(residuals(computed, measured, late)).sum(),
@@ -98,14 +98,14 @@ def lateness(computed: Curve, measured: Curve) -> float:
     return round(float(found.x), DIGITS)
 
 
-def modulus(computed: Curve, measured: Curve, late: float = 0.0) -> float:
+def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
     """The modulus in MPa by least squares of the forces as far as the path computed with 1 MPa goes."""
     here = computed.at(measured.travel + late).force
     borne = np.isfinite(here)
     return float(here[borne] @ measured.force[borne] / (here[borne] @ here[borne]))
 
 
-def residuals(computed: Curve, measured: Curve, late: float = 0.0) -> np.ndarray:
+def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> np.ndarray:
     """(2 S,) errors of the forces, with the best modulus, and of the changes, each relative to its largest.
 
     Beyond the end of the computed path, errors are those at its last travel.
@@ -123,11 +123,11 @@ def residuals(computed: Curve, measured: Curve, late: float = 0.0) -> np.ndarray
     return found.ravel()
 
 
-def fit(pressed: Callable[[float, float], Curve], measured: Curve, start: tuple[float, float]) -> Found:
+def fit(pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]) -> Found:
     """Height and radius whose curve, computed by ``pressed(height, radius)``, is nearest to the measured one."""
-    known: dict[tuple[float, ...], Curve] = {}
+    known: dict[tuple[float, ...], PressedTaxel] = {}
 
-    def computed(logs: np.ndarray) -> Curve:
+    def computed(logs: np.ndarray) -> PressedTaxel:
         key = tuple(rounded(value) for value in np.exp(logs))
         if key not in known:
             known[key] = pressed(*key)
@@ -142,7 +142,7 @@ def fit(pressed: Callable[[float, float], Curve], measured: Curve, start: tuple[
 
         def misfit(unknowns: np.ndarray, here=here, curve=curve, slopes=slopes) -> np.ndarray:
             values = np.exp(_logs(curve, slopes.shape[1]) + slopes @ (unknowns[:2] - here))
-            return residuals(Curve(curve.travel[: slopes.shape[1]], *values), measured, unknowns[2])
+            return residuals(PressedTaxel(curve.travel[: slopes.shape[1]], *values), measured, unknowns[2])
 
         within = [-np.inf, -np.inf, 0.0], [np.inf, np.inf, LATEST]
         solution = least_squares(misfit, [*here, late], bounds=within)
@@ -167,7 +167,7 @@ def fit(pressed: Callable[[float, float], Curve], measured: Curve, start: tuple[
     return Found(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
 
 
-def _logs(curve: Curve, count: int) -> np.ndarray:
+def _logs(curve: PressedTaxel, count: int) -> np.ndarray:
     """(2, count) logarithms of forces and changes at the first travels."""
     return np.log(np.stack([curve.force[:count], curve.change[:count]]))
 

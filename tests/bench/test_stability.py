@@ -21,7 +21,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process, stability
 from mitsuba_taxel.bench.cases import Case, stability_cases
 from mitsuba_taxel.bench.measure import cutbacks, failure_of, mean_roof, measure, node_jacobian
-from mitsuba_taxel.bench.row import Row, cells, headings
+from mitsuba_taxel.bench.row import MechanicsRow, cells, headings
 from mitsuba_taxel.bench.slivers import FLATNESS, SliverPad
 from mitsuba_taxel.bench.solid_cases import solid_cases
 from mitsuba_taxel.bench.stability import check, chosen
@@ -34,7 +34,7 @@ from mitsuba_taxel.pads import REGIONS, Pad
 ONE_CELL = Pad(rows=1, columns=1)
 SMALL = Case("small", ONE_CELL, value=(0.0, 0.0, -1.0), mesh_size=2.0, with_finer_mesh=True)
 SOFT = replace(SMALL, name="soft", material=NeoHookean(0.05), value=(0.0, 0.0, -20.0))
-RIGHT = Row("a", "converged", "", 4, 2, 0, 0.9, 0.8, 1e-12, 1e-8, "stable", 0.1, 0.02, 0.01, 1.0, 200.0)
+RIGHT = MechanicsRow("a", "converged", "", 4, 2, 0, 0.9, 0.8, 1e-12, 1e-8, "stable", 0.1, 0.02, 0.01, 1.0, 200.0)
 
 
 @pytest.fixture(autouse=True)
@@ -246,13 +246,13 @@ def test_files_hold_the_rows_so_far(cases, worker, tmp_path):
 
 
 def test_tables_round_trip(tmp_path):
-    write_csv([RIGHT, Row("b", "out of memory", wrong="no answer")], tmp_path / "t.csv")
+    write_csv([RIGHT, MechanicsRow("b", "out of memory", wrong="no answer")], tmp_path / "t.csv")
     with (tmp_path / "t.csv").open(newline="") as stream:
         first, second = csv.DictReader(stream)
     assert float(first["residual"]) == RIGHT.residual and second["roof"] == "nan" and second["wrong"] == "no answer"
     write_markdown([RIGHT], tmp_path / "t.md", "taxel bench stability")
     (heading, _, line) = [line for line in (tmp_path / "t.md").read_text().splitlines() if line.startswith("|")]
-    assert heading.strip("| ").split(" | ") == headings(Row)
+    assert heading.strip("| ").split(" | ") == headings(MechanicsRow)
     assert line.strip("| ").split(" | ")[:5] == ["a", "converged", "4", "2", "0"]
 
 
@@ -276,8 +276,8 @@ def test_an_interrupt_leaves_what_was_done(tmp_path):
     code = """
 import sys, time, taxel_cli
 from mitsuba_taxel.bench import stability
-from mitsuba_taxel.bench.row import Row
-stability.measure_isolated = lambda case: Row(case.name, "converged") if "x 1" in case.name else time.sleep(60)
+from mitsuba_taxel.bench.row import MechanicsRow
+stability.measure_isolated = lambda case: MechanicsRow(case.name, "converged") if "x 1" in case.name else time.sleep(60)
 sys.argv = ["taxel", "bench", "stability", "--only", "? x ? cells, -", "--csv", "t.csv", "--markdown", "t.md"]
 taxel_cli.main()
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.reproduce.pad_fit import Curve, fit, modulus, residuals, rounded
+from mitsuba_taxel.reproduce.pad_fit import PressedTaxel, fit, modulus, residuals, rounded
 
 TRAVEL = np.array([0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05])
 PLACES = np.linspace(0.15, 1.9, 9)
@@ -14,7 +14,7 @@ PLACES = np.linspace(0.15, 1.9, 9)
 def law(height, radius, travel=TRAVEL):
     """Like a ball on a layer: stiffer on a thin one, and less light from far below, slower at first."""
     force = np.sqrt(radius) * travel**1.5 / (1 + 0.4 * travel / radius) * (1 + travel / height)
-    return Curve(travel, force, 0.3 * travel**2 * (1 - 0.15 * travel) * np.sqrt(radius) / height**1.5)
+    return PressedTaxel(travel, force, 0.3 * travel**2 * (1 - 0.15 * travel) * np.sqrt(radius) / height**1.5)
 
 
 @pytest.mark.parametrize(("height", "radius", "stiffness", "late"), [(7.0, 1.2, 0.5, 0.0), (8.6, 0.9, 2.0, 0.06)])
@@ -37,7 +37,7 @@ def test_the_modulus_is_the_ratio_of_forces():
 
 def test_a_path_that_ends_early_is_judged_as_far_as_it_goes():
     there = law(8, 1, PLACES)
-    short = Curve(*(values[:4] for values in law(8, 1)))
+    short = PressedTaxel(*(values[:4] for values in law(8, 1)))
     assert np.abs(residuals(short, there)).max() < 0.02  # of a spline through four points
     assert len(residuals(short, there)) == 2 * len(PLACES)
 
