@@ -26,6 +26,12 @@ def found(name: str) -> Path:
     return Path(str(mi.file_resolver().resolve(name)))
 
 
+def find_file(props: mi.Properties, name: str, suffix: str) -> None:
+    """Let a property that names a file, as its suffix tells, be the path of the one beside the scene."""
+    if name in props and str(props[name]).endswith(suffix):
+        props[name] = str(found(props[name]))
+
+
 def kind_of(made: Any) -> str:
     """The plugin's name: for our plugins from the Python class, for Mitsuba's own from its C++ class."""
     ours = type(made).__module__ != "mitsuba"

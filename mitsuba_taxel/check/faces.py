@@ -19,7 +19,7 @@ CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 
 @dataclass
 class Faces:
-    """The LEDs or phototransistors of one plugin.
+    """The LEDs or phototransistors of one plugin, or the windows above them.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ def faces_of(parts: Parts) -> tuple[list[Faces], list[Finding]]:
             if part.plugin not in ("annular_led", "phototransistor"):
                 continue
             try:
-                grid = part.made.faces
+                grid = part.made.window.faces
             except InputError as error:
                 findings.append(part.finding("error", f"{error}"))
                 continue

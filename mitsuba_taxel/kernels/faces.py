@@ -71,6 +71,15 @@ class FaceGrid:
         offset = mi.Point2f(local.x - column * self.pitch, local.y + row * self.pitch)
         return mi.UInt32(row) * self.columns + mi.UInt32(column), offset
 
+    def offset(self, index: mi.UInt32, p: mi.Point3f) -> mi.Point2f:
+        """Offset of ``p`` along the face's x and y from the centre of face ``index``."""
+        local = self.frame.to_local(p - dr.gather(mi.Point3f, self.centres, index))
+        return mi.Point2f(local.x, local.y)
+
+    def is_at_height(self, p: mi.Point3f) -> mi.Bool:
+        """Whether ``p`` lies in the plane of the faces."""
+        return dr.abs(self.frame.to_local(p - self.origin).z) <= 1e-3 * self.size.y
+
     def _nearest(self, distance: mi.Float, last: int) -> mi.Float:
         return dr.clip(dr.round(distance / self.pitch), 0, last)
 

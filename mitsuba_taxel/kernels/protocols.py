@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
+    from mitsuba_taxel.kernels.windows import Window
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.mechanics.materials.laws import Material
     from mitsuba_taxel.mechanics.path.second_state import SecondState
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.finish import Finish
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
     from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.parts import Side
     from mitsuba_taxel.specification.annular_led import AnnularLed
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
     from mitsuba_taxel.specification.phototransistor import Phototransistor
@@ -36,12 +38,17 @@ if TYPE_CHECKING:
 
 
 class TaxelEnd(Protocol):
-    """Common interface of `annular_led` and `phototransistor`."""
+    """Common interface of `annular_led` and `phototransistor`, with the refractive index of the resin in the windows
+    above them, None without windows."""
+
+    resin_index: mi.Float | None
 
     @property
     def specification(self) -> Specification: ...
     @property
     def faces(self) -> FaceGrid: ...
+    @property
+    def window(self) -> Window: ...
     def get_shape(self) -> mi.Shape: ...
 
 
@@ -57,7 +64,9 @@ class LedEmitter(TaxelEnd, Protocol):
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f: ...
     def sample_direction_of_emission(self, sample: mi.Point2f) -> mi.Vector3f: ...
     def density_of_direction(self, d: mi.Vector3f) -> mi.Float: ...
-    def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool: ...
+    def share_of_direction(self, d: mi.Vector3f) -> mi.Float: ...
+    def leave(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Point3f, mi.Float]: ...
+    def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool: ...
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
@@ -78,17 +87,20 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     def responsivity(self, wavelength_nm: float) -> float: ...
     def response(self, cosine: mi.Float) -> mi.Float: ...
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]: ...
-    def contains(self, index: mi.UInt32, p: mi.Point3f) -> tuple[mi.Bool, mi.Point2f]: ...
+    def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Bool, mi.Point2f]: ...
     def pixel(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point2f: ...
 
 
 class PackageShape(Protocol):
-    """A `photo_reflector`: the sides of its ``body``, and where along x the faces' ``centres`` lie."""
+    """A `photo_reflector`: the extent of its ``body``, the ``sides`` with dies and windows, by name, and the index of
+    the resin in these, None if dies lie in its top."""
 
     body: np.ndarray
-    centres: dict[str, float]
+    sides: dict[str, Side]
+    resin_index: float | None
 
     def face_grid(self, name: str) -> FaceGrid: ...
+    def window(self, name: str, dies: FaceGrid) -> Window | None: ...
     def is_as_built(self) -> bool: ...
 
 

@@ -23,3 +23,8 @@ class TaxelPair:
     def coplanar(self) -> bool:
         """Whether LEDs and phototransistors lie in one plane, so that there is no direct light."""
         return self.led.get_shape().ptr == self.sensor.get_shape().ptr  # Python wrappers may differ
+
+    @property
+    def is_below_windows(self) -> bool:
+        """Whether dies lie below windows, where light is bent."""
+        return self.led.resin_index is not None or self.sensor.resin_index is not None

@@ -21,6 +21,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.guide import Guide
 from mitsuba_taxel.kernels.ray_offsets import between, release
+from mitsuba_taxel.kernels.windows import Sight, straight
 
 Scattering = Callable[[mi.Vector3f], tuple[mi.Float, mi.Float]]
 """World direction -> scattered share per solid angle [1/sr, cosine included], and its density [1/sr]."""
@@ -87,10 +88,11 @@ class Techniques:
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
             return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *[None] * 8)
-        ray = release(y, mi.Normal3f(self.sensor.normal), d, self.clearance)
+        place, is_open = self.sensor.window.leave(self.index, y, d)
+        ray = release(place, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
-        valid = si.is_valid() & (local.z > 0)
-        distance_squared = dr.squared_norm(si.p - y)
+        valid = si.is_valid() & (local.z > 0) & is_open
+        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - place), local.z)
         cosine = dr.abs(dr.dot(si.n, d))
         member, guided, place = self.guidance(si, valid)
         return View(
@@ -113,14 +115,13 @@ class Techniques:
         """Power [W] of a connection from ``here`` to the point of ``view``."""
         if not self.connections:
             return mi.Float(0)
-        to_y = view.y - here.p
-        distance_squared = dr.squared_norm(to_y)
-        wo = to_y * dr.rsqrt(distance_squared)
+        sight = self.sensor.window.sight(self.index, here.p, view.y)
+        wo, distance_squared = sight.direction, sight.squared_distance
         cosine = -dr.dot(wo, self.sensor.normal)
-        active = active & (cosine > 0) & (distance_squared > 0)
+        active = active & (cosine > 0) & (distance_squared > 0) & sight.is_open
         value, density = scatter(wo)
         active &= value > 0
-        ray = between(here.p, here.n, wo, self.clearance, view.y, self.sensor.normal)
+        ray = between(here.p, here.n, wo, self.clearance, sight.place, self.sensor.normal)
         active &= ~self.scene.ray_test(ray, active)
         solid_angle = self.area * cosine / distance_squared
         hit = (1 - here.guided) * density * solid_angle
@@ -129,14 +130,18 @@ class Techniques:
         value *= here.throughput * solid_angle * self.sensor.response(cosine) * weight
         return dr.select(active, value, 0)
 
-    def connect_subpath(self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool) -> mi.Float:
-        """Power [W] of a connection from ``here`` to the point that ``view`` sees, and on to the phototransistor."""
+    def connect_subpath(
+        self, view: View, here: Vertex, scatter: Scattering, active: mi.Bool, sight: Sight | None = None
+    ) -> mi.Float:
+        """Power [W] of a connection from ``here`` to the point that ``view`` sees, and on to the phototransistor.
+
+        ``sight`` is how ``here`` appears from that point, by default straight.
+        """
         if not self.sensor_subpaths:
             return mi.Float(0)
-        to_z = view.si.p - here.p
-        distance_squared = dr.squared_norm(to_z)
-        wo = to_z * dr.rsqrt(distance_squared)
-        active = active & view.valid & (distance_squared > 0)
+        sight = sight or straight(view.si.p, here.p)
+        wo, distance_squared = -sight.direction, sight.squared_distance
+        active = active & view.valid & (distance_squared > 0) & sight.is_open
         value, density = scatter(wo)
         active &= value > 0
         cosine = dr.abs(dr.dot(view.si.n, wo))
@@ -144,7 +149,7 @@ class Techniques:
         si.wi = si.to_local(-wo)
         passed_on, onward = view.bsdf.eval_pdf(self.context, si, view.to_y, active)
         active &= (passed_on[0] > 0) & (cosine > 0)
-        ray = between(here.p, here.n, wo, self.clearance, view.si.p, view.si.n)
+        ray = between(sight.place, here.n, wo, self.clearance, view.si.p, view.si.n)
         active &= ~self.scene.ray_test(ray, active)
 
         drawn = self.drawn(density, here, view.member, view.place, distance_squared / cosine)
@@ -166,12 +171,12 @@ class Techniques:
         density : mi.Float
             Of the direction ``d`` [1/sr]; unused where ``specular``.
         """
-        inside, offset = self.sensor.contains(self.index, si.p)
+        inside, offset = self.sensor.contains(self.index, si.p, d)
         if not self.unidirectional:
             return mi.Float(0), offset
         cosine = -dr.dot(d, self.sensor.normal)
         here = si.is_valid() & (si.shape == self.detector) & inside & (cosine > 0)
-        distance_squared = dr.squared_norm(si.p - before.p)
+        distance_squared = self.sensor.window.apparent(dr.squared_norm(si.p - before.p), cosine)
         connection = distance_squared / (density * self.area * cosine)
         subpath = connection * before.inverse * dr.inv_pi * cosine * dr.abs(dr.dot(before.n, d)) / distance_squared
         weight = dr.select(specular, 1, self._weight((self.connections, connection), (self.sensor_subpaths, subpath)))

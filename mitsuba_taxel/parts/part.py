@@ -129,10 +129,17 @@ def _side(name: str, which: str, content: Mapping[str, Any]) -> Side:
         side = Side(**table)
     except InputError as error:
         raise InputError(f"part {name}, {which}: {error}") from error
-    extents = (side.window_width, side.window_length)
-    for axis, centre, extent, length in zip("xy", side.window_centre, extents, content["body"], strict=False):
-        if 2 * abs(centre) + extent > length * (1 + 1e-9):
-            raise InputError(f"part {name}, {which}: its window lies over the edge of the body along {axis}.")
+    window = side.window_centre, (side.window_width, side.window_length)
+    die = (side.x, side.y), (side.die_width, side.die_length)
+    for what, (centres, extents) in (("window", window), ("die", die)):
+        for axis, centre, extent, length in zip("xy", centres, extents, content["body"], strict=False):
+            if 2 * abs(centre) + extent > length * (1 + 1e-9):
+                raise InputError(f"part {name}, {which}: its {what} lies over the edge of the body along {axis}.")
+    if side.die_depth >= content["body"][2]:
+        raise InputError(
+            f"part {name}, {which}: die_depth = {side.die_depth:g} is not allowed: less than the height of the body, "
+            f"{content['body'][2]:g}, is needed."
+        )
     return side
 
 

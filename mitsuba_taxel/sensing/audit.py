@@ -18,11 +18,13 @@ from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.arguments import check_progress
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.kernels.ray_offsets import clearance_of
 from mitsuba_taxel.kernels.regions import ALL_REGIONS
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength, wall_at
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
+from mitsuba_taxel.kernels.windows import transmittance
 from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
 from mitsuba_taxel.sensing.scene import Scene
@@ -32,6 +34,9 @@ from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 DEFAULT_POINTS = 4096
 ENDS = ("detected", "escaped", "lost by single scattering", "unfinished")
 """Places where light ends besides the surfaces."""
+
+INSIDE = "inside packages"
+"""Place of light that does not leave the windows above its LED."""
 
 _WEIGHTED_REFLECTIONS = 8
 
@@ -44,10 +49,11 @@ class EnergyAudit:
     ----------
     places : tuple[str, ...]
         (P,) where light ended. A surface is named by its shape's id, or else its kind, and by the region if it has
-        several (``deformable_pad roof``); its share is what it absorbed. Then follow the :data:`ENDS`: ``detected`` is
-        what phototransistors absorbed, not weighted by their response. ``lost by single scattering`` is the light that
-        would meet a second facet of a rough mirror, and ``unfinished`` the power left after the largest number of
-        reflections.
+        several (``deformable_pad roof``); its share is what it absorbed, that of a window also what it let through
+        beside the die. Light of dies below windows that does not leave them is ``inside packages``. Then follow the
+        :data:`ENDS`: ``detected`` is what phototransistors absorbed, not weighted by their response. ``lost by single
+        scattering`` is the light that would meet a second facet of a rough mirror, and ``unfinished`` the power left
+        after the largest number of reflections.
     replicates : (R, P) ndarray
         Shares for each independent randomisation.
     points : int
@@ -184,15 +190,25 @@ def _trace(
         surface = surfaces.at(step)
         kept = mi.Float64(step.power) - mi.Float64(step.onward)
         unseen = kept * mi.Float64(surfaces.unseen_share(surface, step))
-        place = dr.select(step.hit, row + surface, escaped)
+        place, ends_here = dr.select(step.hit, row + surface, escaped), kept - unseen
         for other in pairs:
-            place = dr.select(landed(other, step)[0], detected, place)
-        dr.scatter_add(sums, kept - unseen, place, step.active)
+            here, _ = landed(other, step)
+            place = dr.select(here, detected, place)
+            if other.sensor.resin_index is not None:
+                through = transmittance(other.sensor.resin_index, -dr.dot(step.ray.d, other.sensor.normal))
+                refused = ends_here * (1 - mi.Float64(through)) & (step.active & here)
+                dr.scatter_add(sums, refused, row + surface, refused != 0)
+                ends_here -= refused
+        dr.scatter_add(sums, ends_here, place, step.active)
         dr.scatter_add(sums, unseen, lost, unseen != 0)
         dr.scatter_add(sums, mi.Float64(step.onward), unfinished, step.hit & (step.depth >= most_reflections))
 
-    _, ray = emit(scene, pair, index, sampler)
+    _, ray, passed = emit(scene, pair, index, sampler)
     power = mi.Float(pair.led.power) + dr.zeros(mi.Float, dr.width(sequence))
+    if pair.is_below_windows:
+        inside = mi.Float64(power) * (1 - mi.Float64(passed))
+        dr.scatter_add(sums, inside, row + dr.opaque(mi.UInt32, surfaces.places.index(INSIDE)))
+        power *= passed
     follow(scene, ray, power, clearance_of(scene, pair), sampler, limit, _WEIGHTED_REFLECTIONS, book)
 
 
@@ -217,6 +233,9 @@ class _Surfaces:
             tables.append(table)
             starts[number], strides[number] = position, len(table) > 1
             position += len(table)
+        if any(led.resin_index is not None for led in scene.emitters()):
+            self.places.append(INSIDE)
+            self.bsdfs.append(None)
         self.places.append("other shapes")
         self.bsdfs.append(None)
         unlisted = np.array([len(self.places) - 1])
@@ -232,11 +251,12 @@ class _Surfaces:
             self.bsdfs.append(bsdf)
             return np.array([first])
         codes = np.rint(np.array(mi.traverse(shape)["face_region"])).astype(int)
+        is_bare = not (is_package(shape) and shape.resin_index)
         present, inverse = np.unique(codes, return_inverse=True)
         words = {code: word for word, code in ALL_REGIONS.items()}
         for code in present:
             region = words.get(int(code), f"region {code}")
-            if region == "phototransistor":
+            if region == "phototransistor" and is_bare:
                 self.sensitive.append(len(self.places))
             self.places.append(f"{name} {region}")
             self.bsdfs.append(wall_at(bsdf, region))

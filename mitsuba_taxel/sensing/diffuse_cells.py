@@ -312,6 +312,8 @@ def _shares(wall: mi.BSDF) -> tuple[float, float]:
 
 
 def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Taxel]:
+    if pair.is_below_windows:
+        raise NotDiffuse("LED and phototransistor lie below windows, where light is bent")
     stated = pair.led.specification
     size, hole = (pair.led.faces.scale * side for side in (stated.size, stated.hole))
     if stated.shape == "square":
@@ -345,7 +347,8 @@ def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None
         return [None] * len(centres)
     axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     half = 0.5 * faces.scale * package.body
-    inwards = -faces.scale * package.centres["led"] * axes[0] - half[2] * axes[2]
+    side = package.sides["led"]
+    inwards = -faces.scale * (side.x * axes[0] + side.y * axes[1]) - half[2] * axes[2]
     turned = into_pad(axes, is_direction=True)
     return [Box(into_pad(centre + inwards), turned, half / scale) for centre in centres]
 

@@ -59,7 +59,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
     _refuse_instances(scene)
     _refuse_media(scene, plugin)
     if ours:
-        taxels_of(scene)
+        _refuse_other_windows(scene)
         _refuse_samplers(scene)
         getattr(integrator, "refuse_unbounded", lambda scene: None)(scene)
     else:
@@ -94,6 +94,16 @@ def _refuse_media(scene: mi.Scene, plugin: str) -> None:
             "the scene holds a participating medium, which only Mitsuba's integrators volpath and volpathmis see: "
             "use one of them, or take it out."
         )
+
+
+def _refuse_other_windows(scene: mi.Scene) -> None:
+    """Raise if LEDs and phototransistors cannot be paired, or light would go straight from window to window."""
+    for pair in taxels_of(scene):
+        if pair.is_below_windows and not pair.coplanar:
+            raise InputError(
+                "photo_reflector: an LED below a window is read against a phototransistor elsewhere, which is not "
+                "modelled: state other LEDs and phototransistors in the same order."
+            )
 
 
 def _refuse_samplers(scene: mi.Scene) -> None:

@@ -64,7 +64,7 @@ def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
     def count(step: PathStep) -> None:
         dr.scatter(left, 1.0, lane, step.hit & (step.onward > 0) & (step.depth >= _REFLECTIONS))
 
-    _, ray = emit(scene, pair, index, sampler)
+    _, ray, _ = emit(scene, pair, index, sampler)
     follow(
         scene, ray, mi.Float(1) + dr.zeros(mi.Float, _PATHS), clearance_of(scene, pair), sampler, _REFLECTIONS, 0, count
     )
@@ -73,7 +73,7 @@ def _share_under_way(scene: mi.Scene, pair: TaxelPair) -> float:
 
 def _refuse_narrow_gaps(scene: mi.Scene) -> None:
     for pair in taxels_of(scene):
-        places, sources = pair.sensor.faces.centres, pair.led.faces.centres
+        places, sources = pair.sensor.window.faces.centres, pair.led.window.faces.centres
         normal = pair.sensor.normal
         gap = scene.ray_intersect(release(places, normal, normal, clearance_of(scene, pair))).t
         share = np.array(gap / dr.norm(sources - places), dtype=float)

@@ -45,11 +45,14 @@ class PathStep(NamedTuple):
     weight: mi.Float
 
 
-def emit(scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler) -> tuple[mi.Point3f, mi.Ray3f]:
-    """A point on each LED of ``index``, and the ray that leaves from there."""
+def emit(
+    scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler
+) -> tuple[mi.Point3f, mi.Ray3f, mi.Float]:
+    """A ray from each LED of ``index``, where it leaves the package, and the share of its power that does."""
     source = pair.led.sample_point(index, sampler.next_2d())
     direction = pair.led.sample_direction_of_emission(sampler.next_2d())
-    return source, release(source, pair.led.faces.frame.n, direction, clearance_of(scene, pair))
+    place, passed = pair.led.leave(index, source, direction)
+    return place, release(place, pair.led.faces.frame.n, direction, clearance_of(scene, pair)), passed
 
 
 @dr.syntax
@@ -91,8 +94,8 @@ def follow(
 
 def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
     """Whether light hits the front of a phototransistor of the pair, and which."""
-    nearest, _ = pair.sensor.faces.locate(step.si.p)
-    inside, _ = pair.sensor.contains(nearest, step.si.p)
+    nearest, _ = pair.sensor.window.faces.locate(step.si.p)
+    inside, _ = pair.sensor.contains(nearest, step.si.p, step.ray.d)
     in_front = dr.dot(step.ray.d, pair.sensor.normal) < 0
     return step.hit & (step.si.shape == mi.ShapePtr(pair.sensor.get_shape())) & inside & in_front, nearest
 
@@ -104,8 +107,8 @@ class RayPaths:
     Attributes
     ----------
     vertices : list of ndarray
-        For each path (n, 3) positions in mm, n from 2 to 64: the LED, each reflection, the end. A path that escapes
-        ends shortly after its last reflection.
+        For each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end. A path
+        that escapes ends shortly after its last reflection; light that does not leave a package has none.
     reached : (N,) ndarray
         Whether each has reached the taxel's own phototransistor.
     power : (N,) ndarray
@@ -200,7 +203,7 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
 
 
 def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Vertices of one batch of paths, and whether each reached the phototransistor."""
+    """Vertices of one batch of paths, as far as they leave the LED, and whether each reached the phototransistor."""
     sampler = make_plugin("independent")
     sampler.seed(seed, _BATCH)
     lane = dr.arange(mi.UInt32, _BATCH)
@@ -217,10 +220,14 @@ def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list
         here, nearest = landed(pair, step)
         dr.scatter(reached, mi.UInt32(1), lane, step.active & here & (nearest == index))
 
-    source, ray = emit(scene, pair, dr.opaque(mi.UInt32, index, _BATCH), sampler)
+    source, ray, passed = emit(scene, pair, dr.opaque(mi.UInt32, index, _BATCH), sampler)
     dr.scatter(positions, source, lane * MOST_VERTICES)
-    power = mi.Float(1) + dr.zeros(mi.Float, _BATCH)
+    leaves = mi.Bool(True)
+    if pair.is_below_windows:
+        leaves = sampler.next_1d() < passed
+    power = dr.select(leaves, 1, 0) + dr.zeros(mi.Float, _BATCH)
     follow(scene, ray, power, clearance_of(scene, pair), sampler, MOST_VERTICES - 2, 0, record)
     table = positions.numpy().reshape(_BATCH, MOST_VERTICES, 3)
     lengths = counts.numpy()
-    return [table[i, : lengths[i]].astype(float) for i in range(_BATCH)], reached.numpy() > 0
+    left = np.flatnonzero(lengths > 1)
+    return [table[i, : lengths[i]].astype(float) for i in left], reached.numpy()[left] > 0

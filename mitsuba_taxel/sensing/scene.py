@@ -17,6 +17,7 @@ from mitsuba_taxel.base.arguments import is_number, path_of, refusal, require, t
 from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.left_out import parse_scene, used_by
 
 if TYPE_CHECKING:
@@ -184,12 +185,17 @@ class Scene(Displayed):
         """The parsed description, before anything is built."""
         import mitsuba as mi
 
+        from mitsuba_taxel.backend.plugin_objects import find_file
+
         if isinstance(self.source, dict):
             state = mi.parser.parse_dict(config, self.source)
         else:
             state = parse_scene(config, self.source, self.parameters)
         if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
             raise InputError(f"{self.name}: {NESTED_SCENE}")
+        with self.files_beside_it():
+            for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):
+                find_file(node.props, "part", SUFFIX)
         pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
         open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
         self.leaves_mesh_open = bool(open_ones)

@@ -57,7 +57,7 @@ def refuse_shared_places(scene: mi.Scene) -> None:
     It would be undefined which of the two a ray hits. One that faces the other way, such as a plate in contact, is
     allowed: no light passes between the two.
     """
-    ends = [(end, end.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
+    ends = [(end, end.window.faces) for end in (*scene.emitters(), *scene.sensors()) if has_faces(end)]
     surfaces = [(shape, *_triangles_of(shape)) for shape in scene.shapes() if not is_pad(shape)]
     for end, faces in ends:
         for shape, vertices, triangles in surfaces:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters import nested, number, text, transform, vector, whole
 from mitsuba_taxel.parameters.similarity import similarity_scale
-from mitsuba_taxel.parts import read_part
+from mitsuba_taxel.parts import Side, read_part
 from mitsuba_taxel.specification.annular_led import AnnularLed
 from mitsuba_taxel.specification.phototransistor import Phototransistor
 from mitsuba_taxel.specification.specification import Specification
@@ -24,37 +23,77 @@ _ROUNDING = 1e-6
 """Relative error of lengths that Mitsuba stores in single precision, such as components of vectors."""
 
 
+class Opening(NamedTuple):
+    """An area of the top of a package, in mm: a die in it, or the window above one."""
+
+    centre: tuple[float, float]
+    extent: tuple[float, float]
+    is_obround: bool = False
+
+
 class Package(NamedTuple):
-    """A body in mm, LED and phototransistor in its top, and their positions along x."""
+    """A body in mm, LED and phototransistor, and the dies and windows of both.
+
+    ``resin_index`` is the refractive index of the resin above the dies, None for dies in the top of the body.
+    """
 
     body: tuple[float, float, float]
     led: AnnularLed
     phototransistor: Phototransistor
-    led_x: float
-    phototransistor_x: float
+    emitter: Side
+    detector: Side
+    resin_index: float | None = None
 
     @property
     def extent(self) -> str:
         """Of the body, in words."""
         return ", ".join(f"{side:g}" for side in self.body)
 
+    @property
+    def sides(self) -> dict[str, Side]:
+        """Dies and windows by the name of the region that is the opening."""
+        return {"led": self.emitter, "phototransistor": self.detector}
 
-@lru_cache(maxsize=8)
+    @property
+    def openings(self) -> dict[str, Opening]:
+        """Regions of the top: windows, or else dies, by name."""
+        if self.resin_index is None:
+            return {n: Opening((s.x, s.y), (s.die_width, s.die_length)) for n, s in self.sides.items()}
+        return {
+            name: Opening(side.window_centre, (side.window_width, side.window_length), side.window_shape == "obround")
+            for name, side in self.sides.items()
+        }
+
+
+def _bare(x: float, width: float, length: float) -> Side:
+    """A die in the top of a body, on its middle line."""
+    return Side(x=x, window_width=width, window_length=length, die_width=width, die_length=length)
+
+
 def _package_of(name: str) -> Package:
     """A part as a package; raises `InputError` if a package cannot represent it."""
     part = read_part(name)
     emitter, detector = part.emitter, part.detector
-    depth = max(emitter.die_depth, detector.die_depth)
-    if depth > 0:
-        raise InputError(
-            f"part = {name!r} is not allowed here: its dies lie {depth:g} mm below their windows, where "
-            "light is bent, which only `taxel parts` models."
-        )
-    if emitter.y or detector.y or emitter.die_width != emitter.die_length:
-        raise InputError(f"part = {name!r} is not allowed here: dies on y = 0, the emitter's a square, are needed.")
+    if emitter.die_width != emitter.die_length:
+        raise InputError(f"part = {name!r} is not allowed here: the emitter's die must be a square.")
     led = AnnularLed(size=emitter.die_width, hole=0.0, law="lambertian", wavelength=part.wavelength)
     phototransistor = Phototransistor(width=detector.die_width, depth=detector.die_length)
-    return Package(part.body, led, phototransistor, emitter.x, detector.x)
+    is_deep = max(emitter.die_depth, detector.die_depth) > 0
+    package = Package(part.body, led, phototransistor, emitter, detector, part.resin_index if is_deep else None)
+    _check_openings(name, package)
+    return package
+
+
+def _check_openings(name: str, package: Package) -> None:
+    """Refuse a part whose top cannot be cut along the edges of its openings."""
+    one, other = package.openings.values()
+    if abs(one.centre[0] - other.centre[0]) < 0.5 * (one.extent[0] + other.extent[0]) * (1 - _ROUNDING):
+        what = "dies" if package.resin_index is None else "windows"
+        raise InputError(f"part = {name!r} is not allowed here: its {what} must lie side by side along x, not overlap.")
+    for opening in (one, other):
+        reach = abs(opening.centre[0]) + 0.5 * opening.extent[0]
+        if opening.is_obround and reach > 0.5 * package.body[0] * (1 - 10 * _ROUNDING):
+            raise InputError(f"part = {name!r} is not allowed here: an obround window reaches the edge of the body.")
 
 
 @dataclass(frozen=True)
@@ -68,9 +107,9 @@ class PhotoReflector(Specification):
     pitch: float = number(3.55, "mm", "Distance between neighbours.", above=0, common=(0.1, 200))
     part: str | None = text(
         None,
-        "A part by its name in the catalogue, or from a TOML file, whose dies lie in the plane of their windows. It "
-        "determines body, dies and their positions; LED and phototransistor are not nested then: the LED is "
-        "Lambertian and emits 1 W.",
+        "A part by its name in the catalogue, or from a TOML file. It determines body, windows, dies and their "
+        "positions; LED and phototransistor are not nested then. The LED is Lambertian and emits 1 W: in air, or from "
+        "dies below windows into the resin above them.",
         "the name of a part, or of a TOML file",
         default_words="the paper's sensor, as stated here",
     )
@@ -124,7 +163,9 @@ class PhotoReflector(Specification):
         if self.part is not None:
             return _package_of(self.part)
         assert self.body is not None and self.spacing is not None and self.led and self.phototransistor
-        return Package(self.body, self.led, self.phototransistor, -0.5 * self.spacing, 0.5 * self.spacing)
+        led, sensor = self.led, self.phototransistor
+        emitter = _bare(-0.5 * self.spacing, led.size, led.size)
+        return Package(self.body, led, sensor, emitter, _bare(0.5 * self.spacing, sensor.width, sensor.depth))
 
     def _check_layout(self, package: Package) -> None:
         led, phototransistor = package.led, package.phototransistor

@@ -10,6 +10,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.kernels.emission import law_of
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
+from mitsuba_taxel.kernels.windows import Window, transmittance, window_on
 from mitsuba_taxel.specification.annular_led import AnnularLed as Parameters
 
 
@@ -46,6 +47,7 @@ class AnnularLed(mi.Emitter):
         self.wavelength = self.specification.wavelength
         self.law = law_of(self.specification)
         self.power = dr.opaque(mi.Float, self.specification.power)
+        self.resin_index: mi.Float | None = None
         self._faces: FaceGrid | None = None
         self.m_flags = +mi.EmitterFlags.Surface | +mi.EmitterFlags.SpatiallyVarying
 
@@ -59,7 +61,14 @@ class AnnularLed(mi.Emitter):
             self._faces = faces_on(self.get_shape(), "led", (stated.size, stated.size))
             outer, inner = (0.5 * self._faces.scale * side for side in (stated.size, stated.hole))
             self._annulus = _ANNULI[stated.shape](outer, inner)
+            self._window = window_on(self.get_shape(), "led", self._faces)
         return self._faces
+
+    @property
+    def window(self) -> Window:
+        """The windows above the LEDs."""
+        assert self.faces  # finds the windows as well
+        return self._window
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> mi.Point3f:
         """A point uniform on the emitting annulus of LED ``index``."""
@@ -71,8 +80,24 @@ class AnnularLed(mi.Emitter):
         return self.faces.frame.to_world(self.law.sample(sample))
 
     def density_of_direction(self, d: mi.Vector3f) -> mi.Float:
-        """Share of the power per solid angle [1/sr] in world direction ``d``."""
+        """Density [1/sr] with which the world direction ``d`` is sampled."""
         return self.law.density(self.faces.frame.to_local(d))
+
+    def share_of_direction(self, d: mi.Vector3f) -> mi.Float:
+        """Share of the power per solid angle [1/sr] that leaves in world direction ``d``, where a window is open."""
+        return self.density_of_direction(d) * self._passed(dr.dot(d, self.faces.frame.n))
+
+    def leave(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Point3f, mi.Float]:
+        """Where a ray of LED ``index`` leaves that is sampled at the point ``p`` with direction ``d``, and the share of
+        its power that does."""
+        place, is_open = self.window.leave(index, p, d)
+        return place, self._passed(dr.dot(d, self.faces.frame.n)) & is_open
+
+    def _passed(self, cosine: mi.Float) -> mi.Float:
+        """Radiance in air relative to that before the window."""
+        if self.resin_index is None:
+            return mi.Float(1)
+        return transmittance(self.resin_index, cosine) / dr.square(self.resin_index)
 
     @property
     def area(self) -> mi.Float:
@@ -80,25 +105,23 @@ class AnnularLed(mi.Emitter):
         assert self.faces  # computes the annulus as well
         return self._annulus.area
 
-    def contains(self, index: mi.UInt32, p: mi.Point3f) -> mi.Bool:
-        """Whether the surface point ``p`` lies on the emitting annulus of LED ``index``."""
-        nearest, _ = self.faces.locate(p)
-        return self._lit(p) & (nearest == index)
+    def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether a ray that arrives at the surface point ``p`` in direction ``d`` meets the emitting annulus of LED
+        ``index``."""
+        offset, enters = self.window.enter(index, p, d)
+        return enters & self._annulus.contains(offset)
 
-    def _lit(self, p: mi.Point3f) -> mi.Bool:
-        if not self._is_nested:
-            return mi.Bool(False)
-        _, offset = self.faces.locate(p)
-        height = dr.abs(self.faces.frame.to_local(p - self.faces.origin).z)
-        return self._annulus.contains(offset) & (height <= 1e-3 * self._annulus.outer)
+    def _lit(self, p: mi.Point3f, d: mi.Vector3f) -> mi.Bool:
+        """Whether light leaves the surface point ``p`` in world direction ``d``."""
+        return self.contains(self.window.faces.locate(p)[0], p, -d) if self._is_nested else mi.Bool(False)
 
     def _radiance(self, d: mi.Vector3f) -> mi.Spectrum:
         """Radiance [W/(mm² sr)] that leaves each lit point in world direction ``d``."""
         if not self._is_nested:
             return mi.Spectrum(0)
-        local = self.faces.frame.to_local(d)
-        value = self.power / self._annulus.area * self.law.density(local) / local.z
-        return mi.Spectrum(dr.select(local.z > 0, value, 0))
+        cosine = dr.dot(d, self.faces.frame.n)
+        value = self.power / self._annulus.area * self.share_of_direction(d) / cosine
+        return mi.Spectrum(dr.select(cosine > 0, value, 0))
 
     # Interface of Mitsuba's own integrators: all LEDs together. Dr.Jit records such calls for every LED object that
     # exists, even without a surface or in another scene; such an LED emits nothing.
@@ -113,51 +136,62 @@ class AnnularLed(mi.Emitter):
         return dr.rcp(self.faces.count * self._annulus.area) if self._is_nested else mi.Float(0)
 
     def eval(self, si, active=True):
-        return self._radiance(si.to_world(si.wi)) & self._lit(si.p) & active
+        d = si.to_world(si.wi)
+        return self._radiance(d) & self._lit(si.p, d) & active
 
     def sample_position(self, time, sample, active=True):
-        if not self._is_nested:
-            return dr.zeros(mi.PositionSample3f), mi.Float(0)
-        faces = self.faces
-        index, reused = _pick(sample.x, faces.count)
+        ps, _ = self._sample_position(time, sample)
+        return ps, dr.select(active, dr.rcp(ps.pdf), 0) if self._is_nested else mi.Float(0)
+
+    def _sample_position(self, time, sample):
+        """A point of an LED, and the number of that."""
         ps = dr.zeros(mi.PositionSample3f)
+        if not self._is_nested:
+            return ps, mi.UInt32(0)
+        index, reused = _pick(sample.x, self.faces.count)
         ps.p = self.sample_point(index, mi.Point2f(reused, sample.y))
-        ps.n = faces.frame.n
+        ps.n = self.faces.frame.n
         ps.time = time
         ps.pdf = self._density
-        return ps, dr.select(active, faces.count * self._annulus.area, 0)
+        return ps, index
 
     def pdf_position(self, ps, active=True):
-        return dr.select(self._lit(ps.p) & active, self._density, 0)
+        if not self._is_nested:
+            return mi.Float(0)
+        on_die = self.faces.is_at_height(ps.p) & self._annulus.contains(self.faces.locate(ps.p)[1])
+        return dr.select(on_die & active, self._density, 0)
 
     def sample_ray(self, time, sample1, sample2, sample3, active=True):
         if not self._is_nested:
             return dr.zeros(mi.Ray3f), mi.Spectrum(0)
-        ps, _ = self.sample_position(time, sample2, active)
+        ps, index = self._sample_position(time, sample2)
+        d = self.sample_direction_of_emission(sample3)
+        ps.p, passed = self.leave(index, ps.p, d)
         si = mi.SurfaceInteraction3f(ps, dr.zeros(mi.Color0f))
-        ray = si.spawn_ray(self.sample_direction_of_emission(sample3))
-        return ray, mi.Spectrum(self.faces.count * self.power) & active
+        return si.spawn_ray(d), mi.Spectrum(self.faces.count * self.power * passed) & active
 
     def sample_direction(self, it, sample, active=True):
-        ps, _ = self.sample_position(it.time, sample, active)
+        if not self._is_nested:
+            return dr.zeros(mi.DirectionSample3f), mi.Spectrum(0)
+        ps, index = self._sample_position(it.time, sample)
+        sight = self.window.sight(index, it.p, ps.p)
         ds = mi.DirectionSample3f(ps)
-        ds.d = ps.p - it.p
-        distance_squared = dr.squared_norm(ds.d)
-        ds.dist = dr.sqrt(distance_squared)
-        ds.d /= ds.dist
+        ds.p, ds.d, ds.dist = sight.place, sight.direction, dr.norm(sight.place - it.p)
         cos_theta = -dr.dot(ds.d, ds.n)
-        active &= cos_theta > 0
-        ds.pdf = dr.select(active, ps.pdf * distance_squared / cos_theta, 0)
+        active &= (cos_theta > 0) & sight.is_open
+        ds.pdf = dr.select(active, ps.pdf * sight.squared_distance / cos_theta, 0)
         ds.emitter = mi.EmitterPtr(self)
         return ds, dr.select(active, self._radiance(-ds.d) / ds.pdf, 0)
 
     def pdf_direction(self, it, ds, active=True):
+        if not self._is_nested:
+            return mi.Float(0)
         cos_theta = -dr.dot(ds.d, ds.n)
-        active &= (cos_theta > 0) & self._lit(ds.p)
-        return dr.select(active, dr.square(ds.dist) / cos_theta * self._density, 0)
+        active &= (cos_theta > 0) & self._lit(ds.p, -ds.d)
+        return dr.select(active, self.window.apparent(dr.square(ds.dist), cos_theta) / cos_theta * self._density, 0)
 
     def eval_direction(self, it, ds, active=True):
-        return self._radiance(-ds.d) & self._lit(ds.p) & active
+        return self._radiance(-ds.d) & self._lit(ds.p, -ds.d) & active
 
     def sample_wavelengths(self, si, sample, active=True):
         return dr.zeros(mi.Color0f), self.eval(si, active)

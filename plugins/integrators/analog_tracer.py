@@ -61,14 +61,17 @@ class AnalogTracer(mi.CppADIntegrator):
         vertex = mi.Point3f(led.sample_point(led_index, self._release_point(sampler)))
         normal = mi.Normal3f(led.faces.frame.n)
         direction = led.sample_direction_of_emission(mi.Point2f(random.next_float32(), random.next_float32()))
+        vertex, passed = led.leave(led_index, vertex, direction)
         result = dr.zeros(mi.Float, dr.width(index))
         depth = mi.UInt32(0)
         active = mi.Bool(led.power > 0) | (index < 0)
+        if dr.hint(pair.is_below_windows, mode="scalar"):
+            active &= random.next_float32() < passed
         ray = release(vertex, normal, direction, clearance)
         while active:
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
-            inside, offset = sensor.contains(index, si.p)
+            inside, offset = sensor.contains(index, si.p, direction)
             cosine = -dr.dot(direction, sensor.normal)
             here = active & (si.shape == detector) & inside & (cosine > 0)
             landed = dr.select(here, led.power * sensor.response(cosine), 0)

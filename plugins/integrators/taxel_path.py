@@ -76,7 +76,8 @@ class TaxelPath(mi.CppADIntegrator):
         local = mi.warp.square_to_cosine_hemisphere(sampler.next_2d())
         direction = sensor.faces.frame.to_world(local)
         target = mi.Point3f(led.sample_point(led_index, sampler.next_2d()))
-        vertex, normal = mi.Point3f(y), mi.Normal3f(sensor.normal)
+        place, is_open = sensor.window.leave(index, y, direction)
+        vertex, normal = mi.Point3f(place), mi.Normal3f(sensor.normal)
         result = dr.zeros(mi.Float, dr.width(index))
         if dr.hint(not pair.coplanar, mode="scalar"):
             result += self._straight_across(scene, pair, vertex, target, clearance)
@@ -86,7 +87,7 @@ class TaxelPath(mi.CppADIntegrator):
         density = mi.warp.square_to_cosine_hemisphere_pdf(local)
         specular = mi.Bool(False)
         depth = mi.UInt32(0)
-        active = (throughput > 0) & (local.z > 0)
+        active = (throughput > 0) & (local.z > 0) & is_open
         ray = release(vertex, normal, direction, clearance)
         while active:
             si = scene.ray_intersect(ray, active)
@@ -95,10 +96,12 @@ class TaxelPath(mi.CppADIntegrator):
             # ---------------------- Hit of the LED ----------------------
             # Direct light is left to the connection.
             cosine = -dr.dot(direction, led.faces.frame.n)
-            here = active & (depth > 0) & (si.shape == carrier) & led.contains(led_index, si.p) & (cosine > 0)
-            connection = dr.squared_norm(si.p - vertex) / (density * cosine * led.area)
+            inside = led.contains(led_index, si.p, direction)
+            here = active & (depth > 0) & (si.shape == carrier) & inside & (cosine > 0)
+            distance_squared = led.window.apparent(dr.squared_norm(si.p - vertex), cosine)
+            connection = distance_squared / (density * cosine * led.area)
             weight = dr.select(specular, 1, dr.rcp(1 + dr.square(connection)))
-            radiance = led.power * led.density_of_direction(-direction) / (led.area * cosine)
+            radiance = led.power * led.share_of_direction(-direction) / (led.area * cosine)
             result += dr.select(here, throughput * radiance * weight, 0)
 
             active &= depth < most_reflections
@@ -106,14 +109,13 @@ class TaxelPath(mi.CppADIntegrator):
             bsdf = si.bsdf(ray)
 
             # ---------------------- Connection to a point of the LED ----------------------
-            to_target = target - vertex
-            distance_squared = dr.squared_norm(to_target)
-            wo = to_target * dr.rsqrt(distance_squared)
+            sight = led.window.sight(led_index, vertex, target)
+            wo, distance_squared = sight.direction, sight.squared_distance
             cosine = -dr.dot(wo, led.faces.frame.n)
-            intensity = led.power * led.density_of_direction(-wo)
+            intensity = led.power * led.share_of_direction(-wo)
             value, bsdf_density = bsdf.eval_pdf(context, si, si.to_local(wo), active)
-            visible = active & (cosine > 0) & (intensity > 0) & (value[0] > 0)
-            visible &= ~scene.ray_test(between(vertex, normal, wo, clearance, target, led.faces.frame.n), visible)
+            visible = active & (cosine > 0) & (intensity > 0) & (value[0] > 0) & sight.is_open
+            visible &= ~scene.ray_test(between(vertex, normal, wo, clearance, sight.place, led.faces.frame.n), visible)
             hit = bsdf_density * led.area * cosine / distance_squared
             value = throughput * value[0] * intensity / (distance_squared * (1 + dr.square(hit)))
             result += dr.select(visible, value, 0)

@@ -68,6 +68,7 @@ class TaxelTracer(mi.CppADIntegrator):
         clearance = clearance_of(scene, pair)
         techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
+        is_bent = pair.is_below_windows
 
         # ---------------------- Emission ----------------------
         result = dr.zeros(mi.Float, dr.width(index))
@@ -82,7 +83,8 @@ class TaxelTracer(mi.CppADIntegrator):
             mi.Point3f(source), mi.Normal3f(led.faces.frame.n), power, mi.Float(0), mi.Point2f(0), mi.Float(0)
         )
         emit = partial(_emit, led)
-        value = techniques.connect_subpath(view, vertex, emit, (power > 0) & (most_reflections > 0))
+        sight = led.window.sight(led_index, mi.Point3f(view.si.p), source)
+        value = techniques.connect_subpath(view, vertex, emit, (power > 0) & (most_reflections > 0), sight)
         if dr.hint(not pair.coplanar, mode="scalar"):
             value += techniques.connect(view, vertex, emit, power > 0)
         splat(sensor, index, view.offset, value, pixels)
@@ -91,6 +93,8 @@ class TaxelTracer(mi.CppADIntegrator):
         # The current ray: its density, and its throughput before division by that. Weights assume that an LED's rays
         # are sampled from the law alone: any densities are valid there, as long as all techniques agree.
         density = led.density_of_direction(direction)
+        vertex.p, passed = led.leave(led_index, vertex.p, direction)
+        power = power * passed
         carried = power * density / overdrawn
         ray = release(vertex.p, vertex.n, direction, clearance)
         specular = mi.Bool(False)
@@ -103,6 +107,9 @@ class TaxelTracer(mi.CppADIntegrator):
             si = scene.ray_intersect(ray, active)
             active &= si.is_valid()
             distance = dr.norm(si.p - vertex.p)
+            if dr.hint(is_bent, mode="scalar"):
+                apparent = led.window.apparent(dr.square(distance), dr.dot(direction, led.faces.frame.n))
+                distance = dr.select(depth == 0, dr.sqrt(apparent), distance)
             member, guided, place = techniques.guidance(si, active)
             # A point sampled by the guide counts only if it is visible; rounding may hit the adjacent triangle.
             found = (si.prim_index == target) | (dr.abs(distance - reach) <= 1e-3 * reach)
@@ -168,9 +175,8 @@ class TaxelTracer(mi.CppADIntegrator):
 
 
 def _emit(led, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
-    """Share of an LED's power per solid angle, which is also the density of its rays."""
-    density = led.density_of_direction(wo)
-    return density, density
+    """Share of an LED's power that leaves per solid angle, and the density of its rays."""
+    return led.share_of_direction(wo), led.density_of_direction(wo)
 
 
 def _scatter(context, si, bsdf, active, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

@@ -13,6 +13,7 @@ from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
+from mitsuba_taxel.kernels.windows import Window, transmittance, window_on
 from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ class Phototransistor(mi.Sensor):
         self.block = tuple(int(n) for n in self.film().size())
         self._check_film(1)
         self.m_needs_sample_3 = True
+        self.resin_index: mi.Float | None = None
         self._faces: FaceGrid | None = None
         self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
@@ -116,7 +118,14 @@ class Phototransistor(mi.Sensor):
         if self._faces is None:
             size = self.specification.width, self.specification.depth
             self._faces = faces_on(self.get_shape(), "phototransistor", size)
+            self._window = window_on(self.get_shape(), "phototransistor", self._faces)
         return self._faces
+
+    @property
+    def window(self) -> Window:
+        """The windows above the phototransistors."""
+        assert self.faces  # finds the windows as well
+        return self._window
 
     @property
     def normal(self) -> mi.Vector3f:
@@ -126,21 +135,22 @@ class Phototransistor(mi.Sensor):
     def response(self, cosine: mi.Float) -> mi.Float:
         """Response to light at an angle of cosine (0, 1] to the normal, relative to the ideal response.
 
-        The response to a parallel beam divided by the cosine: 1 on the axis, and 1 everywhere if ideal.
+        The response to a parallel beam divided by the cosine: 1 on the axis, and 1 everywhere if ideal; below a window,
+        times its transmittance.
         """
-        return self.angular_response(cosine)
+        value = self.angular_response(cosine)
+        return value if self.resin_index is None else value * transmittance(self.resin_index, cosine)
 
     def sample_point(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f]:
         """A point uniform on phototransistor ``index``, and its offset from the centre."""
         offset = (sample - 0.5) * self.faces.size
         return self.faces.point(index, offset), offset
 
-    def contains(self, index: mi.UInt32, p: mi.Point3f) -> tuple[mi.Bool, mi.Point2f]:
-        """Whether the surface point ``p`` lies on phototransistor ``index``, and its offset from the centre."""
-        nearest, offset = self.faces.locate(p)
-        height = dr.abs(self.faces.frame.to_local(p - self.faces.origin).z)
-        within = dr.all(dr.abs(offset) <= 0.5 * self.faces.size) & (height <= 1e-3 * self.faces.size.y)
-        return within & (nearest == index), offset
+    def contains(self, index: mi.UInt32, p: mi.Point3f, d: mi.Vector3f) -> tuple[mi.Bool, mi.Point2f]:
+        """Whether a ray that arrives at the surface point ``p`` in direction ``d`` meets phototransistor ``index``, and
+        its offset from the centre there."""
+        offset, enters = self.window.enter(index, p, d)
+        return dr.all(dr.abs(offset) <= 0.5 * self.faces.size) & enters, offset
 
     def pixel(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point2f:
         """Film position in pixels of a point on phototransistor ``index``."""
@@ -158,14 +168,15 @@ class Phototransistor(mi.Sensor):
         column = dr.minimum(mi.UInt32(x), faces.columns - 1)
         row = dr.minimum(mi.UInt32(y), faces.rows - 1)
         offset = mi.Point2f(x - mi.Float(column) - 0.5, 0.5 - (y - mi.Float(row))) * faces.size
+        index = row * faces.columns + column
+        local = mi.warp.square_to_cosine_hemisphere(sample3)
+        d = faces.frame.to_world(local)
         ps = dr.zeros(mi.PositionSample3f)
-        ps.p = faces.point(row * faces.columns + column, offset)
+        ps.p, is_open = self.window.leave(index, faces.point(index, offset), d)
         ps.n = self.normal
         ps.time = time
         si = mi.SurfaceInteraction3f(ps, dr.zeros(mi.Color0f))
-        local = mi.warp.square_to_cosine_hemisphere(sample3)
-        ray = si.spawn_ray(faces.frame.to_world(local))
-        return ray, mi.Spectrum(dr.pi * self.response(local.z)) & active
+        return si.spawn_ray(d), mi.Spectrum(dr.pi * self.response(local.z)) & (active & is_open)
 
     def sample_ray_differential(self, time, sample1, sample2, sample3, active=True):
         ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
@@ -175,26 +186,24 @@ class Phototransistor(mi.Sensor):
         faces = self.faces
         scaled = sample.x * faces.count
         index = dr.minimum(mi.UInt32(scaled), faces.count - 1)
+        y, offset = self.sample_point(index, mi.Point2f(scaled - mi.Float(index), sample.y))
+        sight = self.window.sight(index, it.p, y)
         ds = dr.zeros(mi.DirectionSample3f)
-        ds.p, offset = self.sample_point(index, mi.Point2f(scaled - mi.Float(index), sample.y))
+        ds.p, ds.d, ds.dist = sight.place, sight.direction, dr.norm(sight.place - it.p)
         ds.n = self.normal
         ds.uv = self.pixel(index, offset)
         ds.time = it.time
-        ds.d = ds.p - it.p
-        distance_squared = dr.squared_norm(ds.d)
-        ds.dist = dr.sqrt(distance_squared)
-        ds.d /= ds.dist
         cos_theta = -dr.dot(ds.d, ds.n)
-        active &= cos_theta > 0
+        active &= (cos_theta > 0) & sight.is_open
         area = faces.count * faces.area
-        ds.pdf = dr.select(active, distance_squared / (cos_theta * area), 0)
+        ds.pdf = dr.select(active, sight.squared_distance / (cos_theta * area), 0)
         return ds, mi.Spectrum(dr.select(active, self.response(cos_theta) / (ds.pdf * area), 0))
 
     def pdf_direction(self, it, ds, active=True):
         cos_theta = -dr.dot(ds.d, ds.n)
-        return dr.select(
-            active & (cos_theta > 0), dr.square(ds.dist) / (cos_theta * self.faces.count * self.faces.area), 0
-        )
+        squared_distance = self.window.apparent(dr.square(ds.dist), cos_theta)
+        value = squared_distance / (cos_theta * self.faces.count * self.faces.area)
+        return dr.select(active & (cos_theta > 0), value, 0)
 
     def eval(self, si, active=True):
         cos_theta = dr.dot(si.to_world(si.wi), self.normal)

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend.plugin_objects import found, kind_of, make_plugin
+from mitsuba_taxel.backend.plugin_objects import find_file, kind_of, make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
 from mitsuba_taxel.kernels.mesh_adapter import Places, add_face_attribute, initialize_mesh
 from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.kernels.regions import BODY_REGIONS
+from mitsuba_taxel.kernels.windows import ResinWindow
 from mitsuba_taxel.parts.part import SUFFIX
+from mitsuba_taxel.specification.photo_reflector import Opening
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector as Parameters
+
+ROUNDS = 12
+"""Sides of a quarter of a round end in the mesh. Its BSDFs thus cover 0.3 % less of the end than the window, which is
+round for light that enters or leaves."""
 
 
 class PhotoReflector(mi.Mesh):
@@ -27,7 +34,8 @@ class PhotoReflector(mi.Mesh):
     Body, LED face and phototransistor face form one closed surface: the top is cut along the edges of the two faces,
     and the face attribute :monosp:`face_region` distinguishes the three. Regions without a BSDF absorb; the dark centre
     of an LED belongs to its face. Defaults are those of the paper's NJL5908AR; a :monosp:`part` of the catalogue has
-    its own dies.
+    its own dies. If these lie below windows, the faces are the windows, and light is bent there; what a window reflects
+    is up to the BSDF of its region.
 
     .. tabs::
         .. code-tab:: xml
@@ -44,21 +52,20 @@ class PhotoReflector(mi.Mesh):
     """
 
     def __init__(self, props: mi.Properties) -> None:
-        if "part" in props and str(props["part"]).endswith(SUFFIX):
-            props["part"] = str(found(props["part"]))
+        find_file(props, "part", SUFFIX)
         self.specification = stated = Parameters.read(props)
         package = stated.package
-        led, face = package.led, package.phototransistor
         if stated.part is not None:
-            for part in (led, face):
+            for part in (package.led, package.phototransistor):
                 words = part.to_dict()
                 props[part.plugin] = make_plugin(words.pop("type"), **words)
-        detector = _phototransistor_of(props)
+        led, detector = _ends_of(props)
+        if package.resin_index is not None:
+            led.resin_index = detector.resin_index = dr.opaque(mi.Float, package.resin_index)
         self.rows, self.columns, self.pitch = stated.rows, stated.columns, stated.pitch
-        self.centres = {"led": package.led_x, "phototransistor": package.phototransistor_x}
+        self.sides, self.openings, self.resin_index = package.sides, package.openings, package.resin_index
         self.body = np.array(package.body)
         self.to_world = stated.to_world or mi.ScalarTransform4f()
-        self.sizes = {"led": (led.size, led.size), "phototransistor": (face.width, face.depth)}
         _cover_the_body(props)
         vertices, triangles = _body(self.body, *self._cuts())
         self.built = self._repeat(vertices, triangles)
@@ -74,17 +81,29 @@ class PhotoReflector(mi.Mesh):
         return same and np.array_equal(parameters["vertex_positions"], vertices.astype(np.float32).ravel())
 
     def face_grid(self, name: str) -> FaceGrid:
-        """Positions of the faces called ``led`` or ``phototransistor``."""
-        centre = (self.centres[name], 0.0, self.body[2])
-        return FaceGrid(self.to_world, centre, self.sizes[name], self.rows, self.columns, self.pitch)
+        """Positions of the dies called ``led`` or ``phototransistor``."""
+        side = self.sides[name]
+        return self._grid((side.x, side.y), side.die_depth, (side.die_width, side.die_length))
+
+    def window(self, name: str, dies: FaceGrid) -> ResinWindow | None:
+        """Windows above the dies at a grid, None for dies in the top of the body."""
+        if self.resin_index is None:
+            return None
+        depth, opening = self.sides[name].die_depth, self.openings[name]
+        faces = self._grid(opening.centre, 0.0, opening.extent)
+        return ResinWindow(dies, faces, dies.scale * depth, self.resin_index, opening.is_obround)
+
+    def _grid(self, centre: tuple[float, float], depth: float, size: tuple[float, float]) -> FaceGrid:
+        place = (*centre, self.body[2] - depth)
+        return FaceGrid(self.to_world, place, size, self.rows, self.columns, self.pitch)
 
     def _regions(self, centroids: np.ndarray) -> np.ndarray:
         """Codes (T,) of the regions of one body's triangles, given their centroids (T, 3) in mm."""
         codes = np.full(len(centroids), BODY_REGIONS["body"])
         on_top = centroids[:, 2] > self.body[2] * (1 - 1e-6)
-        for name, x in self.centres.items():
-            offset = np.abs(centroids[:, :2] - (x, 0.0))
-            codes[on_top & np.all(offset < 0.5 * np.array(self.sizes[name]), axis=1)] = BODY_REGIONS[name]
+        for name, opening in self.openings.items():
+            offset = np.abs(centroids[:, :2] - opening.centre)
+            codes[on_top & (offset[:, 0] < _half_width(opening, offset[:, 1]))] = BODY_REGIONS[name]
         return codes
 
     def _repeat(self, vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -99,31 +118,35 @@ class PhotoReflector(mi.Mesh):
         return all_vertices @ matrix[:3, :3].T + matrix[:3, 3], (triangles[None] + offsets).reshape(-1, 3)
 
     def _cuts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions of grid lines on the top, such that both faces are unions of grid cells."""
-        cuts: tuple[list[float], list[float]] = ([], [])
-        for name, x in self.centres.items():
-            for axis, centre in enumerate((x, 0.0)):
-                half = 0.5 * self.sizes[name][axis]
-                cuts[axis].extend((centre - half, centre + half))
+        """Grid lines on the top, such that both openings are unions of grid cells: x (K, L) of L lines at K values of
+        y, and these."""
         lines = []
         for axis in (0, 1):
             half = 0.5 * self.body[axis]
-            inner = [cut for cut in sorted(cuts[axis]) if abs(cut) < half * (1 - 1e-6)]
+            cuts = [cut for opening in self.openings.values() for cut in _edges(opening, axis)]
+            inner = [cut for cut in sorted(cuts) if abs(cut) < half * (1 - 1e-6)]
             lines.append(_distinct(np.array([-half, *inner, half])))
-        return lines[0], lines[1]
+        x, y = np.tile(lines[0], (len(lines[1]), 1)), lines[1]
+        for opening in (each for each in self.openings.values() if each.is_obround):
+            for side, line in zip((-1, 1), _edges(opening, 0), strict=True):
+                here = np.abs(lines[0] - line).argmin()
+                x[:, here] = opening.centre[0] + side * _half_width(opening, np.abs(y - opening.centre[1]), beyond=True)
+        return x, y
 
     def to_string(self) -> str:
-        led, phototransistor = self.centres.values()
-        return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {phototransistor - led:g}]"
+        spacing = self.sides["phototransistor"].x - self.sides["led"].x
+        return f"PhotoReflector[rows = {self.rows}, columns = {self.columns}, spacing = {spacing:g}]"
 
 
-def _phototransistor_of(props: mi.Properties) -> mi.Sensor:
-    """The nested phototransistor; raises `InputError` unless there is exactly one, and one LED."""
+def _ends_of(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
+    """The nested LED and phototransistor; raises `InputError` unless there is exactly one of each."""
+    ends = []
     for kind, plugin, what in ((mi.Emitter, "annular_led", "emitters"), (mi.Sensor, "phototransistor", "sensors")):
         made = [value for _, value in props.objects() if isinstance(value, kind)]
         if len(made) != 1 or kind_of(made[0]) != plugin:
             raise InputError(f"photo_reflector: exactly one {plugin} must be nested in it, not {len(made)} {what}.")
-    return made[0]
+        ends += made
+    return ends[0], ends[1]
 
 
 def _cover_the_body(props: mi.Properties) -> None:
@@ -142,8 +165,30 @@ def _distinct(values: np.ndarray) -> np.ndarray:
     return values[keep]
 
 
+def _edges(opening: Opening, axis: int) -> list[float]:
+    """Positions along an axis of the edges of an opening, of all of its corners along y."""
+    outwards = _outline(opening)[0].tolist() if axis else [0.5 * opening.extent[0]]
+    return [opening.centre[axis] + side * half for half in outwards for side in (-1, 1)]
+
+
+def _half_width(opening: Opening, distance: np.ndarray, beyond: bool = False) -> np.ndarray:
+    """Half the width of an opening at distances along y from its centre; further out 0, or if ``beyond`` as at its
+    end."""
+    y, x = _outline(opening)
+    return np.interp(distance, y, x, right=None if beyond else 0.0)
+
+
+def _outline(opening: Opening) -> tuple[np.ndarray, np.ndarray]:
+    """Distances from the centre of an opening, along y and x, of the corners of a quarter of it."""
+    half = 0.5 * np.array(opening.extent)
+    if not opening.is_obround:
+        return half[1:], half[:1]
+    turn = np.pi / (2 * ROUNDS + 1) * np.arange(ROUNDS + 1)  # ends in a side across
+    return half[1] - half[0] * (1 - np.sin(turn)), half[0] * np.cos(turn)
+
+
 def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A closed box on z = 0, all of its faces cut along the lines ``x`` and ``y``."""
+    """A closed box on z = 0, its faces cut along lines ``x`` (K, L), given at K values of ``y``, and along these."""
     vertices: list[tuple[float, float, float]] = []
     number: dict[tuple[float, float, float], int] = {}
     triangles: list[tuple[int, int, int]] = []
@@ -160,14 +205,15 @@ def _body(size: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
         triangles.extend(((i, j, k), (i, k, m)))
 
     top = float(size[2])
-    xs, ys = [float(v) for v in x], [float(v) for v in y]
-    for x0, x1 in pairwise(xs):
-        for y0, y1 in pairwise(ys):
-            quad((x0, y0, top), (x1, y0, top), (x1, y1, top), (x0, y1, top))
-            quad((x0, y0, 0.0), (x0, y1, 0.0), (x1, y1, 0.0), (x1, y0, 0.0))
-        quad((x0, ys[0], 0.0), (x1, ys[0], 0.0), (x1, ys[0], top), (x0, ys[0], top))
-        quad((x1, ys[-1], 0.0), (x0, ys[-1], 0.0), (x0, ys[-1], top), (x1, ys[-1], top))
+    xs, ys = [[float(v) for v in line] for line in x.T], [float(v) for v in y]
+    for left, right in pairwise(xs):
+        for (a, b, y0), (c, d, y1) in pairwise(zip(left, right, ys, strict=True)):
+            quad((a, y0, top), (b, y0, top), (d, y1, top), (c, y1, top))
+            quad((a, y0, 0.0), (c, y1, 0.0), (d, y1, 0.0), (b, y0, 0.0))
+        quad((left[0], ys[0], 0.0), (right[0], ys[0], 0.0), (right[0], ys[0], top), (left[0], ys[0], top))
+        quad((right[-1], ys[-1], 0.0), (left[-1], ys[-1], 0.0), (left[-1], ys[-1], top), (right[-1], ys[-1], top))
+    west, east = xs[0][0], xs[-1][0]
     for y0, y1 in pairwise(ys):
-        quad((xs[0], y1, 0.0), (xs[0], y0, 0.0), (xs[0], y0, top), (xs[0], y1, top))
-        quad((xs[-1], y0, 0.0), (xs[-1], y1, 0.0), (xs[-1], y1, top), (xs[-1], y0, top))
+        quad((west, y1, 0.0), (west, y0, 0.0), (west, y0, top), (west, y1, top))
+        quad((east, y0, 0.0), (east, y1, 0.0), (east, y1, top), (east, y0, top))
     return np.array(vertices), np.array(triangles)

@@ -50,6 +50,8 @@ def test_a_part_of_ones_own(tmp_path):
         ("x = -0.5\n", "x = -0.5\nwindow_shape = 'star'\n", "window_shape = 'star'"),
         ("x = -0.5\n", "x = -0.8\n", "emitter: its window lies over the edge of the body along x"),
         ("x = -0.5\n", "x = -0.5\nwindow_y = 0.2\n", "emitter: its window lies over the edge of the body along y"),
+        ("x = -0.5\n", "x = -0.95\nwindow_x = -0.5\n", "emitter: its die lies over the edge of the body along x"),
+        ("x = -0.5\n", "x = -0.5\ndie_depth = 0.5\n", "emitter: die_depth = 0.5 is not allowed"),
         ("[emitter]", "emitter", "is not valid TOML"),
     ],
 )

@@ -46,14 +46,43 @@ def test_a_file_of_ones_own(llvm_mono, tmp_path):
     text = (_catalogue() / "njl5908ar.toml").read_text().replace("x = 0.25", "x = 0.3")
     (tmp_path / "mine.toml").write_text(text)
     package = PhotoReflector(part=str(tmp_path / "mine.toml")).package
-    assert (package.led_x, package.phototransistor_x) == (-0.45, 0.3)
+    assert (package.emitter.x, package.detector.x) == (-0.45, 0.3)
     assert np.allclose(package.body, (1.46, 1.06, 0.5))
+
+
+def test_dies_beside_the_middle_line(llvm_mono, tmp_path):
+    """Under a plate that is large, a reading depends on where they lie relative to each other."""
+    from mitsuba_taxel.parts.part import _catalogue
+
+    text, powers = (_catalogue() / "njl5908ar.toml").read_text(), []
+    for emitter, detector in ((0, 0), (0.2, 0.2), (-0.15, 0.15), (0, 0.3)):
+        lines = text.replace("x = -0.45", f"x = -0.45\ny = {emitter}\nwindow_y = 0")
+        (tmp_path / "mine.toml").write_text(lines.replace("x = 0.25", f"x = 0.25\ny = {detector}\nwindow_y = 0"))
+        powers.append(reading(type="photo_reflector", part=str(tmp_path / "mine.toml")))
+    assert powers[1] == pytest.approx(powers[0], rel=2e-3) and powers[3] == pytest.approx(powers[2], rel=2e-3)
+    assert powers[2] < 0.95 * powers[0]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("die_length = 0.35", "die_length = 0.3", "emitter's die must be a square"),
+        ("x = -0.595", "x = -0.595\nwindow_x = -0.2", "windows must lie side by side along x"),
+        ("x = -0.595", "x = -0.835\nwindow_x = -0.835", "obround window reaches the edge"),
+    ],
+)
+def test_parts_that_are_no_packages(tmp_path, before, after, words):
+    from mitsuba_taxel.parts.part import _catalogue
+
+    (tmp_path / "mine.toml").write_text((_catalogue() / "vcnt2020.toml").read_text().replace(before, after, 1))
+    with pytest.raises(InputError, match=words) as refused:
+        PhotoReflector(part=str(tmp_path / "mine.toml"))
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"part": "vcnt2020"}, "0.1 mm below their windows"),
         ({"part": "none"}, "is not known"),
         ({"part": "njl5908ar", "spacing": 0.8}, "spacing and part exclude each other"),
         ({"part": "njl5908ar", "led": AnnularLed()}, "led and part exclude each other"),

@@ -161,7 +161,7 @@ def _sensor_html(sensor: PadSensor) -> str:
         "roof": sensor.roof,
         "side": sensor.side,
         "finish": "smooth" if sensor.finish is None else sensor.finish,
-        "photo-reflector": f"spacing {package.phototransistor_x - package.led_x:g} mm",
+        "photo-reflector": f"spacing {package.detector.x - package.emitter.x:g} mm",
         "LED": package.led,
         "phototransistor": package.phototransistor,
         "body": sensor.photo_reflector.wall,

@@ -68,7 +68,7 @@ class LitScene:
                 coarse = coarsened(part.vertices, part.faces, np.zeros(len(part.faces), dtype=np.int64))
                 yield kind, part.vertices[coarse.kept], coarse.triangles
         for pair in self._pairs:
-            for kind, faces in (("led", pair.led.faces), ("phototransistor", pair.sensor.faces)):
+            for kind, faces in (("led", pair.led.window.faces), ("phototransistor", pair.sensor.window.faces)):
                 for index in range(faces.count):
                     corners = face_corners(faces, index)
                     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])

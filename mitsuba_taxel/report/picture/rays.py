@@ -38,8 +38,8 @@ def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
     """
     meshes = [mesh for shape in scene.shapes() if (mesh := shape_mesh(shape)) is not None]
     pair, index = find_taxel(scene, paths.taxel)
-    faces = {"LED": (face_corners(pair.led.faces, index), LED)}
-    faces["phototransistor"] = (face_corners(pair.sensor.faces, index), PHOTOTRANSISTOR)
+    faces = {"LED": (face_corners(pair.led.window.faces, index), LED)}
+    faces["phototransistor"] = (face_corners(pair.sensor.window.faces, index), PHOTOTRANSISTOR)
     centre = np.mean([corners for corners, _ in faces.values()], axis=(0, 1))
     box = _view(paths, faces)
     width, depth, height = box[1] - box[0]
