@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.electronics import Circuit, respond, total_noise
+from mitsuba_taxel.electronics import Circuit, respond, saturating_power, total_noise
 
 SMALL = 1e-6
 """Relative step of differences of the noise, which is smooth in the power."""
+FURTHEST = 10.0
+"""Largest range that is told, relative to the last load of its line: it is not reached where light fades."""
 TINY = 1e-150
 """Complex step: factor of derivatives, whose squares vanish."""
 
@@ -141,6 +143,23 @@ def saturation(seen: Seen, along: str) -> np.ndarray:
     return seen.readings(along).ravel() / seen.circuit.limit
 
 
+def measuring_range(seen: Seen, along: str) -> np.ndarray:
+    """Magnitude of the load at which each taxel saturates, by linear interpolation of its light between loads; beyond
+    the last one as between the last two."""
+    assert seen.circuit is not None
+    power, values = seen.lines[along].power, seen.lines[along].values
+    missing = saturating_power(seen.circuit) - power
+    reached = missing.real[1:] <= 0
+    end = np.where(reached.any(axis=0), reached.argmax(axis=0), len(values) - 2) + 1
+    taxel = np.arange(power.shape[1])
+    before, after = missing[end - 1, taxel], missing[end, taxel]
+    closing = before.real > np.maximum(after.real, 0.0)
+    share = np.where(closing, before / np.where(closing, before - after, 1.0), np.where(before.real <= 0, 0.0, np.inf))
+    furthest = FURTHEST * np.abs(values).max()
+    found = _magnitude(values[end - 1] + share * (values[end] - values[end - 1]))
+    return np.where(found.real < furthest, found, furthest)
+
+
 def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -> np.ndarray:
     """Noise of each reading as a force, by the mean slope of its taxel."""
     return (seen.noise(along, noise) / _magnitude(seen.slopes(along))).ravel()
@@ -213,6 +232,7 @@ KINDS: dict[str, Kind] = {
     "rest": Kind(rest, "{u}", steps=1),
     "largest_reading": Kind(largest_reading, "{u}", steps=1),
     "saturation": Kind(saturation, "1", steps=1),
+    "range": Kind(measuring_range, "{f}"),
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
     "largest_strain": Kind(largest_strain, "1", steps=1),

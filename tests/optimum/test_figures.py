@@ -11,6 +11,7 @@ from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
+OF_CIRCUITS = ("range", "saturation")
 TOLD = {
     "cross_talk": {"along": "normal", "taxel": 2},
     "cross_sensitivity": {"along": "normal", "by": "side"},
@@ -33,7 +34,7 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
 
 @pytest.mark.parametrize(
     ("kind", "circuit"),
-    [(kind, circuit) for kind in KINDS for circuit in (None, CIRCUIT) if circuit or kind != "saturation"],
+    [(kind, circuit) for kind in KINDS for circuit in (None, CIRCUIT) if circuit or kind not in OF_CIRCUITS],
     ids=lambda one: one if isinstance(one, str) else "volts" if one else "watts",
 )
 def test_gradients_are_those_of_differences(kind, circuit):
@@ -70,6 +71,15 @@ def test_values():
     slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     np.testing.assert_allclose(of("resolution", along=("z", "x"), noise=0.1), expected)
+
+
+def test_range():
+    """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start."""
+    circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0)
+    power = np.array([[1.0, 1.0, 2.0, 5.0], [2.0, 1.5, 1.0, 6.0], [5.0, 3.0, 0.5, 3.0]]) + 0j
+    line = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0])
+    found = Figure("range", {"along": "z"}, "N").components(Seen({"z": line}, {}, circuit)).real
+    np.testing.assert_allclose(found, [5 / 3, 8 / 3, 20.0, 0.0])
 
 
 def test_what_a_circuit_shows_of_a_design():
