@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.optimum.descent import descend
+from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Found, descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
@@ -108,29 +109,55 @@ class Course:
         """
         before = len(self.history)
         self._descents += 1
+        placed: dict[tuple[float, ...], Design] = {start.x: start}
 
-        def at(x: np.ndarray) -> Judged | None:
+        def judged(design: Design) -> Judged | None:
             if len(self.history) - before >= self.plan.evaluations:
                 raise Enough
-            (read,) = self.look([self._alike(self.plan.design(start.choice, x.tolist()))])
+            (read,) = self.look([design])
             return None if read is None else self._judge(read, self.read(start), goal, limits)
+
+        def at(end: np.ndarray, x: np.ndarray) -> Found:
+            here = placed[tuple(x.tolist())]
+            if np.array_equal(end, x):
+                return Found(judged(here))
+            beside, there = self._beside(here, end)
+            anew = None if beside == here else judged(beside)
+            if anew is None:
+                beside = here
+            placed[tuple(x.tolist())], placed[tuple(end.tolist())] = beside, there
+            return Found(judged(there), anew, JUMP_MOVED if there.family == beside.family else JUMP)
 
         for _ in range(ROUNDS if self.plan.tolerances else 1):
             try:
-                if self._read[start] is None or at(np.array(start.x)) is None:
+                if self._read[start] is None or judged(start) is None:
                     return
                 x = descend(at, np.array(start.x))
             except Enough:
                 return
-            end = self._alike(self.plan.design(start.choice, x.tolist()))
+            end = placed[tuple(x.tolist())]
             if self._read.get(end) is None or end == start:
                 return
             start = end
 
+    def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
+        """A design at ``x`` with the mesh of ``here``, moved, and ``here``; with its own mesh, if the one that it was
+        moved from does not reach as far; or, if even that does not, the design at ``x`` with a mesh of its own."""
+        there = self.plan.design(here.choice, x.tolist())
+        if self.plan.refusal(there) is None:
+            for beside in dict.fromkeys((here, here.alone)):
+                moved = replace(there, origin=beside.family)
+                if self.designs.can_move(moved):
+                    return beside, self._alike(moved)
+        return here, self._alike(there)
+
     def _alike(self, design: Design) -> Design:
-        """An evaluated design that is nearly equal, or else this one."""
-        known = (one for one in self.history if one.choice == design.choice)
-        return next((one for one in known if np.abs(np.subtract(one.x, design.x)).max() <= SAME), design)
+        """An evaluated design that is nearly equal, with the same mesh, or else this one."""
+        for known in self.history:
+            alike = known.choice == design.choice and _apart(known, design) <= SAME
+            if alike and (known.origin == design.origin or known.family == design.family):
+                return known
+        return design
 
     def best(self, goal: Goal, limits: Sequence[Limit]) -> Design | None:
         """The best design so far that meets all constraints; None if there is none."""
@@ -138,14 +165,17 @@ class Course:
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
 
     def balanced(self, best: Design, *finer: Read) -> Balance:
-        """What holds a design, by the mean of its own gradients, of those of designs near it, and of those on finer
-        meshes, as gradients scatter from mesh to mesh."""
+        """What holds a design, by the mean of its own gradients, of those of designs near it with other meshes, one of
+        each, and of those on finer meshes, as gradients scatter from mesh to mesh."""
         goal, limits = self.plan.goal, self.plan.limits
         own = self.judged(best, goal, limits)
         assert own is not None
-        others = [each for design, each in self._all(goal, limits) if design != best and _is_near(design, best)]
+        meshes: dict[tuple[float, ...], Judged] = {}
+        for design, judged in sorted(self._all(goal, limits), key=lambda pair: _apart(pair[0], best)):
+            if design.family != best.family and _is_near(design, best):
+                meshes.setdefault(design.family, judged)
         again = [each for read in finer if (each := self._judge(read, read, goal, limits)) is not None]
-        return balance(np.array(best.x), own, [*others, *again])
+        return balance(np.array(best.x), own, [*meshes.values(), *again])
 
     def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
         """The design that violates its constraints least."""
@@ -155,11 +185,16 @@ class Course:
         read = ((design, of) for design in self.history if (of := self._read[design]) is not None)
         return [(design, each) for design, of in read if (each := self._judge(of, of, goal, limits)) is not None]
 
+    def _number_of(self, design: Design) -> int:
+        """The number in the history of the design whose mesh was moved onto this one."""
+        return 1 + self.history.index(Design(design.choice, design.family))
+
     def rows(self) -> list[dict[str, Any]]:
         """The history as rows of a table."""
         plan, rows, best = self.plan, [], float("nan")
         for number, design in enumerate(self.history, start=1):
             row: dict[str, Any] = {"design": number, "descent": self._descent_of[design]}
+            row["mesh_of"] = number if design.origin is None else self._number_of(design)
             row |= dict(zip(plan.choices, design.choice, strict=True)) | plan.values(design)
             read = self._read[design]
             judged = None if read is None else self._judge(read, read, plan.goal, plan.limits)
@@ -177,7 +212,12 @@ class Course:
 
 def _is_near(one: Design, other: Design) -> bool:
     """Whether two designs differ by less than their gradients do by their meshes."""
-    return one.choice == other.choice and float(np.abs(np.subtract(one.x, other.x)).max()) <= NEAR
+    return one.choice == other.choice and _apart(one, other) <= NEAR
+
+
+def _apart(one: Design, other: Design) -> float:
+    """Largest difference of a variable, relative to the bounds' width."""
+    return float(np.abs(np.subtract(one.x, other.x)).max())
 
 
 def with_rates(figure: Figure, read: Read) -> tuple[np.ndarray, np.ndarray]:

@@ -1,15 +1,16 @@
 """Descent to an optimum by sequential quadratic programming in a trust region, for functions that jump a little.
 
-Readings of neighbouring designs differ by the error of their meshes. A line search takes such a jump for the end of the
-descent, and curvature from the gradients of two points that nearly coincide is noise. Here a step counts as a success
-if the loss falls as predicted up to that jump, and gradients are compared over steps that are large enough.
+Readings of designs with different meshes differ by the errors of these. A line search takes such a jump for the end of
+the descent, and curvature from the gradients of two points that nearly coincide is noise. Here a step counts as a
+success if the loss falls as predicted up to that jump, and gradients are compared over steps that are large enough.
+Where meshes are moved from design to design, the jump is small; where one is renewed, the last point is judged again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,12 +25,33 @@ COMPARED = 10
 """Shortest step over which gradients are compared, relative to the jump of figures."""
 JUMP = 1e-3
 """Relative error of a figure that changes with the mesh."""
+JUMP_MOVED = 3e-5
+"""The same where the mesh is moved."""
 TOLERANCE = 3e-4
 """A descent ends where a relative improvement by less is expected."""
 STEPS = 100
 
-At = Callable[[np.ndarray], "Judged | None"]
-"""Evaluation at a point of the unit cube; None if it fails."""
+
+class Found(NamedTuple):
+    """Evaluation of a point of the unit cube beside the last one that was accepted.
+
+    Attributes
+    ----------
+    there : Judged or None
+        None if it fails.
+    here : Judged or None
+        The last point again, if it had to be judged anew to be compared with.
+    jump : float
+        Relative error of goals, absolute one of limits, in a comparison of both.
+    """
+
+    there: Judged | None
+    here: Judged | None = None
+    jump: float = JUMP
+
+
+At = Callable[[np.ndarray, np.ndarray], Found]
+"""Evaluation at a point beside another one, which was accepted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +78,7 @@ class Step:
     limits: np.ndarray
 
 
-def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float = JUMP) -> np.ndarray:
+def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
     """Minimise the largest of several goals within limits, from a valid start; returns the last point that was
     accepted.
 
@@ -69,12 +91,10 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float
     ----------
     tolerance : float
         Relative expected improvement at which to end.
-    jump : float
-        Relative error of goals, absolute one of limits, by which a step may be worse than expected.
     """
-    here = at(start)
+    here = at(start, start).there
     assert here is not None
-    x, radius, penalty, fresh, compared = start, FIRST_STEP, 0.0, True, (start, here)
+    x, radius, penalty, fresh, compared, last = start, FIRST_STEP, 0.0, True, (start, here), JUMP
     readable: list[np.ndarray] = [start]
     failed: list[np.ndarray] = []
     curvature = max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(len(x))
@@ -88,7 +108,10 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE, jump: float
         if better > 0:
             penalty = max(penalty, -2 * step.goal / better)
         end = np.clip(x + step.d, 0.0, 1.0)
-        there = at(end)
+        there, anew, jump = at(end, x)
+        here = here if anew is None else anew
+        if anew is not None or jump != last:  # gradients on different meshes
+            compared, last = (x, here), jump
         length = float(np.abs(step.d).max())
         if there is None:
             if np.linalg.norm(np.subtract([x, *failed], end), axis=1).min() <= LEAST_GAP:

@@ -11,13 +11,14 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.backend import activate_variant
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
 from mitsuba_taxel.sensing.derivable import without_derivative
-from mitsuba_taxel.sensing.scene import Scene, parser_config
+from mitsuba_taxel.sensing.scene import MESHED_AS, Scene, parser_config
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import STEP, Axis
@@ -86,10 +87,24 @@ class Designs:
             if name in refused:
                 raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
         self._by = [name for name in [*self._names, *others] if name not in refused]
+        self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
         self._rows: set[int] = set()
         self._known: dict[Design, Read] = {}
+
+    def can_move(self, design: Design) -> bool:
+        """Whether the mesh of the origin of a design can be moved onto its pads; False if it has none."""
+        if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
+            return False
+        try:
+            for part in parts_of(self._plan.scene(design)):
+                if part.filename is None:
+                    pad = part.build_pad()
+                    pad_mesh(pad, part.mesh_size or pad.default_mesh_size)
+        except ComputationError:
+            return False
+        return True
 
     def read(self, designs: Sequence[Design]) -> list[Read | None]:
         """Each design evaluated; None if it failed."""
@@ -139,7 +154,9 @@ class Designs:
         found = {}
         for number, name in enumerate(self._names):
             for sign in (1, -1) if name not in self._by and self._has(design)[number] else ():
-                other = _moved(design, number, sign * SHIFT)
+                other = _changed(design, number, sign * SHIFT)
+                if self._has_pads:
+                    other = replace(other, origin=design.family)
                 found[number, sign] = design if self._plan.refusal(other) else other
         return found
 
@@ -149,12 +166,13 @@ class Designs:
     def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, list[int]]]:
         """The study with these designs, and the rows of each design's loads."""
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
+        names += [MESHED_AS] if self._has_pads else []
         base = self._plan.base
         stored = stored_study(self._place).get("together", {})
         rows = dict.fromkeys(zip(*(stored[name] for name in names), strict=True)) if set(names) == set(stored) else {}
         wanted: dict[Design, list[tuple[str, ...]]] = {}
         for design in designs:
-            told = {**base, **self._plan.parameters(design)}
+            told = {**base, **self._plan.parameters(design), MESHED_AS: self._plan.mesh_of(design)}
             wanted[design] = [tuple({**told, **load}[name] for name in names) for load in self._plan.loads]
             rows |= dict.fromkeys(wanted[design])
         columns = {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
@@ -220,7 +238,7 @@ class Designs:
             if not self._has(design)[number]:
                 rates.append({name: np.zeros(1) for name in SHAPE})
                 continue
-            ends = [_moved(design, number, sign * SMALL) for sign in (1, -1)]
+            ends = [_changed(design, number, sign * SMALL) for sign in (1, -1)]
             ahead, behind = (design if self._plan.refusal(end) else end for end in ends)
             width, pair = ahead.x[number] - behind.x[number], (self._shape_of(ahead), self._shape_of(behind))
             rates.append({name: (pair[0][name] - pair[1][name]) / (width or np.nan) for name in SHAPE})
@@ -238,11 +256,11 @@ def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
     return np.column_stack([of_power, rates.largest_strain_derivative.values])[rows]
 
 
-def _moved(design: Design, number: int, step: float) -> Design:
+def _changed(design: Design, number: int, step: float) -> Design:
     """A design with one variable slightly larger or smaller, within its bounds."""
     x = list(design.x)
     x[number] = min(max(x[number] + step, 0.0), 1.0)
-    return Design(design.choice, tuple(x))
+    return replace(design, x=tuple(x))
 
 
 def parts_of(scene: Scene) -> list[DeformablePad]:

@@ -31,7 +31,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
     save_figure(plot_optimum(result.figures, result.variables, result.history), folder, "optimum")
     if len(result.front):
         save_figure(plot_front(result.front, plan.front_units), folder, "front")
-    scene = plan.scene(best)
+    scene = plan.scene(best.alone)
     write_xml(scene, folder / "best.xml")
     pads = [pads_of(each) for each in (plan.scene(before), scene)]
     for first, pad in zip(*pads, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
+from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study_of
 
 POINTS = 16
@@ -88,11 +89,31 @@ class Limit:
 
 @dataclass(frozen=True)
 class Design:
-    """Words of the choices, and the variables in the unit cube of their bounds; those that do not apply are at their
-    initial values."""
+    """A sensor, and its mesh.
+
+    Attributes
+    ----------
+    choice : tuple[str, ...]
+        Words of the choices.
+    x : tuple[float, ...]
+        The variables in the unit cube of their bounds; those that do not apply are at their initial values.
+    origin : tuple[float, ...] or None
+        Those of the design whose mesh is moved onto this one; None if it has its own.
+    """
 
     choice: tuple[str, ...]
     x: tuple[float, ...]
+    origin: tuple[float, ...] | None = None
+
+    @property
+    def alone(self) -> Design:
+        """The same sensor with a mesh of its own."""
+        return replace(self, origin=None)
+
+    @property
+    def family(self) -> tuple[float, ...]:
+        """The variables of the design whose mesh, moved or not, this one has."""
+        return self.x if self.origin is None else self.origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +205,17 @@ class Plan:
         """Why a design is invalid, as far as its description tells; None if it is valid."""
         return refusal_of(self.scene(design))
 
+    def mesh_of(self, design: Design) -> str:
+        """The parameters of the scene whose mesh a design has, as `MESHED_AS`."""
+        if design.origin is None:
+            return NONE
+        origin = self.parameters(replace(design, x=design.origin))
+        return ", ".join(f"{name}={word}" for name, word in origin.items() if word != NONE)
+
     def scene(self, design: Design) -> Scene:
         """The scene of a design."""
-        return self.batch.scene(self.parameters(design))
+        moved = {} if design.origin is None else {MESHED_AS: self.mesh_of(design)}
+        return self.batch.scene(self.parameters(design) | moved)
 
     def begun(self) -> list[Design]:
         """Initial designs for each choice: the scene's own values if valid, and points of a Sobol' set.

@@ -41,7 +41,7 @@ class Optimum:
         Derivatives of the worst components at the best design, one row per figure and variable that it has.
     history : DataFrame
         One row per design, in order, with the number of the ``descent`` that looked at it first, 0 for the initial
-        designs, and the ``best`` value of the objective so far.
+        designs, that of the design whose mesh it has, ``mesh_of``, and the ``best`` value of the objective so far.
     front : DataFrame
         Pareto front of the objective and another one, with parameters; empty if not requested.
     gain, gain_error, probability : float
@@ -51,7 +51,8 @@ class Optimum:
         Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
         objective, 0 at an optimum; and its standard error, NaN if it is from one gradient.
     gradients : int
-        Of the best design, of others within 2 % of the bounds, and on the finer mesh: the slope is that of their mean.
+        Of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer mesh: the slope is
+        that of their mean.
     load_steps : int
         Computed for all designs, without the finer mesh.
     seconds : float
@@ -98,7 +99,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     asked = plan.asked
     reads = {"before": course.read(before), "best": course.read(best)}
     if again is not None:
-        pair = again.read([before, best])
+        pair = again.read([before.alone, best.alone])
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})

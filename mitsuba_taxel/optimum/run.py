@@ -83,7 +83,9 @@ def optimise(
             raise _no_design(course)
         trade_offs = None if plan.front is None else front(course, *plan.front)
         best = course.best(plan.goal, plan.limits) or best
-        result = told(course, best, _judged_again(plan, pool, folder, [course.before, best]), trade_offs)
+        course.look([best.alone])
+        finer = _judged_again(plan, pool, folder, [course.before.alone, best.alone])
+        result = told(course, best, finer, trade_offs)
     write(plan, course.before, best, result, folder)
     return result
 

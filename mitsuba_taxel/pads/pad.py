@@ -6,11 +6,11 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mitsuba_taxel.base.arguments import is_whole, refusal
+from mitsuba_taxel.base.arguments import as_numbers, is_whole, refusal
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import profile as profiles
-from mitsuba_taxel.parameters import REQUIRED, Checked, Points, choice, number, stated, whole
+from mitsuba_taxel.parameters import REQUIRED, Checked, Points, choice, number, stated, text, whole
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -98,6 +98,13 @@ class Pad(Checked, Displayed):
         "`cell_height`; half of `wall` must be left beside their highest point.",
     )
     top_y: float = number(0.0, "mm", "The same along y.")
+    meshed_as: str = text(
+        "",
+        "Dimensions of another such pad, 'name=value', separated by commas, whose mesh is moved onto this one: pads "
+        "with the same origin have the same elements, and what is computed on them does not jump. Names are those of "
+        "this list, profile_r1, profile_z1 and so on; others are as here.",
+        default_words="a mesh of its own",
+    )
 
     _height_follows: ClassVar[bool] = False
     """Whether `cell_height` is the default."""
@@ -110,6 +117,8 @@ class Pad(Checked, Displayed):
         if self.profile is not None:
             profiles.check_profile(self.profile)
         self._check_fit()
+        if self.meshed_as:
+            self._read_origin()
 
     def _check_fit(self) -> None:
         thinnest = MIN_THICKNESS * self.cell_size
@@ -168,7 +177,34 @@ class Pad(Checked, Displayed):
         slope = 2 * self.dome_radius * cap / (0.5 * self.cell_size) ** 2 if cap else 1.0
         found = profiles.of_quadric(self.side_height / self.top_of_cell, slope, points)
         section = "square" if self.cell == "parallelepiped" else "round"
-        return replace(self, cell=PROFILE, profile=profiles.as_text(found), section=section)
+        return replace(self, cell=PROFILE, profile=profiles.as_text(found), section=section, meshed_as="")
+
+    @property
+    def origin(self) -> Pad | None:
+        """The pad whose mesh is moved onto this one; None if it has a mesh of its own."""
+        return self._read_origin() if self.meshed_as else None
+
+    def _read_origin(self) -> Pad:
+        found = {}
+        for part in self.meshed_as.split(","):
+            name, _, word = (each.strip() for each in part.partition("="))
+            value = as_numbers([word])
+            if name not in self.dimensions or value is None:
+                raise InputError(
+                    f"meshed_as = {self.meshed_as!r} is not allowed: 'name=value' of dimensions, separated by commas, "
+                    f"is needed; names are {', '.join(self.dimensions)}."
+                )
+            found[name] = value[0]
+        try:
+            return replace(self, meshed_as="").changed(**found)
+        except InputError as refused:
+            raise InputError(f"meshed_as: {refused}") from refused
+
+    def moved_from(self, origin: Pad) -> Pad:
+        """The same pad with the mesh of ``origin``, or of what that has it from, which differs in dimensions only."""
+        if origin.meshed_as:
+            return replace(self, meshed_as=origin.meshed_as)
+        return replace(self, meshed_as=", ".join(f"{name}={value!r}" for name, value in origin.dimensions.items()))
 
     @property
     def dimensions(self) -> dict[str, float]:
@@ -232,8 +268,10 @@ class Pad(Checked, Displayed):
         """Default size of the finite elements in mm, to three digits.
 
         It is proportional to the scale of the pad, and to the square root of its relative thickness: along thin walls
-        elements may be longer than the thickness.
+        elements may be longer than the thickness. That of a mesh which is moved is that of its origin.
         """
+        if self.meshed_as:
+            return self._read_origin().default_mesh_size
         scale = self.cell_size / TYPICAL_CELL
         thinnest = min(self.thinnest_wall, self.height - self.top_of_cell, TYPICAL_THICKNESS * scale)
         if self.rows * self.columns > 1:
@@ -242,15 +280,17 @@ class Pad(Checked, Displayed):
 
     @property
     def identity(self) -> dict[str, object]:
-        """Values that identify the pad, fit for JSON, without those of upright and of round cells."""
-        usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round")}
+        """Values that identify the pad and its meshes, fit for JSON, without those of upright and of round cells."""
+        usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
         return {name: value for name, value in asdict(self).items() if value not in usual.get(name, ())}
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
-        """The pad's volume mesh; see `mesh_pad`."""
+        """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`."""
         from mitsuba_taxel.pads.parametric.meshing import mesh_pad
+        from mitsuba_taxel.pads.parametric.morphing import moved_onto
 
-        return mesh_pad(self, mesh_size)
+        origin = self.origin
+        return mesh_pad(self, mesh_size) if origin is None else moved_onto(self, origin, mesh_pad(origin, mesh_size))
 
     @property
     def extent(self) -> tuple[float, float, float]:

@@ -18,7 +18,7 @@ from mitsuba_taxel.base.atomic import WriteError, write_text
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.parts.part import SUFFIX
-from mitsuba_taxel.sensing.left_out import parse_scene, used_by
+from mitsuba_taxel.sensing.left_out import NONE, parse_scene, used_by
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -27,6 +27,9 @@ FURTHEST = 1e8
 """mm from the origin, or factor of a scale: beyond, squares of lengths overflow in single precision."""
 END_OF_PATH = "the load path ends at"
 """Phrase in the error for a pad that cannot bear its load."""
+MESHED_AS = "meshed_as"
+"""Parameter of all scenes from files: 'name=value', separated by commas, of other parameters; the meshes of the pads of
+that scene are moved onto those of this one."""
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""
 
@@ -44,7 +47,8 @@ class Scene(Displayed):
     source : str or Path or dict[str, Any]
         Path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``).
     parameters : Mapping[str, object], optional
-        Values for the ``<default>``s of the file, by name; ``none`` leaves out the elements that use a parameter.
+        Values for the ``<default>``s of the file, by name; ``none`` leaves out the elements that use a parameter. With
+        ``meshed_as``, such as ``cell_size=2.5, wall=1``, pads have the meshes of the scene with those values, moved.
     mesh_size : float, optional
         Size in mm of the finite elements of pads without a mesh size or tolerance in the description; None for the
         default.
@@ -73,7 +77,7 @@ class Scene(Displayed):
         if isinstance(self.source, Path):
             self.defaults, allowed = _declared_parameters(self.source)
         for name, value in given.items():
-            if name not in allowed:
+            if name not in allowed | ({MESHED_AS} if self.defaults else set()):
                 names = ", ".join(sorted(allowed)) or "none"
                 raise InputError(f"{name} is not a parameter of {self.name}: allowed are {names}.")
             text_of(name, value)
@@ -138,8 +142,7 @@ class Scene(Displayed):
 
         state = self.parsed(config)
         mi.parser.transform_all(config, state)
-        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
-        loads = [_take_load(pad) for pad in pads]
+        loads = [_take_load(pad) for pad in _pads(state)]
         at_rest = mi.parser.instantiate(config, state)
         for pad, (value, history) in zip(deformed_pads(at_rest), loads, strict=True):  # in the order of the scene
             pad.value, pad.history = value, history
@@ -190,18 +193,54 @@ class Scene(Displayed):
         if isinstance(self.source, dict):
             state = mi.parser.parse_dict(config, self.source)
         else:
-            state = parse_scene(config, self.source, self.parameters)
+            state = parse_scene(config, self.source, self._own_parameters)
         if any(node.type == mi.ObjectType.Scene for node in state.nodes[1:]):
             raise InputError(f"{self.name}: {NESTED_SCENE}")
         with self.files_beside_it():
             for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):
                 find_file(node.props, "part", SUFFIX)
-        pads = [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+        pads = _pads(state)
+        if (origin := self._origin()) is not None:
+            _move_meshes(pads, _pads(origin.parsed(config)))
         open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
         self.leaves_mesh_open = bool(open_ones)
         for pad in open_ones if self.mesh_size is not None else []:
             pad["mesh_size"] = self.mesh_size
         return state
+
+    @property
+    def _own_parameters(self) -> dict[str, str]:
+        """Those of the file."""
+        return {name: value for name, value in self.parameters.items() if name != MESHED_AS or name in self.defaults}
+
+    def _origin(self) -> Scene | None:
+        """The scene whose meshes are moved; None if this one has its own."""
+        own = self._own_parameters
+        stated = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
+        if stated == NONE:
+            return None
+        pairs = [[word.strip() for word in part.split("=")] for part in stated.split(",")]
+        if not all(len(pair) == 2 for pair in pairs):
+            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: 'name=value', separated by commas, is needed.")
+        return Scene(self.source, own | dict(pairs))
+
+
+def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
+    return [node.props for node in state.nodes if node.props.plugin_name() == "deformable_pad"]
+
+
+def _move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
+    """State for pads of built-in shapes that their meshes are those of others, moved."""
+    from mitsuba_taxel.pads import Pad
+    from mitsuba_taxel.specification.deformable_pad import DeformablePad
+
+    built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
+    if not built:
+        raise InputError(f"{MESHED_AS} is not allowed: the scene holds no pad of one of this package's own shapes.")
+    for props, other in built:
+        pad, origin = (DeformablePad.read(each).build_pad() for each in (props, other))
+        assert isinstance(pad, Pad) and isinstance(origin, Pad)
+        props["meshed_as"] = pad.moved_from(origin).meshed_as
 
 
 def _refuse_none(part: dict[str, Any], within: str = "scene") -> None:

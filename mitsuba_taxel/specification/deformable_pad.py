@@ -100,6 +100,7 @@ class DeformablePad(Specification):
     section: str | None = _of_pad("section")
     top_x: float | None = _of_pad("top_x")
     top_y: float | None = _of_pad("top_y")
+    meshed_as: str | None = _of_pad("meshed_as")
 
     material: str = choice(
         "neo_hookean",

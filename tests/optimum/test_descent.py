@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.descent import descend
+from mitsuba_taxel.optimum.descent import JUMP, Found, descend
 from mitsuba_taxel.optimum.search import Judged, balance
 
 NONE = (np.zeros(0), np.zeros((0, 2)))
+
+
+def down(at, start, tolerance=3e-4, jump=JUMP):
+    """Where a descent ends."""
+    return descend(lambda x, beside: Found(at(x), jump=jump), np.array(start), tolerance)
 
 
 def lowest(at, start):
@@ -19,7 +24,7 @@ def lowest(at, start):
         seen[tuple(x)] = at(x)
         return seen[tuple(x)]
 
-    descend(noted, np.array(start), tolerance=1e-8, jump=0.0)
+    down(noted, start, 1e-8, 0.0)
     allowed = {x: found for x, found in seen.items() if found is not None and found.violation < 1e-6}
     return np.array(min(allowed, key=lambda x: allowed[x].worst)), len(seen)
 
@@ -63,7 +68,7 @@ def test_what_cannot_be_computed_is_a_wall():
         seen.append(x)
         return at(x)
 
-    descend(noted, np.array([0.1, 0.1]))
+    down(noted, [0.1, 0.1])
     reached = [x.sum() for x in seen[:40] if at(x) is not None]
     assert 1.15 < max(reached) <= 1.2 and len(reached) < 40
 
@@ -111,7 +116,7 @@ def eight(x, jump=0.0):
 @pytest.mark.parametrize("seed", range(4))
 def test_eight_variables_of_readings_that_jump(seed):
     """Within 0.3 % of the optimum in 40 points, though values jump by 0.1 %; the optimum is that of exact values."""
-    exact = descend(eight, np.full(8, 0.5), tolerance=1e-9, jump=0.0)
+    exact = down(eight, np.full(8, 0.5), 1e-9, 0.0)
     truth = eight(exact)
     assert balance(exact, truth).left < 1e-3 and truth.violation < 1e-6
     seen = []
@@ -120,6 +125,6 @@ def test_eight_variables_of_readings_that_jump(seed):
         seen.append(x)
         return eight(x, 1e-3)
 
-    end = eight(descend(at, np.random.default_rng(seed).random(8)))
+    end = eight(down(at, np.random.default_rng(seed).random(8)))
     assert len(seen) <= 40 and end.violation < 1e-3
     assert end.worst == pytest.approx(truth.worst, rel=3e-3)

@@ -35,6 +35,9 @@ class Formula:
     def read(self, designs):
         return [self._read(design) for design in designs]
 
+    def can_move(self, design):
+        return False
+
     def _read(self, design):
         (x,) = design.x
         if x > 0.98:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import gc
 import weakref
 
+import numpy as np
 import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import ComputationError, InputError, Scene
+from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
 @pytest.fixture
@@ -50,3 +53,42 @@ def test_a_path_that_ends_beside_mitsubas_own_shapes_is_told(llvm_mono, tmp_path
     file.write_text(one_cell(fz=-200).replace("</scene>", board))
     with pytest.raises(ComputationError, match="cannot be loaded further .* ends at force"):
         Scene(file).load()
+
+
+def with_size(cell_size=2.5):
+    return one_cell(fz=0, size=cell_size).replace("<vector", '<float name="cell_size" value="$size"/> <vector', 1)
+
+
+@pytest.mark.usefixtures("llvm_mono")
+def test_meshes_of_other_values_are_moved(tmp_path):
+    """Elements are those of the scene with the other values; the scene that is written says so."""
+    file, written = tmp_path / "scene.xml", tmp_path / "written.xml"
+    file.write_text(with_size())
+    first, moved, own = (
+        Scene(file, given) for given in ({}, {"size": 2.6, "meshed_as": "size=2.5"}, {"size": 2.6, "meshed_as": "none"})
+    )
+    moved.write_xml(written)
+    (of_first,), (of_moved,), (of_own,), (again,) = (
+        deformed_pads(scene.load()) for scene in (first, moved, own, Scene(written))
+    )
+    meshes = [pad_mesh(each.pad, each.mesh_size) for each in (of_first, of_moved, of_own)]
+    assert of_moved.pad.origin == of_first.pad and again.pad == of_moved.pad and of_own.pad.origin is None
+    np.testing.assert_array_equal(meshes[1].tets, meshes[0].tets)
+    assert np.abs(meshes[1].points - meshes[0].points).max() == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("scene", "text", "said"),
+    [
+        ("cell.xml", "size", "'name=value'"),
+        ("cell.xml", "sise=2.5", "sise is not a parameter"),
+        ("cell.xml", "size=-1", "cell_size = -1"),
+        ("plate.xml", "spacing=0.8", "no pad"),
+        ("hexagonal.xml", "fz=-1", "no pad"),
+    ],
+)
+def test_meshes_of_no_such_scene_are_refused(tmp_path, scene, text, said):
+    (tmp_path / "cell.xml").write_text(with_size())
+    file = tmp_path / scene if scene == "cell.xml" else scene
+    with pytest.raises(InputError, match=said):
+        Scene(file, {"meshed_as": text}).load()

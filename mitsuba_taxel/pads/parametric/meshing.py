@@ -178,7 +178,7 @@ def _finer(pad: Pad, mesh_size: float) -> float:
 def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:
     """The mesh with the elements at singular edges cut, and new nodes on the exact surfaces of the pad."""
     mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
-    points = _snapped(rounded(mesh, pad), pad)
+    points = snapped(rounded(mesh, pad), pad)
     return VolumeMesh(points, mesh.tets, mesh.faces, mesh.face_region, mesh.face_cell)
 
 
@@ -191,7 +191,7 @@ def _read(mesh: Any, pad: Pad, unit: float) -> VolumeMesh:
     names = [mesh.GetBCName(int(i)) for i in range(surface["index"].max())]
     region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
     assert set(names) <= {*REGIONS, SYMMETRY}, names
-    points = _snapped(points, pad)
+    points = snapped(points, pad)
     tets = _right_handed(tets, points)
     faces = _outward(faces[region > 0], tets, points)
     return VolumeMesh(points, tets, faces, region[region > 0], np.zeros(len(faces), dtype=int))
@@ -218,7 +218,7 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
     return np.where(inward[:, None], faces[:, swap], faces)
 
 
-def _snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
+def snapped(points: np.ndarray, pad: Pad) -> np.ndarray:
     """Nodes, those within rounding of the planes of symmetry, the bottom or the top moved exactly onto them."""
     tolerance = 1e-7 * pad.height
     points = np.where(np.abs(points) < tolerance, 0.0, points)

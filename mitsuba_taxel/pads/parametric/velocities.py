@@ -25,6 +25,9 @@ LEAN_STEP = 1e-4
 PROFILE_STEP = 1e-5
 """Change of the difference quotient for points of a profile."""
 
+MeridianOf = Callable[[Pad], Meridian]
+"""Of a profile: of its roof or its side."""
+
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """(N, 3) velocities of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
@@ -57,7 +60,12 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     upright = upright_nodes(pad, mesh)
     if parameter in AXES:
         return lean_rate(pad, mesh, upright, parameter)
-    velocity = _Grid(pad, *_changed(pad, parameter), parameter).at(upright)
+    other, step = _changed(pad, parameter)
+
+    def meridian_shift(of: MeridianOf, u: np.ndarray) -> np.ndarray:
+        return step * rate_by(pad, parameter, PROFILE_STEP, partial(_meridian_at, of, u))
+
+    velocity = Shifts(pad, other, meridian_shift).at(upright) / step
     middles = velocity[mesh.corner_count :]
     straight = ~on_round_walls(pad, mesh)[mesh.corner_count :]
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
@@ -98,29 +106,32 @@ def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np
     raise refused
 
 
-class _Grid:
-    """Grid lines of a pad, and their velocities towards those of ``other``, whose ``parameter`` differs by ``step``."""
+class Shifts:
+    """Shifts of the silicone from a pad with upright cells to ``other``, of any other dimensions.
 
-    def __init__(self, pad: Pad, other: Pad, step: float, parameter: str) -> None:
-        self._pad, self._parameter = pad, parameter
+    A point of a wall stays on it, at the same relative position.
 
-        def rate(here: np.ndarray, there: np.ndarray) -> np.ndarray:
-            return (there - here) / step
+    Parameters
+    ----------
+    meridian_shift : Callable[[Callable[[Pad], Meridian], ndarray], ndarray]
+        (M, 2) shifts in mm of places u (M,) of the meridian of the roof or side of a profile.
+    """
 
-        self._lines = _lines(pad)
-        self._line_rates = [rate(*pair) for pair in zip(self._lines, _lines(other), strict=True)]
-        self._axes = _axes(pad)
-        self._axis_rates = [rate(*pair) for pair in zip(self._axes, _axes(other), strict=True)]
-        self._growth = (other.cell_size - pad.cell_size) / step / pad.cell_size
+    def __init__(self, pad: Pad, other: Pad, meridian_shift: Callable[[MeridianOf, np.ndarray], np.ndarray]) -> None:
+        self._pad, self._meridian_shift = pad, meridian_shift
+        self._lines, self._axes = _lines(pad), _axes(pad)
+        self._line_shifts = [there - here for here, there in zip(self._lines, _lines(other), strict=True)]
+        self._axis_shifts = [there - here for here, there in zip(self._axes, _axes(other), strict=True)]
+        self._growth = (other.cell_size - pad.cell_size) / pad.cell_size
         self._centre = pad.top_of_cell - pad.dome_radius
-        self._centre_rate = (other.top_of_cell - other.dome_radius - self._centre) / step
+        self._centre_shift = other.top_of_cell - other.dome_radius - self._centre
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) velocities at points (N, 3) of the silicone."""
+        """(N, 3) shifts in mm of points (N, 3) of the silicone."""
         return self._between_lines(points) if self._pad.cell == "parallelepiped" else self._round_cells(points)
 
     def _between_lines(self, points: np.ndarray) -> np.ndarray:
-        columns = [np.interp(points[:, k], self._lines[k], self._line_rates[k]) for k in range(3)]
+        columns = [np.interp(points[:, k], self._lines[k], self._line_shifts[k]) for k in range(3)]
         return np.stack(columns, axis=1)
 
     def _round_cells(self, points: np.ndarray) -> np.ndarray:
@@ -150,19 +161,19 @@ class _Grid:
         else:
             on_wall = origin + np.minimum(length, wall)[:, None] * ray
             inside = self._growth * (on_wall - origin)
-        inside[:, 0] += self._axis_rates[0][place[0]]
-        inside[:, 1] += self._axis_rates[1][place[1]]
+        inside[:, 0] += self._axis_shifts[0][place[0]]
+        inside[:, 1] += self._axis_shifts[1][place[1]]
         if not profiled:
             inside[:, 2] = np.where(
-                above, self._centre_rate + self._growth * (on_wall[:, 2] - self._centre), outside[:, 2]
+                above, self._centre_shift + self._growth * (on_wall[:, 2] - self._centre), outside[:, 2]
             )
         share = np.clip((length - wall) / (border - wall), 0.0, 1.0)[:, None]
         return (1 - share) * inside + share * outside
 
     def _on_profile(self, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) distance of the wall along rays (N, 3) from the middle of a cell's opening, and its velocities there."""
+        """(N,) distance of the wall along rays (N, 3) from the middle of a cell's opening, and its shifts there."""
         across = from_axis(self._pad.is_square, ray)[0]
-        wall, velocity = np.empty(len(ray)), np.empty_like(ray)
+        wall, shift = np.empty(len(ray)), np.empty_like(ray)
         rim = math.atan2(*roof_of(self._pad).at(np.ones(1))[0][0, ::-1])
         up = np.arctan2(ray[:, 2], across)
         for of, here in ((roof_of, up > rim), (side_of, up <= rim)):
@@ -170,13 +181,12 @@ class _Grid:
             out = ray[here, :2] / across[here, None]
             r, z = of(self._pad).at(u)[0].T
             wall[here] = np.hypot(r * np.linalg.norm(out, axis=1), z)
-            meridians = partial(_meridian_at, of, u)
-            rate = rate_by(self._pad, self._parameter, PROFILE_STEP, meridians)
-            velocity[here] = np.column_stack([rate[:, :1] * out, rate[:, 1]])
-        return wall, velocity
+            along = self._meridian_shift(of, u)
+            shift[here] = np.column_stack([along[:, :1] * out, along[:, 1]])
+        return wall, shift
 
 
-def _meridian_at(of: Callable[[Pad], Meridian], u: np.ndarray, pad: Pad, _: float) -> np.ndarray:
+def _meridian_at(of: MeridianOf, u: np.ndarray, pad: Pad, _: float) -> np.ndarray:
     return of(pad).at(u)[0]
 
 

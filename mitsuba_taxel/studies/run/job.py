@@ -17,6 +17,7 @@ from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
@@ -129,8 +130,8 @@ def failure_of(error: BaseException) -> Failure:
 
 
 def describe(values: Mapping[str, str]) -> str:
-    """Values of parameters, in words, without the load history."""
-    shown = {name: value for name, value in values.items() if name != HISTORY}
+    """Values of parameters, in words, without the load history, and what meshes are moved from."""
+    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS)}
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
 

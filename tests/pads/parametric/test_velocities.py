@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
+from walls_of_pads import PADS, off_the_walls, volume
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.pads.pad import CELL_SHAPES, LENGTHS, REGIONS
+from mitsuba_taxel.pads.pad import LENGTHS, REGIONS
 from mitsuba_taxel.pads.parametric.lean import leaning
-from mitsuba_taxel.pads.parametric.round_walls import is_round, onto_round_walls
+from mitsuba_taxel.pads.parametric.round_walls import is_round
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
-from mitsuba_taxel.pads.profile import roof_of, side_of
 
-PADS = {shape: Pad(shape, rows=1, columns=2) for shape in CELL_SHAPES}
-PADS["profile"] = Pad("profile", rows=1, columns=2, profile="0.95 0.4; 0.9 0.7; 0.7 1; 0.3 1; 0 0.8")
-PADS["square"] = replace(PADS["profile"], section="square")
 every_case = pytest.mark.parametrize(("shape", "dimension"), [(s, d) for s in PADS for d in LENGTHS])
 
 
@@ -33,53 +28,6 @@ def mesh_of(shape):
 
 def morphed(mesh, velocity, step):
     return replace(mesh, points=mesh.points + step * velocity)
-
-
-def off_the_walls(pad, mesh):
-    """(B, 6) mm, how far each node of each face is from the region of the pad's surface that the face is of."""
-    points, half = mesh.points[mesh.faces], 0.5 * np.array(pad.extent)
-    lean = np.array([pad.top_x, pad.top_y]) / pad.cell_height
-    points[..., :2] -= np.where(mesh.face_cell[:, None, None] > 0, points[..., 2:] * lean, 0.0)
-    if pad.cell == "profile":
-        region, cell = (np.repeat(each, 6) for each in (mesh.face_region, mesh.face_cell))
-        flat, upright = points.reshape(-1, 3), replace(pad, top_x=0.0, top_y=0.0)
-        return np.linalg.norm(onto_round_walls(upright, flat, region, cell)[0] - flat, axis=1)
-    within = points[..., :2] - np.array([(0.0, 0.0), *pad.cell_centres])[mesh.face_cell][:, None]
-    size = np.abs(within).max(axis=2) if pad.cell == "parallelepiped" else np.linalg.norm(within, axis=2)
-    to_roof = points[..., 2] - pad.top_of_cell
-    if pad.dome_radius:
-        to_roof = np.hypot(size, to_roof + pad.dome_radius) - pad.dome_radius
-    to_outer = np.min(np.abs(np.abs(points[..., :2]) - half[:2]).max(axis=1, keepdims=True), axis=2)
-    distances = {
-        "roof": to_roof,
-        "side": size - 0.5 * pad.cell_size,
-        "bottom": points[..., 2],
-        "top": points[..., 2] - pad.height,
-        "outer": to_outer,
-    }
-    return np.abs(sum(np.where(mesh.face_region[:, None] == REGIONS[name], d, 0.0) for name, d in distances.items()))
-
-
-def volume(pad):
-    radius, sphere = 0.5 * pad.cell_size, pad.dome_radius
-    if pad.cell == "profile":
-        return math.prod(pad.extent) - pad.rows * pad.columns * hollow(pad)
-    cap = pad.top_of_cell - pad.side_height
-    base = pad.cell_size**2 if pad.cell == "parallelepiped" else math.pi * radius**2
-    cell = base * pad.side_height + math.pi * cap**2 * (sphere - cap / 3)
-    return math.prod(pad.extent) - pad.rows * pad.columns * cell
-
-
-def hollow(pad):
-    """Volume of a cell with a profile, of whose meridian r^2 is polynomial: Gauss's rule is exact on each piece."""
-    section = 4.0 if pad.section == "square" else math.pi
-    total = 0.0
-    for curve in (roof_of(pad), side_of(pad)):
-        nodes, weights = np.polynomial.legendre.leggauss(6)
-        for low, high in pairwise(curve.square.x):
-            s = low + (high - low) * (nodes + 1) / 2
-            total -= 0.5 * (high - low) * weights @ (section * curve.square(s) * curve.height(s, 1))
-    return total
 
 
 @every_case
