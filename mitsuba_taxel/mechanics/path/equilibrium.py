@@ -27,7 +27,7 @@ from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.linearised import Linearised, Steps
 from mitsuba_taxel.mechanics.path.stability import Stability
 
 RESIDUAL_TOLERANCE = 1e-9
@@ -254,6 +254,15 @@ class LoadedPad:
         """The unknowns of :meth:`solve`, without a check of stability."""
         return self._balanced(start, value).unknowns
 
+    def near_balance(self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool) -> Solution:
+        """The figures of unknowns near balance; raises Rejected if elements are inverted.
+
+        ``checked`` tells whether their stability is known.
+        """
+        state = self._evaluate(unknowns, value, with_tangent=False)
+        error = self._checked_error(state, unknowns, value, first=0.0)
+        return self._accepted(Balance(unknowns, state, error, iterations, None, 0.0), checked)
+
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
@@ -312,7 +321,7 @@ class LoadedPad:
     def _judged_nodes(self) -> np.ndarray:
         return judged_nodes(self.whole)[self.part.nodes]
 
-    def correction(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
+    def correction(self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
         """Correction that a Newton step with a known tangent subtracts from ``unknowns``; None if it fails."""
         residual = self._left(self._evaluate(unknowns, value, with_tangent=False))
         if not np.all(np.isfinite(residual)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,6 +18,13 @@ REFINED = 1e-9
 SLOW_REFINEMENT = 0.3
 """A factor of a nearby state is used while each refinement is less than this fraction of the one before."""
 MOST_REFINEMENTS = 20
+
+
+class Steps(Protocol):
+    """A tangent with factors, its own or those of another state."""
+
+    def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
+        """The change of the unknowns for a ``residual``, to the accuracy of the factors, for use in an iteration."""
 
 
 class Linearised:

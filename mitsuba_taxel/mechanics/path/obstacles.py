@@ -65,3 +65,7 @@ class Obstacles:
                     self._first[segment] = found
             self._clear[segment] = index + 1
         return self._first.get(segment)
+
+    def touch(self, displacement: np.ndarray) -> bool:
+        """Whether a pad of a displacement (N, 3) touches them."""
+        return self._test.find_package(displacement) is not None

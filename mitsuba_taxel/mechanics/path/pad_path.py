@@ -27,6 +27,7 @@ from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, T
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
+from mitsuba_taxel.mechanics.path.pushed_states import PushedStates
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.path.state import PathRate, State, StateComparison
 from mitsuba_taxel.pads.pad import Pad
@@ -66,6 +67,7 @@ class PadPath:
             self._identity.append(asdict(load.indenter))
         self.segments: dict[tuple[float, ...], LoadSegment] = {}
         self._asked: dict[LoadSegment, dict[float, Node]] = {}
+        self._asked_pushed: dict[LoadSegment, dict[float, Interpolated | None]] = {}
         self.second_meshes = SecondMeshes(self)
 
     @cached_property
@@ -196,7 +198,14 @@ class PadPath:
             segment, s = self.segments_to(value)[-1]
             direction = segment.direction
             pad = self.pad_for(segment.origin, direction)
-            rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
+            pushed = self._pushed(segment, s, pad)
+            if pushed:
+                try:
+                    rate = _beside(self, tuple(segment.origin)).rate(pad, segment, s, pushed.unknowns)
+                except Rejected:
+                    return None
+            else:
+                rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
@@ -226,6 +235,9 @@ class PadPath:
         start, seconds = partial(_at_rest, found), 0.0
         for segment, s in self.segments_to(value):
             pad = self.pad_for(segment.origin, segment.direction)
+            pushed = self._pushed(segment, s, pad)
+            if pushed and not (obstacles and obstacles.touch(pad.split(pushed.unknowns)[0])):
+                return *pad.split(pushed.unknowns), replace(pushed, seconds=seconds + pushed.seconds)
             touch = obstacles.first if obstacles else _nothing
             if not segment.reaches(s):
                 self._extend(segment, pad, s, start, touch)
@@ -251,6 +263,40 @@ class PadPath:
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
+
+    def _pushed(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
+        """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.
+
+        The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
+        pad touches itself or the board: then the segment must be followed.
+        """
+        small = segment.direction[:-1].any() and s <= segment.step
+        if not self.judge or not small or self.load.goes_on or self.load.gives_displacement:
+            return None
+        asked = self._asked_pushed.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("pushed", self._segment_name(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                if arrays is None:
+                    asked[s] = self._solved_beside(segment, s, pad)
+                    cache.store(name, cache.arrays_of(asked[s]) if asked[s] else {})
+                else:
+                    asked[s] = Interpolated(**cache.values_of(arrays)) if arrays else None
+        return asked[s]
+
+    def _solved_beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
+        try:
+            found = _beside(self, tuple(segment.origin)).state(pad, segment, s)
+        except Rejected:
+            return None
+        return None if self.contact.find(pad.split(found.unknowns)[0]) else found
+
+    def states_beside(self, normal: np.ndarray) -> PushedStates:
+        """States under a normal force (3,) and small tangential ones."""
+        displacement, pressure, _ = self.canonical(normal, [], None)
+        pad = self.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
+        return PushedStates(pad, pad.gather(displacement, pressure), normal)
 
     def _solved(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
         """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
@@ -394,3 +440,8 @@ shared = lru_cache(maxsize=16)(PadPath)
 @lru_cache(maxsize=8)
 def _in_the_way(path: PadPath, triangles: bytes, mirrors: tuple[Mirror, ...]) -> Obstacles:
     return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)
+
+
+@lru_cache(maxsize=1)  # factors take memory
+def _beside(path: PadPath, normal: tuple[float, ...]) -> PushedStates:
+    return path.states_beside(np.array(normal))

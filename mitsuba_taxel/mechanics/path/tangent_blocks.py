@@ -87,6 +87,20 @@ class TangentBlock:
         of_part = self.model.numbering.split(unknowns)
         return self._image(self._sign * part.expand(*of_part)[0])
 
+    @property
+    def expansion(self) -> sparse.csr_array:
+        """(3 N + corners, unknowns): displacement and pressure of the whole pad from the unknowns."""
+        part, numbering = self.model.part, self.model.numbering
+        nodes, corners = len(self._whole.points), self._whole.corner_count
+        place, sign = part.components
+        places = np.concatenate([place.ravel(), 3 * len(part.nodes) + part.source[:corners]])
+        sign = np.concatenate([(self._sign * sign).ravel(), self._sign[:corners, 0]]) * numbering.sign[places]
+        unknown = numbering.unknown[places]
+        rows = np.flatnonzero(unknown >= 0)
+        shape = (3 * nodes + corners, self.model.assembly.unknowns)
+        found = sparse.csr_array((sign[rows], (rows, unknown[rows])), shape=shape)
+        return reflection(self._turn, self._images[self._turn], corners) @ found if self._turn else found
+
     def factored(self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray) -> Linearised:
         """The factored tangent of given entries, where the part has a ``displacement`` (n, 3) under a load's ``value``.
 
@@ -125,6 +139,17 @@ class TangentBlock:
             beyond = (mirror.side(position) < 0)[:, None]
             position, sign = np.where(beyond, mirror.image(position), position), np.where(beyond, own * sign, sign)
         return sign
+
+
+def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_array:
+    """(3 N + corners, 3 N + corners): displacement and pressure of a mirrored state, with the ``image`` (N,) of each
+    node."""
+    turned = mirror.image(np.eye(3))
+    columns = np.concatenate(
+        [(3 * image[:, None] + np.abs(turned).argmax(axis=1)).ravel(), 3 * len(image) + image[:corners]]
+    )
+    signs = np.concatenate([np.tile(turned.sum(axis=1), len(image)), np.ones(corners)])
+    return sparse.csr_array((signs, (np.arange(len(columns)), columns)), shape=(len(columns), len(columns)))
 
 
 def tangent_blocks(pad: LoadedPad) -> list[TangentBlock]:
