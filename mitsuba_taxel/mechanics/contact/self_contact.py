@@ -15,6 +15,7 @@ from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import body_of_each
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
+from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.pads.pad import REGIONS
 
 FRINGE = 0.05
@@ -55,6 +56,9 @@ class ContactTest:
     ----------
     obstacles : (K, 3, 3) ndarray, optional
         Corners of the triangles of closed surfaces, in mm: the packages in the cells.
+    part : SymmetricPart, optional
+        Part of the mesh of which the displacements are images: one of each pair of faces that may touch each other, and
+        each that may touch the board, is then of the part. Obstacles need not be symmetric.
 
     Raises
     ------
@@ -62,13 +66,17 @@ class ContactTest:
         if ``obstacles`` are not triangles of finite numbers.
     """
 
-    def __init__(self, mesh: VolumeMesh, obstacles: np.ndarray | None = None) -> None:
+    def __init__(
+        self, mesh: VolumeMesh, obstacles: np.ndarray | None = None, part: SymmetricPart | None = None
+    ) -> None:
         self._points, self._faces = mesh.points, mesh.faces
         self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
         self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
-        self._over_board = mesh.faces[mesh.face_region != REGIONS["bottom"]]
+        chosen = np.isin(mesh.faces, np.arange(len(mesh.points)) if part is None else part.nodes)
+        self._chosen = np.asarray(chosen.all(axis=1))
+        self._over_board = mesh.faces[self._chosen & (mesh.face_region != REGIONS["bottom"])]
         self._beyond = control_points(beyond_strip(mesh)[:, None], mesh.faces)
         self._strip = STRIP * float(np.ptp(mesh.points[:, 2]))
 
@@ -99,7 +107,7 @@ class ContactTest:
 
     @cached_property
     def _neighbours(self) -> _Neighbours:
-        return _Neighbours(self._faces)
+        return _Neighbours(self._faces, self._chosen)
 
     def _levels(self, patches: np.ndarray) -> list[Level]:
         return self._tree.levels(*_boxes(patches, self._tolerance))
@@ -114,7 +122,7 @@ class ContactTest:
         return place or obstacles.place_within(patches, self._tree)
 
     def _on_itself(self, control: np.ndarray) -> Place | None:
-        one, other = self._neighbours.without(*self._tree.overlapping(self._levels(control[:3, self._faces.T])))
+        one, other = self._neighbours.without(*self._close(control[:3, self._faces.T]))
         pairs = {"nothing": (self._faces[one], self._faces[other]), **self._neighbours.pairs}
         for shared, (nodes, other_nodes) in pairs.items():
             place = first_touch(control[:, nodes.T], control[:, other_nodes.T], shared, self._tolerance)
@@ -122,11 +130,32 @@ class ContactTest:
                 return place
         return None
 
+    def _close(self, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of faces of which one is chosen, and whose boxes overlap, each pair once."""
+        levels = self._levels(patches)
+        if self._chosen.all():
+            return self._tree.overlapping(levels)
+        numbers, tree = self._chosen_tree
+        boxes = tree.levels(*_boxes(patches[:, :, numbers], self._tolerance))
+        one, other = tree.overlapping_with(boxes, self._tree, levels)
+        one = numbers[one]
+        once = ~self._chosen[other] | (one < other)
+        return one[once], other[once]
+
+    @cached_property
+    def _chosen_tree(self) -> tuple[np.ndarray, BoxTree]:
+        """Numbers of the chosen faces, and their tree."""
+        numbers = np.flatnonzero(self._chosen)
+        return numbers, BoxTree(self._points[self._faces[numbers, :3]].mean(axis=1))
+
 
 class _Neighbours:
-    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both."""
+    """Faces that share a vertex or an edge, with their nodes rotated so that it comes first in both.
 
-    def __init__(self, faces: np.ndarray) -> None:
+    ``pairs`` are those of which one is ``chosen``.
+    """
+
+    def __init__(self, faces: np.ndarray, chosen: np.ndarray) -> None:
         self._count = len(faces)
         number = np.arange(self._count).repeat(3)
         corners = coo_array((np.ones(len(number), dtype=np.int8), (number, faces[:, :3].ravel()))).tocsr()
@@ -134,7 +163,8 @@ class _Neighbours:
         one, other = shared.coords[0].astype(np.int64), shared.coords[1].astype(np.int64)
         self._keys = np.sort(one * self._count + other)
 
-        at_vertex = shared.data == 1
+        some = chosen[one] | chosen[other]
+        one, other, at_vertex = one[some], other[some], shared.data[some] == 1
         one_at, other_at = faces[one[at_vertex]], faces[other[at_vertex]]
         i, j = _place_of_same(one_at[:, :3], other_at[:, :3])
         vertex = _turned(one_at, i), _turned(other_at, j)

@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import (
     SPREAD_FORCE,
@@ -316,6 +317,11 @@ class LoadedPad:
         if not least > 0:
             raise Rejected(f"an element would be inverted at a node (J = {least:.2g})")
         return least
+
+    @cached_property
+    def contact(self) -> ContactTest:
+        """Test of states of the whole pad, which the part determines."""
+        return ContactTest(self.whole, part=self.part)
 
     @cached_property
     def _judged_nodes(self) -> np.ndarray:

@@ -360,9 +360,8 @@ class PadPath:
             self._take_stored(segment)
             before = len(segment.nodes), segment.limit
             try:
-                segment.extend(
-                    pad, s, lambda: pad.gather(*start()), self.contact, lambda: touch(segment, pad) is not None
-                )
+                contact = self.contact if self.load.goes_on else pad.contact
+                segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
             finally:
                 if (len(segment.nodes), segment.limit) != before:
                     cache.store(self._segment_name(segment), segment.arrays())

@@ -11,9 +11,12 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.geometry.bezier_patches import control_points
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.surface.cutting import _grid
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 
@@ -244,6 +247,38 @@ def test_curved_faces_give_the_verdict_of_all_their_pieces_against_all(block, am
         verdicts.append(any_pieces_meet(mesh, place))
         assert (test.find(moved(mesh, place)) is not None) == verdicts[-1], seed
     assert 0 < sum(verdicts) < 12
+
+
+@pytest.mark.parametrize(
+    ("mirrors", "lift"),
+    [(MIRRORS, 0.0), ((ACROSS_X, ACROSS_Y), LIFT), ((ACROSS_DIAGONAL,), LIFT)],
+    ids=["an eighth", "a quarter, free", "half, free"],
+)
+def test_a_part_gives_the_verdict_of_the_whole(mirrors, lift):
+    """Random displacements with the symmetry of the part, of which some pads touch themselves or the board; the pairs
+    of faces that are looked at are those of the whole with one in the part."""
+    mesh = mesh_pad(Pad("hemispheric", rows=1, columns=1), 3.0)
+    mesh = replace(mesh, points=mesh.points + (0, 0, lift))
+    part = part_between(mesh, node_images(mesh), mirrors)
+    whole, of_part, verdicts = ContactTest(mesh), ContactTest(mesh, part=part), []
+    for seed, amplitude in enumerate((0.005, 0.02, 0.04, 0.12)):
+        noise = amplitude * np.random.default_rng(seed).normal(size=part.mesh.points.shape)
+        for wall in (*part.walls, *part.walls):  # nodes on a plane stay there
+            on_plane = wall.side(part.mesh.points) == 0
+            noise[on_plane] = (noise[on_plane] + wall.image(noise[on_plane])) / 2
+        noise[np.hypot(*part.mesh.points.T[:2]) == 0, :2] = 0.0
+        if not lift:
+            noise[part.mesh.points[:, 2] == 0] = 0.0
+        symmetric, _ = part.expand(noise, np.zeros(part.mesh.corner_count))
+        found, other = whole.find(symmetric), of_part.find(symmetric)
+        assert (found is None) == (other is None) and (found is None or found.what == other.what)
+        verdicts.append(found is not None)
+        patches = control_points(mesh.points + symmetric, mesh.faces)[:, mesh.faces.T]
+        own = np.isin(mesh.faces, part.nodes).all(axis=1)
+        pairs = (np.sort(np.stack(test._close(patches)), axis=0) for test in (whole, of_part))
+        expected, looked_at = (np.unique(each[:, own[each].any(axis=0)], axis=1) for each in pairs)
+        np.testing.assert_array_equal(looked_at, expected)
+    assert 0 < sum(verdicts) < 4
 
 
 def test_rotation_does_not_change_the_verdict(block):
