@@ -26,7 +26,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     Body, windows and dies, values of the datasheet and their source; what it does not state; and the current under a
     mirror compared with that of the datasheet.
     """
-    from mitsuba_taxel.parts import part_names, read_part
+    from mitsuba_taxel.parts import leaving_share, part_names, read_part
 
     from .tables import print_table
 
@@ -48,7 +48,9 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     if as_json:
         from dataclasses import asdict
 
-        _print_json({**asdict(part), "mirror_curve": _curve(part), "edges_mm": edges})
+        _print_json(
+            {**asdict(part), "leaving_share": leaving_share(part), "mirror_curve": _curve(part), "edges_mm": edges}
+        )
     else:
         _show(part)
         if height is not None:
@@ -101,6 +103,8 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
 
 
 def _show(part) -> None:
+    from mitsuba_taxel.parts import leaving_share
+
     from .tables import print_table
 
     print(f"{part.title}\nSource: {part.source}")
@@ -122,6 +126,7 @@ def _show(part) -> None:
             for name, side in (("emitter", part.emitter), ("detector", part.detector))
         ),
     )
+    print(f"\nOf the light that the emitter sends into the resin, {leaving_share(part):.1%} leaves the window.")
     if part.electrical:
         print()
         print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))

@@ -5,6 +5,9 @@ from .mirror import (
     edge_positions as edge_positions,
 )
 from .mirror import (
+    leaving_share as leaving_share,
+)
+from .mirror import (
     mirror_curve as mirror_curve,
 )
 from .mirror import (

@@ -76,6 +76,16 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
     return np.array([mirror_rays(part, float(height)).power.sum() for height in np.atleast_1d(heights)])
 
 
+def leaving_share(part: Part) -> float:
+    """Share of the light that leaves the emitter's window, of what its die sends into the resin."""
+    emitter, shares = part.emitter, _shares()
+    turn, sine = 2 * np.pi * shares[:, 2], np.sqrt(shares[:, 3] + 0.5)  # in air, after Lambert's law
+    beneath = sine / np.sqrt(part.resin_index**2 - sine**2)
+    aside = emitter.die_depth * beneath[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    seen = _is_open(emitter, _points(emitter, shares[:, :2]) + aside)
+    return float((_transmittance(part.resin_index, np.sqrt(1 - sine**2)) * seen).mean() / part.resin_index**2)
+
+
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
     """Positions in mm of the straight edge of a mirror, from the body's centre along x (0) or y (1), at which it
     returns given shares of the power of an infinite mirror; it lies on the lower side of the edge.

@@ -13,14 +13,14 @@ import numpy as np
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import require
-from mitsuba_taxel.kernels.protocols import traces_taxels
+from mitsuba_taxel.kernels.protocols import has_faces, traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.probes import refuse_unreadable
 from mitsuba_taxel.sensing.readings import Readings
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.scene_pads import loaded_pads
+from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.sensing.taxels import taxels_of
 
 REPLICATES = 32
@@ -55,6 +55,8 @@ def prepare(scene: Any) -> Prepared:
     refuse_unreadable(live, integrator)
     if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
         notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
+    if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
+        notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
     return Prepared(live, integrator, parameters, notes)
 
 

@@ -11,7 +11,7 @@ from refraction import escaping, plate_power
 
 from mitsuba_taxel import InputError, Scene, crosstalk, measure
 from mitsuba_taxel.check import check_scene
-from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
+from mitsuba_taxel.parts import edge_positions, leaving_share, mirror_curve, read_part
 from mitsuba_taxel.sensing import energy_audit, sample_paths
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS
 
@@ -130,6 +130,9 @@ def test_energy(agree, llvm_mono):
     out, error = escaping(VCNT.emitter, VCNT.resin_index)
     assert audit.total == pytest.approx(1, abs=1e-9) and shares["reflector phototransistor"][0] > 0
     agree(1 - inside[0], inside[1], out, error, 16)
+    assert [leaving_share(part) for part in (VCNT, DEEP)] == pytest.approx(
+        [escaping(part.emitter, part.resin_index)[0] for part in (VCNT, DEEP)], rel=2e-3
+    )
     agree(*detected, found.power, found.standard_error)
 
 
@@ -156,7 +159,7 @@ def test_light_and_derivatives_of_a_pad_are_by_paths(llvm_mono):
     scene = Scene({"type": "scene", "pad": {**pad, **cell}, "parts": {"type": "photo_reflector", "part": "vcnt2020"}})
     assert measure(scene, points=16, derivatives=["cell_height"]).derivatives.method == BY_PATHS
     found, (power, _) = measure(scene, target_error=0.05), plate_power(VCNT, 0.8)
-    assert found.points
+    assert found.points and "dies lie below windows: light is by random paths" in found.remarks
     assert 0.8 * power < found.power[0] < 1.2 * power  # the roof is round, and as large
 
 
