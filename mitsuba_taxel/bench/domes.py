@@ -15,16 +15,29 @@ from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.bench.sphere_light import DOMES, SPACING
 from mitsuba_taxel.sensing import Readings, Scene, measure
 
+Force = tuple[float, float, float]
+"""In N."""
+
 WALLS: dict[str, dict[str, Any]] = {
     "lambertian": {"scattering": "lambertian"},
     "isotropic": {"scattering": "isotropic"},
     "mirror": {"scattering": "mirror"},
     "rough mirror": {"scattering": "rough_mirror", "rms_slope": 2.0},
 }
-CASES = ((1, 0.0), (3, 0.0), (1, -1.0), (1, -2.0), (3, -2.0))
+CASES = (
+    (1, (0.0, 0.0, 0.0)),
+    (3, (0.0, 0.0, 0.0)),
+    (1, (0.0, 0.0, -1.0)),
+    (1, (0.0, 0.0, -2.0)),
+    (3, (0.0, 0.0, -2.0)),
+    (1, (0.6, 0.0, -2.0)),
+    (1, (0.2, 0.2, -0.6)),
+)
 """Cells along a side of the pad, and force on each cell in N."""
 FINE = {1: 0.25, 3: 0.4}
-"""Mesh size in mm of the truth of loaded domes, by cells along a side."""
+"""Mesh size in mm of the truth of domes under normal forces, by cells along a side."""
+FINE_ASIDE = 0.3
+"""The same under tangential ones, for which half the pad is solved, not an eighth."""
 PADS: tuple[tuple[float, dict[str, float]], ...] = (
     (-1.0, {}),
     (-2.0, {}),
@@ -52,7 +65,8 @@ Written by `{command}`; do not edit by hand.
 Readings of domed cells at the default settings, compared with independent references. Unloaded domes are spheres: the
 reference is a quadrature for diffuse walls, and ray tracing on the exact sphere for mirrors; neither uses elements,
 triangles or a renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of
-{fine[1]:g} mm (1 x 1 cells) or {fine[3]:g} mm (3 x 3), not of the default 0.625 or 0.75 mm.
+{fine[1]:g} mm (1 x 1 cells), {aside:g} mm (those under tangential forces) or {fine[3]:g} mm (3 x 3), not of the default
+0.625 or 0.75 mm.
 
 {table}
 
@@ -74,7 +88,7 @@ class DomeRow:
     cell: str
     wall: str
     cells: int
-    load: float
+    load: Force
     truth: float
     off: float
     noise: float
@@ -110,9 +124,9 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
             sphere = None
             for cells, load in CASES:
                 if starting:
-                    starting(f"{cell}, {name}, {cells} x {cells}, {load:g} N per cell")
+                    starting(f"{cell}, {name}, {cells} x {cells}, {_listed(load)} N per cell")
                 sphere = sphere or _on_sphere(cell, name)
-                truth = _on_small_elements(cell, name, cells, load) if load else sphere
+                truth = _on_small_elements(cell, name, cells, load) if any(load) else sphere
                 yield _row(cell, name, cells, load, truth)
 
 
@@ -143,8 +157,8 @@ def stated_for_shape(readings: Readings) -> float:
     return math.hypot(readings.error_budget["geometry"], readings.error_budget["mechanics"])
 
 
-def _row(cell: str, name: str, cells: int, load: float, truth: tuple[float, float]) -> DomeRow:
-    scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load * cells**2])
+def _row(cell: str, name: str, cells: int, load: Force, truth: tuple[float, float]) -> DomeRow:
+    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells))
     readings = measure(scene, points=_points(cell, name, cells), seed=1)
     power, error = _mean(readings)
     value, uncertain = truth
@@ -160,9 +174,20 @@ def _on_sphere(cell: str, name: str) -> tuple[float, float]:
     return DOMES[cell].diffuse_power(wall["scattering"], 24), 0.0
 
 
-def _on_small_elements(cell: str, name: str, cells: int, load: float) -> tuple[float, float]:
-    scene = dome_scene(cell, WALLS[name], cells, force=[0, 0, load * cells**2], mesh_size=FINE[cells])
+def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[float, float]:
+    size = FINE_ASIDE if any(load[:2]) else FINE[cells]
+    scene = dome_scene(cell, WALLS[name], cells, force=_on_pad(load, cells), mesh_size=size)
     return _mean(measure(scene, points=_points(cell, name, cells), seed=2, mechanics_error=False))
+
+
+def _on_pad(load: Force, cells: int) -> list[float]:
+    """In N, the force on all cells."""
+    return [component * cells**2 for component in load]
+
+
+def _listed(load: Force) -> str:
+    """A force, by its normal component alone where that is all."""
+    return ", ".join(f"{component:g}" for component in (load if any(load[:2]) else load[2:]))
 
 
 def _points(cell: str, name: str, cells: int) -> int | None:
@@ -179,7 +204,7 @@ def _mean(readings: Readings) -> tuple[float, float]:
 def dome_cells(row: DomeRow) -> list[str]:
     """The row as text, below `HEADINGS`."""
     off, noise, stated = f"{row.off:+.3%}", f"{row.noise:.3%}", f"{row.stated:.3%}"
-    return [row.cell, row.wall, f"{row.cells} x {row.cells}", f"{row.load:g}", f"{row.truth:.6g}", off, noise, stated]
+    return [row.cell, row.wall, f"{row.cells} x {row.cells}", _listed(row.load), f"{row.truth:.6g}", off, noise, stated]
 
 
 def pad_cells(row: PadRow) -> list[str]:
@@ -192,6 +217,6 @@ def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, comm
     """Write the rows as a page with an explanation of its columns."""
     table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
     others = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])
-    sizes = {"fine": FINE, "larger": LARGER, "smallest": SMALLEST}
+    sizes = {"fine": FINE, "aside": FINE_ASIDE, "larger": LARGER, "smallest": SMALLEST}
     text = _PAGE.format(command=command, table=table, pads=others, **sizes)
     write_text(file, text)

@@ -15,7 +15,7 @@ def test_a_row_compares_with_its_truth(llvm_mono, monkeypatch, tmp_path):
     """Of a truth that is taken half as large as it is, and uncertain by 1 %."""
     monkeypatch.setattr(domes, "POINTS", 256)
     truth = DOMES["hemispheric"].diffuse_power("lambertian", 18)
-    row = domes._row("hemispheric", "lambertian", 1, 0.0, (truth / 2, 0.01 * truth / 2))
+    row = domes._row("hemispheric", "lambertian", 1, (0.0, 0.0, 0.0), (truth / 2, 0.01 * truth / 2))
     assert row.noise == pytest.approx(0.01) and 0 < row.stated < 1e-2
     assert row.off == pytest.approx(1, abs=1e-3)
     domes.write_page([row], [], tmp_path / "domes.md", "taxel bench domes --markdown domes.md")
