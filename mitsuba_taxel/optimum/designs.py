@@ -101,7 +101,8 @@ class Designs:
             for part in parts_of(self._plan.scene(design)):
                 if part.filename is None:
                     pad = part.build_pad()
-                    pad_mesh(pad, part.mesh_size or pad.default_mesh_size)
+                    for size in {pad.default_mesh_size, part.mesh_size or pad.default_mesh_size}:  # at rest, and loaded
+                        pad_mesh(pad, size)
         except ComputationError:
             return False
         return True
