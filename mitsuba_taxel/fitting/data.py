@@ -13,7 +13,7 @@ from mitsuba_taxel.studies.plan.batch import columns_of
 
 READING = re.compile(r"(?P<kind>[vp])(?P<taxel>[1-9]\d*)(?P<error>_error)?_(?P<unit>mV|V|W|mW|uW)")
 FACTORS = {"V": 1.0, "mV": 1e-3, "W": 1.0, "mW": 1e-3, "uW": 1e-6}
-SETTING_UNITS = re.compile(r"_(N|mm|MPa|W|degrees|nm)$")
+SETTING_UNITS = re.compile(r"_(N|mm|MPa|W|degrees|nm|s)$")
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.fitting.data import Data, read_data
+from mitsuba_taxel.parameters import Number, parameters_of
 from mitsuba_taxel.studies.plan.batch import read_study_of
 
 OWN = ("gain", "offset")
@@ -80,10 +81,20 @@ def _unknown(name: str, given: object) -> Unknown:
     allowed = isinstance(table, Mapping) and "start" in table and set(table) <= {"start", "low", "high"}
     if not allowed or not all(is_number(value) for value in table.values()):
         raise InputError(f"unknown {name} = {given!r} is not allowed: {{ start = ..., low = ..., high = ... }}.")
-    numbers: Any = {"low": -math.inf, "high": math.inf, **table}
-    if not numbers["low"] < numbers["start"] < numbers["high"]:
-        raise InputError(f"unknown {name}: start = {numbers['start']:g} must lie between low and high.")
-    return Unknown(name, **{key: float(value) for key, value in numbers.items()})
+    least, most = _range(name)
+    low, high, start = (float(table.get(key, end)) for key, end in (("low", least), ("high", most), ("start", 0.0)))
+    low, high = max(low, least), min(high, most)
+    if not low < start < high:
+        raise InputError(f"unknown {name}: start = {start:g} must lie between low = {low:g} and high = {high:g}.")
+    return Unknown(name, start, low, high)
+
+
+def _range(name: str) -> tuple[float, float]:
+    """What is allowed of an unknown in any scene: that of a number of a circuit."""
+    number = parameters_of(Circuit).get(name.removeprefix(CIRCUIT)) if name.startswith(CIRCUIT) else None
+    if not isinstance(number, Number):
+        return -math.inf, math.inf
+    return max(number.above, number.minimum), number.maximum
 
 
 def _check(plan: FitPlan) -> None:

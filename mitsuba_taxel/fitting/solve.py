@@ -15,6 +15,8 @@ ALIKE = 0.98
 RANK = 1e-7
 """Singular value, relative to the largest, below which a direction is undetermined."""
 CONFIDENCE = 0.95
+UNLIKELY = 1e-3
+"""Probability of larger residuals below which model or errors count as wrong."""
 MOST_STEPS = 25
 EXACT = 1e-7
 """Residual, relative to the largest reading, below which nothing is left to fit: along undetermined directions steps
@@ -71,7 +73,7 @@ def solve(
         Initial values and bounds.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import norm, t
+    from scipy.stats import chi2, norm, t
 
     names = [unknown.name for unknown in unknowns]
     weights = np.full_like(data, 1 / np.abs(data).max()) if errors is None else 1 / errors
@@ -110,6 +112,11 @@ def solve(
     quantile = t.isf((1 - CONFIDENCE) / 2, freedom) if errors is None else norm.isf((1 - CONFIDENCE) / 2)
     exact = np.abs(readings - data).max() <= EXACT * np.abs(data).max()
     warnings = [*_doubts(found, found.success or exact, unknowns), *_alike(correlation, silent, names)]
+    if errors is not None and chi2.sf(misfit * freedom, freedom) < UNLIKELY:
+        warnings.append(
+            f"residuals are {np.sqrt(misfit):.1f} times as large as the errors of the data explain: the model or these "
+            "errors are wrong, and intervals are too narrow"
+        )
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
     return LeastSquares(found.x, deviation, quantile * deviation, correlation, readings, residual, freedom, warnings)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mitsuba_taxel.base.units import FORCES, TIME
 from mitsuba_taxel.plots.figures import COLOURS, MARKERS, force_to_the_right
 
 if TYPE_CHECKING:
@@ -40,10 +41,12 @@ def plot_residuals(residuals: pandas.DataFrame, correlation: pandas.DataFrame) -
         axes["readings"].plot(x, rows.measured, label=str(taxel), **measured)
         axes["readings"].plot(x[order], rows.model.to_numpy()[order], color=colour, linewidth=0.8)
         axes["residuals"].plot(x, rows.in_errors, **measured)
+    axes["readings"].set_title("points: measured; lines: model", fontsize="medium")
     axes["readings"].set_ylabel(f"reading [{residuals.unit.iloc[0]}]")
     axes["readings"].legend(title="taxel", frameon=False, fontsize="small")
     axes["residuals"].set_ylabel("residual\n[errors]")
-    axes["residuals"].set_xlabel(name)
+    unit = "N" if name in FORCES else "s" if name == TIME else ""
+    axes["residuals"].set_xlabel(f"{name} [{unit}]" if unit else name)
     for ax in (axes["readings"], axes["residuals"]):
         force_to_the_right(ax, name, places)
     axes["residuals"].axhspan(-2, 2, color=COLOURS[4], alpha=0.3)

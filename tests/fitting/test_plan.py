@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,19 @@ def test_a_plan(plan):
     assert plan(CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n").circuit.transfer == 0.1
 
 
+def test_unknowns_of_a_circuit_stay_in_its_range(plan):
+    """A search that leaves it would end with a circuit that cannot work."""
+    table = "'circuit.transfer' = 1\n'circuit.temperature' = { start = 30, low = -1e9 }\n"
+    transfer, temperature = plan(CIRCUIT + HEAD + "[fit.unknowns]\n" + table).unknowns
+    assert (transfer.low, transfer.high) == (0, math.inf)
+    assert (temperature.low, temperature.high) == (-200, 500)
+
+
+def test_times_of_the_data_have_their_unit(plan):
+    one = plan(HEAD + UNKNOWNS + "gain = 1\n", DATA.replace("z,", "time_s,"))
+    assert one.data.settings == {"time": ["0.5", "0.7", "0.9"]}
+
+
 @pytest.mark.parametrize(
     ("study", "said"),
     [
@@ -44,7 +59,11 @@ def test_a_plan(plan):
         (HEAD + "[fit.unknowns]\ngain = 1\nz = 0.5\n", "z is both unknown and given"),
         (HEAD + "[fit.unknowns]\ngain = 'a'\n", "unknown gain = 'a'"),
         (HEAD + "[fit.unknowns]\ngain = { low = 1 }\n", "unknown gain = {'low': 1}"),
-        (HEAD + "[fit.unknowns]\ngain = { start = 1, low = 2 }\n", "start = 1 must lie between"),
+        (
+            HEAD + "[fit.unknowns]\ngain = { start = 1, low = 2 }\n",
+            "must lie between low = 2 and high = inf.",
+        ),
+        (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.transfer' = -1\n", "start = -1 must lie between low = 0 and"),
         (HEAD + "[fit.unknowns]\ngain = 1\nspacing = 1\nhole = 0.1\n", "3 readings are not enough for 3 unknowns"),
         (HEAD + "[fit.unknowns]\n'circuit.transfer' = 1\n", "circuit.transfer is no number of a circuit"),
         (CIRCUIT + HEAD + "[fit.unknowns]\n'circuit.adc_bits' = 10\n", "circuit.adc_bits is no number of a circuit"),

@@ -57,8 +57,21 @@ def test_exact_data():
 def test_the_misfit_of_wrong_errors():
     random = np.random.default_rng(6)
     data = decay(TRUTH)[0] + 0.03 * random.normal(size=len(X))
-    assert 3 < solve(decay, data, np.full_like(X, 0.01), DECAY).misfit < 30
-    assert math.sqrt(solve(decay, data, None, DECAY).misfit) == pytest.approx(0.03, rel=0.5)
+    found = solve(decay, data, np.full_like(X, 0.01), DECAY)
+    assert 3 < found.misfit < 30
+    (warning,) = found.warnings
+    assert f"residuals are {np.sqrt(found.misfit):.1f} times as large as the errors" in warning
+    assert not solve(decay, data, np.full_like(X, 0.03), DECAY).warnings
+    without = solve(decay, data, None, DECAY)
+    assert math.sqrt(without.misfit) == pytest.approx(0.03, rel=0.5) and not without.warnings
+
+
+def test_right_errors_are_doubted_once_in_a_thousand():
+    """Of 400 data, at most 3: more with probability 7e-4."""
+    random, sigma = np.random.default_rng(7), 0.02 * (1 + X)
+    data = decay(TRUTH)[0] + sigma * random.normal(size=(400, len(X)))
+    doubted = sum("residuals are" in " ".join(solve(decay, one, sigma, DECAY).warnings) for one in data)
+    assert doubted <= 3
 
 
 def test_two_factors_cannot_be_told_apart():
