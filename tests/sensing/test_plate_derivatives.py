@@ -52,7 +52,7 @@ def test_a_plate_has_the_derivatives_of_its_quadrature(law, scattering, z, offse
 def test_what_changes_nothing_has_no_slope_and_what_is_no_number_none():
     scene = Scene("plate.xml", {"width": 50})
     found = measure(scene, points=64, derivatives=("width",)).derivatives
-    assert found.values[0, 0] == found.standard_errors[0, 0] == 0
+    assert max(abs(found.values[0, 0]), found.standard_errors[0, 0]) < 1e-15  # W/mm: rounding at most
     with pytest.raises(InputError, match=r"^law = 'uniform_solid_angle' has no derivative: it is not a number"):
         measure(scene, points=64, derivatives=("law",))
     with pytest.raises(InputError, match=r"^fz has no derivative: it is no number of the scene"):
