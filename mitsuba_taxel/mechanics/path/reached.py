@@ -17,10 +17,9 @@ class Reached:
     ``rate`` is that of the load, per s, on the way there; ``velocity`` that of the unknowns, displacements followed by
     pressures; both are NaN after a jump of the load. ``midway`` is what Newton's method would subtract from the
     unknowns in the middle of the last step, on a cubic between its ends; empty if that step leads to a row. ``further``
-    is the length in s of the next step, as far as errors allow, or 0 where it must not lead beyond a row; ``ratios``
-    are the errors of the last one, as in `Moment`. ``missed`` is the relative error of the stress by time steps.
-    ``traction`` (2 N, 3) in MPa is that of friction at nodes of the top, then of the outside; ``moved`` (C,) is the
-    load, or where its force has moved an indenter.
+    is the length in s of the next step, as far as errors allow, or 0 where it must not lead beyond a row. ``missed`` is
+    the relative error of the stress by time steps. ``traction`` (2 N, 3) in MPa is that of friction at nodes of the
+    top, then of the outside; ``moved`` (C,) is the load, or where its force has moved an indenter.
     """
 
     time: float
@@ -35,7 +34,6 @@ class Reached:
     slope: np.ndarray
     step: float
     further: float
-    ratios: np.ndarray
     scale: float
     unjudged: float
     deviation: np.ndarray

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,10 +25,6 @@ relative to the largest displacement or pressure. States between its ends have i
 TICKS = 64
 """Smallest fraction of a step without equilibrium; or of the time since the row before, or of the shortest relaxation
 time before that: in such a part no term of the series changes much."""
-POWERS = np.array([1 / 2, 1 / 4])
-"""Of errors, which lengths of steps are proportional to: of the stress by time, and of interpolation."""
-MOST_TREND = 2.0
-"""Most by which the decline of errors since the step before lengthens the next one beyond what their powers allow."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
 """Limits of the factor between steps, according to the error of the one before."""
 SHORTEST = 1e-15
@@ -60,8 +55,7 @@ class Moment:
 
     ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
     displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
-    friction, ``further`` the length in s of a next step that may lead beyond rows, ``ratios`` (2,) the errors of the
-    last step relative to what is allowed, of the stress by time and of interpolation, 0 if unknown.
+    friction, ``further`` the length in s of a next step that may lead beyond rows.
     """
 
     unknowns: np.ndarray
@@ -75,7 +69,6 @@ class Moment:
     stability_checked: bool = True
     rubbed: Rubbed | None = None
     further: float = 0.0
-    ratios: np.ndarray = field(default_factory=partial(np.zeros, 2))
 
 
 class Stretch:
@@ -156,8 +149,7 @@ class Stretch:
             if not first:
                 growth = CAUTION * np.sqrt(self._tolerance / error) if error else MOST_GROWTH
                 length *= min(max(growth, LEAST_CUT), MOST_GROWTH)
-        ratios = np.array([error / self._tolerance, 0.0])
-        return replace(here, further=min(length * self._duration, self._furthest), ratios=ratios)
+        return replace(here, further=min(length * self._duration, self._furthest))
 
     def leap(self, touch: Touch) -> tuple[Moment, np.ndarray]:
         """The state at the end by one step, and what Newton's method would subtract from a cubic in the middle.
@@ -176,13 +168,11 @@ class Stretch:
         error, judged = self._judged(None, here, after)
         if touch(self._pad, after.unknowns):
             raise TooLong(LEAST_CUT)
-        ratios = np.array([error / self._tolerance, off / INTERPOLATION_TOLERANCE])
-        if ratios.max() > 1:
-            raise TooLong(max(CAUTION / float((ratios**POWERS).max()), MOST_CUT))
-        before = here.relaxing.step
-        longer = next_length(ratios, here.ratios, self._duration / before if before else math.inf)
-        further = min(longer * self._duration, self._furthest)
-        return replace(judged, further=further, ratios=ratios), midway
+        ratio = max(math.sqrt(error / self._tolerance), (off / INTERPOLATION_TOLERANCE) ** 0.25)
+        growth = CAUTION / max(ratio, CAUTION / MOST_GROWTH)
+        if ratio > 1:
+            raise TooLong(max(growth, MOST_CUT))
+        return replace(judged, further=min(growth * self._duration, self._furthest)), midway
 
     def _midway(self, here: Moment, after: Moment) -> tuple[np.ndarray, float]:
         """What Newton's method would subtract from a cubic in the middle of a step, and its relative size."""
@@ -270,23 +260,3 @@ class Stretch:
 
     def _ended(self, here: Moment, reason: str) -> Ended:
         return Ended(self._load[0] + here.share * self._load[1], here.share, reason)
-
-
-def next_length(ratios: np.ndarray, before: np.ndarray, longer: float) -> float:
-    """Length of a next step whose errors are allowed, relative to the last one.
-
-    They grow with the square and the fourth power of a step's length, if not less than these: as they did since the
-    step before (K. Gustafsson, ACM Trans. Math. Softw. 20, 1994).
-
-    Parameters
-    ----------
-    ratios, before : (2,) ndarray
-        Errors of the last step and of the one before it, as in :class:`Moment`.
-    longer : float
-        Length of the last step relative to that of the one before.
-    """
-    known = (ratios > 0) & (before > 0)
-    trend = longer * (np.where(known, before, 1.0) / np.where(known, ratios, 1.0)) ** POWERS
-    trend = np.where(known, np.clip(trend, 1.0, MOST_TREND), 1.0)
-    sizes = np.maximum(ratios**POWERS, CAUTION / MOST_GROWTH)
-    return min(float((CAUTION * trend / sizes).min()), MOST_GROWTH)

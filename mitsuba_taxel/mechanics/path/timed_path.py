@@ -207,7 +207,6 @@ class TimedPath:
         else:
             relaxing = replace(relaxing, slope=None)
         start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
-        start = replace(start, ratios=before.ratios)
         judged = self._path.judged
         if isinstance(pad, IndentedPad) and pad.friction:
             start = replace(start, rubbed=self._rubbed(pad, before, start_value))
@@ -237,7 +236,6 @@ class TimedPath:
             np.zeros(0) if end.relaxing.slope is None else end.relaxing.slope,
             end.relaxing.step,
             end.further,
-            end.ratios,
             stretch.scale,
             end.unjudged,
             pad.split(stretch.deviation(end))[0],
@@ -257,7 +255,7 @@ class TimedPath:
         points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
         relaxing = Relaxing.at_rest(len(self._material.prony), *points)
         nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
-        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, np.zeros(2), 0.0, 0.0
+        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0, 0.0
         none, moved = np.zeros(mesh.corner_count), np.zeros(self._path.load.components)
         return Reached(
             0.0, nowhere, none, unknown, self._stacked(pad, None), np.zeros(0), *variables, nowhere, 0.0,
