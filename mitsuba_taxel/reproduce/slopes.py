@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel import characterise
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.characterise.experiment import Branch
 from mitsuba_taxel.characterise.load_lines import load_lines, runs
 
@@ -75,12 +76,20 @@ class Curves(NamedTuple):
 
 
 def curves(study: xr.Dataset, force: str) -> Curves:
-    """The cubic curves through readings without random numbers and their derivatives."""
+    """The cubic curves through readings without random numbers and their derivatives.
+
+    Raises
+    ------
+    ComputationError
+        if derivatives are missing, with the study's first note.
+    """
     from scipy.interpolate import CubicHermiteSpline
 
     run = _branch(study, force)
     order = np.argsort(run.force)
-    assert run.tangents is not None
+    if run.tangents is None:
+        why = next(iter(study.attrs["notes"].splitlines()), "none were computed.")
+        raise ComputationError(f"a study along {force} lacks derivatives: {why} Remove its file, and compute it again.")
     x, (value, slope, error) = run.force[order], run.tangents.part(order)
     return Curves(CubicHermiteSpline(x, value, slope), x, error)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.reproduce.slopes import change, curves, sensitivity
 
 FORCE = np.array([0.0, -7.0, -20.0])
@@ -37,6 +38,15 @@ def test_curves_follow_the_readings(parabolas):
     force = np.linspace(-20, 0, 7)
     expected = np.outer(0.01 - 1e-5 * force + 2e-6 * force**2, SHARES)
     np.testing.assert_allclose(curves(parabolas, "fz").power(force), expected, rtol=1e-12)
+
+
+def test_a_study_that_has_lost_a_derivative_has_no_curves(parabolas):
+    parabolas.derivative[1] = np.nan
+    parabolas.attrs["notes"] = "there is not enough memory for it.\nanother note"
+    with pytest.raises(
+        ComputationError, match=r"^a study along fz lacks derivatives: there is not enough memory for it\. Re"
+    ):
+        curves(parabolas, "fz")
 
 
 def test_changes_along_a_diagonal(make_study):
