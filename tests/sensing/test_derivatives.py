@@ -346,7 +346,7 @@ def test_a_scene_that_is_loaded_has_no_parameters_left():
 def test_a_screen_over_the_led_needs_random_paths(llvm_mono):
     place = llvm_mono.ScalarTransform4f().translate([-0.45, 0, 0.7]).scale(0.2)
     screen = {"type": "rectangle", "to_world": place, "bsdf": {"type": "wall", "scattering": "absorbing"}}
-    scene = pad_scene(cell="cylindrical", board=screen)
+    scene = pad_scene(cell="cylindrical", board=screen, force=[0.0, 0.0, 0.0])
     with pytest.raises(NotFollowed, match="comes by ways that walls stand in"):
-        derivatives(scene, "fz")
+        derivatives(scene, "spacing")
     assert measure(scene, points=16, derivatives=["spacing"]).derivatives.method == BY_PATHS
