@@ -1,11 +1,18 @@
-"""Limits of the processes that this package starts."""
+"""Limits of memory of the processes that this package starts, and what a process has used."""
 
 from __future__ import annotations
 
 import resource
+from pathlib import Path
 
 
 def memory_limit(most: int, kind: int = resource.RLIMIT_AS) -> int:
     """Bytes of memory for a new process: ``most``, or less if this process has a lower limit itself."""
     own = [limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY]
     return min([most, *own])
+
+
+def peak_memory() -> float:
+    """Peak memory of this process so far, in MB."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024

@@ -1,30 +1,35 @@
-"""One case of the table: solve it, and check the result independently of the solver."""
+"""One extreme case of the mechanics: solve it, and check the result independently of the solver."""
 
 from __future__ import annotations
 
 import math
 import time
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.bench.cases import Case
+from mitsuba_taxel.base.limits import peak_memory
 from mitsuba_taxel.bench.row import CONVERGED, MechanicsRow
+from mitsuba_taxel.bench.table_case import TableCase
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import IndenterForce
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
+from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_path import load_path
 from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
 from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.balance import reactions
-from mitsuba_taxel.pads.pad import REGIONS
+from mitsuba_taxel.pads.pad import REGIONS, Pad
 
+MESH_SIZE = 2.0
+"""Default mesh size in mm: coarse, as the table is about robustness."""
+NORMAL = (0.0, 0.0, -20.0)
+"""Default load, in N."""
 FINER = 1.5
 """Mesh size of a case, relative to that of the finer mesh."""
 JUST_BEFORE = 0.999
@@ -37,6 +42,50 @@ MOST_UNDERSTATED = 2.0
 _MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 
+@dataclass(frozen=True)
+class Case(TableCase):
+    """One row of the table.
+
+    Attributes
+    ----------
+    value : tuple[float, ...]
+        Of the load, in N, mm or MPa.
+    mesh_size : float
+        Of the finite elements, in mm.
+    in_one_step : bool
+        Whether the load is applied in one Newton solve from rest, instead of along the load path.
+    with_finer_mesh : bool
+        Whether the pad is also solved on elements smaller by a factor of 1.5.
+    refused : bool
+        Whether it must be refused.
+    """
+
+    ROW = MechanicsRow
+    name: str
+    pad: Pad = Pad()
+    material: Material = NeoHookean()
+    load: Load = SPREAD_FORCE
+    value: tuple[float, ...] = NORMAL
+    mesh_size: float = MESH_SIZE
+    in_one_step: bool = False
+    with_finer_mesh: bool = False
+    refused: bool = False
+
+    def measured(self) -> MechanicsRow:
+        """The row, measured in this process.
+
+        Cached solutions are used: only with an empty cache are the seconds meaningful.
+        """
+        began = time.process_time()
+        outcome = _in_one_step(self) if self.in_one_step else _along_path(self)
+        figures = outcome.figures | _looked_at(outcome.state)  # including the state's error, which is computed lazily
+        seconds, megabytes = time.process_time() - began, peak_memory()
+        if outcome.verdict == CONVERGED and self.with_finer_mesh and not self.in_one_step:
+            figures["finer_change"] = _finer_change(self, outcome.state)
+        row = MechanicsRow(self.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
+        return with_flaw(row, self.refused)
+
+
 @dataclass(frozen=True, eq=False)
 class _Outcome:
     """The verdict on a case, figures of its steps, and its last state, if there is one."""
@@ -46,27 +95,9 @@ class _Outcome:
     state: State | None
 
 
-def measure(case: Case) -> MechanicsRow:
-    """The row of a case. Cached solutions are used: only with an empty cache are the seconds meaningful."""
-    began = time.process_time()
-    outcome = _in_one_step(case) if case.in_one_step else _along_path(case)
-    figures = outcome.figures | _looked_at(outcome.state)  # including the state's error, which is computed lazily
-    seconds, megabytes = time.process_time() - began, peak_memory()
-    if outcome.verdict == CONVERGED and case.with_finer_mesh and not case.in_one_step:
-        figures["finer_change"] = _finer_change(case, outcome.state)
-    row = MechanicsRow(case.name, outcome.verdict, seconds=seconds, megabytes=megabytes, **figures)  # type: ignore[arg-type]
-    return with_flaw(row, case.refused)
-
-
 def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
     """A finished row that says what is wrong with it, if anything; its case must be ``refused``, or must not."""
     return replace(row, wrong=failure_of(row, refused))
-
-
-def peak_memory() -> float:
-    """Peak memory of this process so far, in MB."""
-    status = Path("/proc/self/status").read_text()
-    return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
 def failure_of(row: MechanicsRow, refused: bool = False) -> str:

@@ -4,74 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from mitsuba_taxel.bench.row import MechanicsRow
+from mitsuba_taxel.bench.case import MESH_SIZE, NORMAL, Case
 from mitsuba_taxel.bench.slivers import SliverPad
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import (
-    SPREAD_FORCE,
     IndenterDisplacement,
     IndenterForce,
-    Load,
     PatchForce,
     PlateDisplacement,
     PlateForce,
     Pressure,
     SpreadForce,
 )
-from mitsuba_taxel.mechanics.materials.laws import Material, MooneyRivlin, NeoHookean
+from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean
 from mitsuba_taxel.mechanics.materials.silicones import silicone
 from mitsuba_taxel.pads.pad import CELL_SHAPES, DEFAULT_MESH_SIZE, Pad
-
-MESH_SIZE = 2.0
-"""Default mesh size in mm: coarse, as the table is about robustness."""
 
 _PAD = Pad()
 CELL = replace(_PAD, rows=1, columns=1)
 """On which bodies press."""
 _E = NeoHookean().youngs_modulus
-_NORMAL = (0.0, 0.0, -20.0)
 _TANGENTIAL = (20.0, 0.0, -8.0)
-
-
-@dataclass(frozen=True)
-class Case:
-    """One row of the table.
-
-    Attributes
-    ----------
-    value : tuple[float, ...]
-        Of the load, in N, mm or MPa.
-    mesh_size : float
-        Of the finite elements, in mm.
-    in_one_step : bool
-        Whether the load is applied in one Newton solve from rest, instead of along the load path.
-    with_finer_mesh : bool
-        Whether the pad is also solved on elements smaller by a factor of 1.5.
-    refused : bool
-        Whether it must be refused.
-    """
-
-    name: str
-    pad: Pad = _PAD
-    material: Material = NeoHookean()
-    load: Load = SPREAD_FORCE
-    value: tuple[float, ...] = _NORMAL
-    mesh_size: float = MESH_SIZE
-    in_one_step: bool = False
-    with_finer_mesh: bool = False
-    refused: bool = False
-
-    def measured(self) -> MechanicsRow:
-        """The row, measured in this process."""
-        from mitsuba_taxel.bench.measure import measure
-
-        return measure(self)
-
-    def failed(self, end: str) -> MechanicsRow:
-        """The row of a process that returned none."""
-        return MechanicsRow(self.name, end, wrong="no answer")
 
 
 def stability_cases() -> list[Case]:
@@ -202,7 +157,7 @@ def _one_step() -> Iterator[Case]:
 
 
 def _meshes() -> Iterator[Case]:
-    for name, value in (("-20 N", _NORMAL), ("20 N along x at -8 N", _TANGENTIAL)):
+    for name, value in (("-20 N", NORMAL), ("20 N along x at -8 N", _TANGENTIAL)):
         yield Case(f"slivers, {name}", SliverPad(), value=value)
         for size in (4.0, 2.0, 1.2):
             yield Case(f"mesh of {size:g} mm, {name}", value=value, mesh_size=size, with_finer_mesh=size > 1.2)
@@ -221,7 +176,7 @@ def _sizes() -> Iterator[Case]:
         scale = extent / _PAD.extent[0]
         lengths = ("pitch", "wall", "height", "cell_size", "cell_height")
         pad = replace(_PAD, **{length: scale * getattr(_PAD, length) for length in lengths})
-        for value, words in ((_NORMAL, "-20 N"), (_TANGENTIAL, "20 N along x at -8 N")):
+        for value, words in ((NORMAL, "-20 N"), (_TANGENTIAL, "20 N along x at -8 N")):
             yield Case(
                 f"pad of {name}, {words}, to scale",
                 pad,

@@ -6,15 +6,15 @@ Each voltage is compared with the root of Kirchhoff's current law at the emitter
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from decimal import Decimal, localcontext
 from typing import Any
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.bench.circuit_row import CircuitRow
 from mitsuba_taxel.bench.reading_row import RIGHT
+from mitsuba_taxel.bench.table_case import TimedCase
 from mitsuba_taxel.electronics import Circuit, respond, total_noise
 
 DIGITS, BISECTIONS = 60, 150
@@ -26,7 +26,7 @@ LEAST = 1e-200
 
 
 @dataclass(frozen=True)
-class CircuitCase:
+class CircuitCase(TimedCase):
     """One row of the table.
 
     Attributes
@@ -37,21 +37,10 @@ class CircuitCase:
         Of the circuit, where it differs from one of 3.3 V, 10 kOhm and 8 mA/W.
     """
 
+    ROW = CircuitRow
     name: str
     power: float
     settings: dict[str, Any] = field(default_factory=dict)
-
-    def measured(self) -> CircuitRow:
-        """The row, measured in this process."""
-        from mitsuba_taxel.bench.measure import peak_memory
-
-        began = time.process_time()
-        row = self._row()
-        return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
-
-    def failed(self, end: str) -> CircuitRow:
-        """The row of a process that returned none."""
-        return CircuitRow(self.name, end, wrong="no answer")
 
     def _row(self) -> CircuitRow:
         try:

@@ -5,7 +5,6 @@ Each is compared with a run of `analog_tracer`, which counts rays, with a scalin
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,6 +13,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
+from mitsuba_taxel.bench.table_case import TimedCase
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
@@ -48,7 +48,7 @@ class ComparedReading:
 
 
 @dataclass(frozen=True)
-class ReadingCase:
+class ReadingCase(TimedCase):
     """One row of the table.
 
     Attributes
@@ -59,21 +59,10 @@ class ReadingCase:
         Whether the scene must be refused.
     """
 
+    ROW = ReadingRow
     name: str
     look: Callable[[], ComparedReading]
     refused: bool = False
-
-    def measured(self) -> ReadingRow:
-        """The row, measured in this process."""
-        from mitsuba_taxel.bench.measure import peak_memory
-
-        began = time.process_time()
-        row = self._row()
-        return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
-
-    def failed(self, end: str) -> ReadingRow:
-        """The row of a process that returned none."""
-        return ReadingRow(self.name, end, wrong="no answer")
 
     def _row(self) -> ReadingRow:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,9 +27,9 @@ class SliverPad(Pad):
         """Identity of the pad, as JSON values."""
         return super().identity | {"flatness": FLATNESS}
 
-    def mesh(self, mesh_size: float) -> VolumeMesh:
+    def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:
         """The pad's volume mesh with its slivers."""
-        return with_slivers(super().mesh(mesh_size))
+        return with_slivers(super().mesh(mesh_size, of_origin))
 
 
 def with_slivers(mesh: VolumeMesh) -> VolumeMesh:

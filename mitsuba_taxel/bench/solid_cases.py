@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.bench.cases import CELL, Case
+from mitsuba_taxel.bench.case import Case, with_flaw
+from mitsuba_taxel.bench.cases import CELL
 from mitsuba_taxel.bench.row import MechanicsRow
+from mitsuba_taxel.bench.table_case import TableCase
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement
 
@@ -26,7 +28,7 @@ DEPTH = 0.3
 
 
 @dataclass(frozen=True)
-class SolidCase:
+class SolidCase(TableCase):
     """One row of the table, for a cell that is pressed by a body from an STL file.
 
     Attributes
@@ -39,6 +41,7 @@ class SolidCase:
         Whether it must be refused.
     """
 
+    ROW = MechanicsRow
     name: str
     solid: Callable[[], Trimesh]
     tilt: float = 0.0
@@ -46,8 +49,6 @@ class SolidCase:
 
     def measured(self) -> MechanicsRow:
         """The row, measured in this process."""
-        from mitsuba_taxel.bench.measure import measure, with_flaw
-
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "body.stl")
             self.solid().export(file)
@@ -56,11 +57,7 @@ class SolidCase:
             except InputError as error:
                 said = str(error).replace(str(file), file.name)
                 return with_flaw(MechanicsRow(self.name, f"refused: {said}"), self.refused)
-            return measure(Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused))
-
-    def failed(self, end: str) -> MechanicsRow:
-        """The row of a process that returned none."""
-        return MechanicsRow(self.name, end, wrong="no answer")
+            return Case(self.name, CELL, load=load, value=(0.0, 0.0, -DEPTH), refused=self.refused).measured()
 
 
 def solid_cases() -> list[SolidCase]:

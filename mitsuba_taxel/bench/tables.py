@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.markdown import markdown_table
-from mitsuba_taxel.bench.cases import MESH_SIZE
+from mitsuba_taxel.bench.case import MESH_SIZE
 from mitsuba_taxel.bench.circuit_cases import MOST_DIFFERENCE
 from mitsuba_taxel.bench.circuit_row import CircuitRow
 from mitsuba_taxel.bench.isolated_process import MOST_MEMORY, MOST_SECONDS

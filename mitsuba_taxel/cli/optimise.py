@@ -39,7 +39,7 @@ def command(
 
 @contextmanager
 def _best_so_far() -> Iterator[Callable]:
-    """A function that shows an optimisation's ``Progress`` on a terminal."""
+    """A function that shows an optimisation's ``OptimisationProgress`` on a terminal."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -13,7 +13,7 @@ from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Found, descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
-from mitsuba_taxel.optimum.search import Balance, Judged, balance
+from mitsuba_taxel.optimum.search import Judged, Stationarity, stationarity
 
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
@@ -27,7 +27,7 @@ HELD = 1e-3
 """Allowed violation of a constraint, relative to its bound."""
 
 
-class Progress(NamedTuple):
+class OptimisationProgress(NamedTuple):
     """Progress of an optimisation.
 
     Attributes
@@ -50,7 +50,7 @@ class Enough(Exception):
 class Course:
     """Evaluates designs, and keeps them in ``history``, in order."""
 
-    def __init__(self, plan: Plan, designs: Designs, progress: Callable[[Progress], None] | None) -> None:
+    def __init__(self, plan: Plan, designs: Designs, progress: Callable[[OptimisationProgress], None] | None) -> None:
         self.plan, self.designs, self._progress = plan, designs, progress
         self.history: list[Design] = []
         self._read: dict[Design, Read | None] = {}
@@ -67,7 +67,7 @@ class Course:
             failed = sum(read is None for read in self._read.values())
             best = self.best(self.plan.goal, self.plan.limits)
             said = "" if best is None else f"{self.plan.goal.words}: {worst_of(self.plan.goal, self.read(best)):.4g}"
-            self._progress(Progress(len(self.history), failed, said))
+            self._progress(OptimisationProgress(len(self.history), failed, said))
         return [self._read[design] for design in designs]
 
     @property
@@ -164,7 +164,7 @@ class Course:
         kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
 
-    def balanced(self, best: Design, *finer: Read) -> Balance:
+    def stationarity(self, best: Design, *finer: Read) -> Stationarity:
         """What holds a design, by the mean of its own gradients, of those of designs near it with other meshes, one of
         each, and of those on finer meshes, as gradients scatter from mesh to mesh."""
         goal, limits = self.plan.goal, self.plan.limits
@@ -175,7 +175,7 @@ class Course:
             if design.family != best.family and _is_near(design, best):
                 meshes.setdefault(design.family, judged)
         again = [each for read in finer if (each := self._judge(read, read, goal, limits)) is not None]
-        return balance(np.array(best.x), own, [*meshes.values(), *again])
+        return stationarity(np.array(best.x), own, [*meshes.values(), *again])
 
     def nearest(self, goal: Goal, limits: Sequence[Limit]) -> tuple[Design, Judged]:
         """The design that violates its constraints least."""

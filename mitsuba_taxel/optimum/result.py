@@ -14,7 +14,7 @@ from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.figures import Seen, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
-from mitsuba_taxel.optimum.search import BALANCED, Balance
+from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
 if TYPE_CHECKING:
     import pandas
@@ -103,7 +103,9 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
-    held = course.balanced(best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else []))
+    held = course.stationarity(
+        best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else [])
+    )
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
     multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
     figures = pandas.DataFrame(
@@ -169,7 +171,7 @@ def _gain(figures: pandas.DataFrame, sign: int) -> tuple[float, float, float]:
     return gain, error, float(norm.cdf(gain / error)) if error > 0 else float(gain > 0)
 
 
-def _variables(plan: Plan, before: Design, best: Design, held: Balance) -> pandas.DataFrame:
+def _variables(plan: Plan, before: Design, best: Design, held: Stationarity) -> pandas.DataFrame:
     import pandas
 
     at = ["low" if force < 0 else "high" if force > 0 else "" for force in held.bounds]
@@ -203,7 +205,7 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=["figure", "variable", "slope", "over_the_bounds"])
 
 
-def _doubts(course: Course, held: Balance, probability: float) -> list[str]:
+def _doubts(course: Course, held: Stationarity, probability: float) -> list[str]:
     warnings = []
     if math.isnan(held.error):
         warnings.append("a local optimum is not certain: its slope is known from one mesh only")

@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.dome_elements import size_for_light
-from mitsuba_taxel.optimum.course import Course, Progress, worst_of
+from mitsuba_taxel.optimum.course import Course, OptimisationProgress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
 from mitsuba_taxel.optimum.figures import Figure
 from mitsuba_taxel.optimum.front import front
@@ -40,7 +40,7 @@ def optimise(
     workers: int | None = None,
     scheduler: str | None = None,
     retry_failed: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[OptimisationProgress], None] | None = None,
 ) -> Optimum:
     """Find the best design of a scene within bounds and constraints.
 
@@ -52,7 +52,7 @@ def optimise(
         A study file of one scene with a table ``[optimise]``.
     output : str or Path
         Folder for the results; new, empty, or that of the same scene, whose readings are reused.
-    progress : Callable[[Progress], None], optional
+    progress : Callable[[OptimisationProgress], None], optional
         Called after each design.
 
     The others are those of :func:`sweep`.

@@ -48,7 +48,7 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class Stationarity:
     """Conditions of Karush, Kuhn and Tucker at a point.
 
     Attributes
@@ -72,7 +72,7 @@ class Balance:
     bounds: np.ndarray
 
 
-def balance(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Balance:
+def stationarity(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Stationarity:
     """Multipliers of active limits and bounds at a point.
 
     Gradients are the mean of the point's own and of ``others``, of the same point on other meshes.
@@ -95,7 +95,7 @@ def balance(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Bala
     lagrangian = np.einsum("k,nkv->nv", weights, goal_rates) - np.einsum("k,nkv->nv", of_limits, limit_rates)
     scale = max(abs(found.worst), TINY)
     error = _scatter(lagrangian, normals) / scale
-    return Balance(float(np.linalg.norm(rest)) / scale, error, len(every), limits, bounds)
+    return Stationarity(float(np.linalg.norm(rest)) / scale, error, len(every), limits, bounds)
 
 
 def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:

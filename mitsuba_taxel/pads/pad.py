@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -284,13 +285,18 @@ class Pad(Checked, Displayed):
         usual: dict[str, tuple] = {"top_x": (0.0,), "top_y": (0.0,), "section": (None, "round"), "meshed_as": ("",)}
         return {name: value for name, value in asdict(self).items() if value not in usual.get(name, ())}
 
-    def mesh(self, mesh_size: float) -> VolumeMesh:
-        """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`."""
+    def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:
+        """The pad's volume mesh; see `mesh_pad` and, for one that is moved, `moved_onto`.
+
+        The mesh that is moved is that of the origin, from the mesher or, if it is kept, from ``of_origin``.
+        """
         from mitsuba_taxel.pads.parametric.meshing import mesh_pad
         from mitsuba_taxel.pads.parametric.morphing import moved_onto
 
         origin = self.origin
-        return mesh_pad(self, mesh_size) if origin is None else moved_onto(self, origin, mesh_pad(origin, mesh_size))
+        if origin is None:
+            return mesh_pad(self, mesh_size)
+        return moved_onto(self, origin, (of_origin or mesh_pad)(origin, mesh_size))
 
     @property
     def extent(self) -> tuple[float, float, float]:

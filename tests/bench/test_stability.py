@@ -19,8 +19,8 @@ from started_process import interrupted, started
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench import isolated_process, stability
-from mitsuba_taxel.bench.cases import Case, stability_cases
-from mitsuba_taxel.bench.measure import cutbacks, failure_of, mean_roof, measure, node_jacobian
+from mitsuba_taxel.bench.case import Case, cutbacks, failure_of, mean_roof, node_jacobian
+from mitsuba_taxel.bench.cases import stability_cases
 from mitsuba_taxel.bench.row import MechanicsRow, cells, headings
 from mitsuba_taxel.bench.slivers import FLATNESS, SliverPad
 from mitsuba_taxel.bench.solid_cases import solid_cases
@@ -81,7 +81,7 @@ def test_a_case_that_converges_has_every_number():
 
 def test_the_roof_moves_as_the_load_and_the_modulus_say():
     soft, stiff = (
-        measure(replace(SMALL, material=NeoHookean(modulus), value=(0.0, 0.0, -0.1 * modulus), with_finer_mesh=False))
+        replace(SMALL, material=NeoHookean(modulus), value=(0.0, 0.0, -0.1 * modulus), with_finer_mesh=False).measured()
         for modulus in (0.05, 1000.0)
     )
     assert soft.roof == pytest.approx(stiff.roof, rel=1e-9)
@@ -89,7 +89,7 @@ def test_the_roof_moves_as_the_load_and_the_modulus_say():
 
 
 def test_a_path_that_ends_says_where_and_why():
-    row = measure(SOFT)
+    row = SOFT.measured()
     found = re.fullmatch(r"ends at \(0, 0, (-[\d.]+)\) N: (touches|cannot be loaded further).*", row.verdict)
     assert found and -20 < float(found[1]) < 0 and row.wrong == ""
     assert row.node_jacobian > 0 and row.steps >= 1 and row.roof > 0
@@ -97,20 +97,20 @@ def test_a_path_that_ends_says_where_and_why():
 
 
 def test_one_newton_solve_is_one_step_or_refused():
-    row = measure(replace(SMALL, in_one_step=True))
-    along = measure(replace(SMALL, with_finer_mesh=False))
+    row = replace(SMALL, in_one_step=True).measured()
+    along = replace(SMALL, with_finer_mesh=False).measured()
     assert (row.verdict, row.steps, row.cutbacks) == ("converged", 1, 0)
     assert row.roof == pytest.approx(along.roof, rel=1e-4)
-    refused = measure(replace(SOFT, in_one_step=True, refused=True))
+    refused = replace(SOFT, in_one_step=True, refused=True).measured()
     assert refused.verdict.startswith("refused: ") and refused.wrong == "" and math.isnan(refused.roof)
 
 
 def test_a_pad_without_a_mesh_is_refused(monkeypatch):
-    def failing(self, size):
+    def failing(self, size, of_origin):
         raise ComputationError("meshing the pad failed: so it is.")
 
     monkeypatch.setattr(Pad, "mesh", failing)
-    row = measure(replace(SMALL, mesh_size=1.9))
+    row = replace(SMALL, mesh_size=1.9).measured()
     assert row.verdict == "refused: meshing the pad failed: so it is." and row.wrong == "it should not be refused"
 
 

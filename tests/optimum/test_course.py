@@ -47,15 +47,15 @@ def test_gradients_that_scatter_are_averaged(tmp_path):
     course = Course(plan, Scattered(), None)
     lone, *others = [plan.design((), [x]) for x in (0.5, 0.49, 0.51, 0.6)]
     course.look([lone])
-    alone = course.balanced(lone)
+    alone = course.stationarity(lone)
     assert alone.left == pytest.approx(0.3) and np.isnan(alone.error) and alone.gradients == 1
     course.look(others)
     assert course.best(plan.goal, plan.limits) == lone
-    held = course.balanced(lone)
+    held = course.stationarity(lone)
     assert held.left == pytest.approx(0, abs=1e-12) and held.gradients == 3
     student = 1.3213  # 84.13 % of two degrees of freedom
     assert held.error == pytest.approx(student * np.std([-0.32, 0.3, 0.02], ddof=1) / np.sqrt(3), rel=1e-3)
-    finer = course.balanced(lone, course.read(others[0]))
+    finer = course.stationarity(lone, course.read(others[0]))
     assert finer.gradients == 4 and finer.left == pytest.approx(0.08)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.optimum.descent import JUMP, Found, descend
-from mitsuba_taxel.optimum.search import Judged, balance
+from mitsuba_taxel.optimum.search import Judged, stationarity
 
 NONE = (np.zeros(0), np.zeros((0, 2)))
 
@@ -40,7 +40,7 @@ def rosenbrock(cube):
 def test_rosenbrock_in_a_circle():
     x, points = lowest(rosenbrock, (0.5, 0.5))
     np.testing.assert_allclose(4 * x - 2, [0.78642, 0.61770], atol=1e-3)
-    held = balance(x, rosenbrock(x))
+    held = stationarity(x, rosenbrock(x))
     assert points < 60 and held.left < 0.01 and held.limits[0] == pytest.approx(0.1215, rel=0.02)
 
 
@@ -53,7 +53,7 @@ def test_the_worst_of_several_goals():
 
     x, points = lowest(at, (0.9, 0.05))
     np.testing.assert_allclose(x, 1 / 3, atol=1e-4)
-    assert points < 20 and balance(x, at(x)).left < 1e-6
+    assert points < 20 and stationarity(x, at(x)).left < 1e-6
 
 
 def test_what_cannot_be_computed_is_a_wall():
@@ -118,7 +118,7 @@ def test_eight_variables_of_readings_that_jump(seed):
     """Within 0.3 % of the optimum in 40 points, though values jump by 0.1 %; the optimum is that of exact values."""
     exact = down(eight, np.full(8, 0.5), 1e-9, 0.0)
     truth = eight(exact)
-    assert balance(exact, truth).left < 1e-3 and truth.violation < 1e-6
+    assert stationarity(exact, truth).left < 1e-3 and truth.violation < 1e-6
     seen = []
 
     def at(x):

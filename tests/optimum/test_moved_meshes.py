@@ -134,9 +134,9 @@ def test_where_no_mesh_can_be_moved_each_design_has_its_own(tmp_path):
 def test_of_one_mesh_only_one_gradient_counts(tmp_path):
     course, history = descended(tmp_path, 1.0)
     best = course.best(course.plan.goal, course.plan.limits)
-    assert course.balanced(best).gradients == 1
+    assert course.stationarity(best).gradients == 1
     course.look([best.alone])
-    assert course.balanced(best).gradients == 2
+    assert course.stationarity(best).gradients == 2
 
 
 RESUMED = """

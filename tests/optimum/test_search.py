@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.search import Judged, balance, least_violation
+from mitsuba_taxel.optimum.search import Judged, least_violation, stationarity
 
 NONE = (np.zeros(0), np.zeros((0, 2)))
 
@@ -15,10 +15,10 @@ def test_bounds_that_hold():
         return Judged(np.array([x[0] - 3 * x[1]]), np.array([[1.0, -3.0]]), *NONE)
 
     x = np.array([0.0, 1.0])
-    held = balance(x, at(x))
+    held = stationarity(x, at(x))
     np.testing.assert_allclose(held.bounds, [-1, 3], rtol=1e-4)
     assert held.left < 1e-6
-    assert balance(np.array([0.5, 1.0]), at(x)).left == pytest.approx(1 / 3, rel=1e-3)
+    assert stationarity(np.array([0.5, 1.0]), at(x)).left == pytest.approx(1 / 3, rel=1e-3)
 
 
 @pytest.mark.parametrize("count", [2, 5, 20])
@@ -30,7 +30,7 @@ def test_the_scatter_of_what_is_left(count):
     for _ in range(500):
         rates = slope + 0.2 * random.normal(size=(count, 3))
         each = [Judged(np.ones(1), one[None], np.zeros(0), np.zeros((0, 3))) for one in rates]
-        found.append(balance(x, each[0], each[1:]))
+        found.append(stationarity(x, each[0], each[1:]))
     covered = np.mean([held.left + held.error >= 0.3 for held in found])
     assert covered > 0.84 - 4 * np.sqrt(0.84 * 0.16 / 500)
     errors = [held.error for held in found]
@@ -43,10 +43,10 @@ def test_what_scatters_along_constraints_is_held():
     rates = [np.array([[2 + k, 1 - k], [1.0, 2.0]]) for k in (0.0, 0.4)]
     limit = np.zeros(1), np.array([[1.0, 1.0]])
     both = [Judged(np.ones(2), goals, *limit) for goals in rates]
-    held = balance(np.full(2, 0.5), both[0], both[1:])
+    held = stationarity(np.full(2, 0.5), both[0], both[1:])
     assert held.left < 1e-4 and held.error < 1e-4 and held.gradients == 2
     one = [Judged(np.ones(1), goals[:1], *limit) for goals in rates]
-    held = balance(np.full(2, 0.5), one[0], one[1:])
+    held = stationarity(np.full(2, 0.5), one[0], one[1:])
     assert held.left == pytest.approx(0.7 * np.sqrt(2), rel=1e-3)
     assert held.error == pytest.approx(1.837 * 0.2 * np.sqrt(2), rel=1e-3)
 

@@ -262,9 +262,9 @@ class LoadedPad:
         """
         state = self._evaluate(unknowns, value, with_tangent=False)
         error = self._checked_error(state, unknowns, value, first=0.0)
-        return self._accepted(Balance(unknowns, state, error, iterations, None, 0.0), checked)
+        return self._accepted(Balanced(unknowns, state, error, iterations, None, 0.0), checked)
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start.copy(), 0.0, math.inf, 0.0
         correction = np.zeros_like(unknowns)
@@ -278,7 +278,7 @@ class LoadedPad:
                 state = self._evaluate(unknowns, value)
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
-                return Balance(unknowns, state, error, iteration, linearised, distance)
+                return Balanced(unknowns, state, error, iteration, linearised, distance)
             if state.entries is None and _slow(error, last, self.unknowns):
                 state = self._evaluate(unknowns, value)
             if state.entries is not None:
@@ -291,11 +291,11 @@ class LoadedPad:
             unknowns = unknowns - correction
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
-    def _accepted(self, found: Balance, checked: bool) -> Solution:
+    def _accepted(self, found: Balanced, checked: bool) -> Solution:
         least = min(found.state.min_jacobian, self._least_nodal_jacobian(found.unknowns))
         return Solution(found.unknowns, least, found.error, found.iterations, checked)
 
-    def _entries(self, found: Balance, value: np.ndarray) -> np.ndarray:
+    def _entries(self, found: Balanced, value: np.ndarray) -> np.ndarray:
         """Entries of the tangent at an equilibrium."""
         entries = found.state.entries
         if entries is None:
@@ -428,7 +428,7 @@ class LoadedPad:
 
 
 @dataclass(frozen=True)
-class Balance:
+class Balanced:
     """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
 
     ``linearised`` is the last factored tangent, if any, at a state at a ``distance`` in mm.

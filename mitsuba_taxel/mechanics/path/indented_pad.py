@@ -26,7 +26,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import (
     NEAR,
     RESIDUAL_TOLERANCE,
     SLOW,
-    Balance,
+    Balanced,
     LoadedPad,
     Rejected,
     Solution,
@@ -97,7 +97,7 @@ class IndentedPad(LoadedPad):
                 ) from unstable
             raise
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
         """Newton's method, whose iterations share a factored tangent as long as they get on with it."""
         unknowns, first, last, distance = start, 0.0, math.inf, 0.0
         pushed_by = self._likely_pushes(unknowns, value)
@@ -108,7 +108,7 @@ class IndentedPad(LoadedPad):
             settled = self._settled(state, unknowns, value)
             error_left = self._error(settled, unknowns, value)
             if error_left < RESIDUAL_TOLERANCE:
-                return Balance(unknowns, settled, error_left, iteration, linearised, distance)
+                return Balanced(unknowns, settled, error_left, iteration, linearised, distance)
             if contact is None or error > SLOW * last:
                 linearised = contact = None  # frees its memory for the next one
                 if state.entries is None:

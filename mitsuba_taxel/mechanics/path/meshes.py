@@ -8,7 +8,6 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.morphing import moved_onto
 
 _IN_USE: WeakValueDictionary[str, VolumeMesh] = WeakValueDictionary()
 
@@ -22,13 +21,7 @@ def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
     with cache.alone(name):
         arrays = cache.load(name)
         if arrays is None:
-            mesh = _made(pad, mesh_size)
+            mesh = pad.mesh(mesh_size, pad_mesh) if isinstance(pad, Pad) else pad.mesh(mesh_size)
             cache.store(name, vars(mesh))
             return _IN_USE.setdefault(name, mesh)
     return _IN_USE.get(name) or _IN_USE.setdefault(name, VolumeMesh(**arrays))
-
-
-def _made(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
-    if isinstance(pad, Pad) and (origin := pad.origin) is not None:
-        return moved_onto(pad, origin, pad_mesh(origin, mesh_size))
-    return pad.mesh(mesh_size)

@@ -14,7 +14,7 @@ from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balance, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balanced, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 MOST_ITERATIONS = 40
@@ -84,14 +84,14 @@ class SelfTouchingPad(LoadedPad):
             steady = self._linearised(linearised.entries, unknowns, value, steady=True)
             return super()._is_stable(steady, unknowns, value)
 
-    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balance:
+    def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
         """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""
         unknowns, first = start, 0.0
         for iteration in range(MOST_ITERATIONS):
             state = self._evaluate(unknowns, value)
             error = self._checked_error(state, unknowns, value, first)
             if error < RESIDUAL_TOLERANCE:
-                return Balance(unknowns, state, error, iteration, None, 0.0)
+                return Balanced(unknowns, state, error, iteration, None, 0.0)
             first = first or error
             assert state.entries is not None  # no element is inverted
             linearised = self._linearised(state.entries, unknowns, value)

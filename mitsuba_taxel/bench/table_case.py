@@ -1,0 +1,35 @@
+"""What the cases of the tables of extreme cases share."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from mitsuba_taxel.base.limits import peak_memory
+
+
+class TableCase:
+    """One row of a table, an instance of ``ROW``, which is measured in a process of its own."""
+
+    ROW: ClassVar[type]
+    name: str
+
+    def failed(self, end: str) -> Any:
+        """The row of a process that returned none."""
+        return self.ROW(self.name, end, wrong="no answer")
+
+
+class TimedCase(TableCase):
+    """A case of which all is timed."""
+
+    def measured(self) -> Any:
+        """The row, measured in this process."""
+        began = time.process_time()
+        row = self._row()
+        return replace(row, seconds=time.process_time() - began, megabytes=peak_memory())
+
+    @abstractmethod
+    def _row(self) -> Any:
+        """The row without time and memory."""
