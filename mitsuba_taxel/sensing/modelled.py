@@ -10,7 +10,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad, traces_taxels
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
 from mitsuba_taxel.sensing.clearance import heed_packages
-from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, refuse_shared_places, taxels_of
+from mitsuba_taxel.sensing.foreign_walls import refuse_foreign_walls
+from mitsuba_taxel.sensing.shared_places import refuse_shared_places, refuse_shared_planes
+from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, taxels_of
 
 OF_MITSUBA = {
     "PathIntegrator": "path",
@@ -66,6 +68,8 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         refuse_foreign_sensors(scene)
     refuse_shared_places(scene)
     heed_packages(scene)
+    refuse_shared_planes(scene)
+    refuse_foreign_walls(scene, plugin)
     if plugin == "ptracer" and any(wall is not None and _is_mirror(wall) for wall in walls_of(scene)):
         raise InputError("integrator ptracer sees no light by way of mirrors: use taxel_tracer or path.", integrator)
     _refuse_unseen_indenters(scene)

@@ -17,7 +17,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.sensing.taxels import refuse_shared_places, taxels_of
+from mitsuba_taxel.sensing.shared_places import refuse_shared_places
+from mitsuba_taxel.sensing.taxels import taxels_of
 
 MOST_VERTICES = 64
 """Most vertices of a sampled path, its start included."""

@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.arguments import require
-from mitsuba_taxel.kernels.protocols import has_faces, traces_taxels
+from mitsuba_taxel.kernels.protocols import has_faces, is_led, traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
@@ -57,7 +57,14 @@ def prepare(scene: Any) -> Prepared:
         notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
+    if not traces_taxels(integrator) and _lights(live) > 1:
+        notes.append("Mitsuba's own integrator: each reading holds the light of all LEDs and other emitters at once")
     return Prepared(live, integrator, parameters, notes)
+
+
+def _lights(scene: mi.Scene) -> int:
+    """Number of LEDs and other emitters."""
+    return sum(emitter.faces.count if is_led(emitter) else 1 for emitter in scene.emitters())
 
 
 def described(scene: Any) -> Any:

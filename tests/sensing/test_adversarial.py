@@ -138,6 +138,20 @@ def _refused():
     film |= {"crop_offset_x": 0, "crop_offset_y": 0}
     for name in ("taxel_tracer", "path"):
         yield f"a part of the film, {name}", name, {"sensor": {"film": film}}, "a crop is not allowed"
+    sieve = {"type": "mask", "opacity": 0.3, "nested": WHITE}
+    yield "a white sieve, path", "path", {"wall": sieve}, "path loses the light of a mask_bsdf"
+    for name in ("taxel_tracer", "path"):
+        for kind, share, value in (("diffuse", "reflectance", 1.5), ("conductor", "specular_reflectance", -0.1)):
+            wall = {"type": kind, share: value}
+            yield f"{kind} of {value}, {name}", name, {"wall": wall}, f"{share} = {value} is not allowed"
+        bumpy = {"type": "bumpmap", "bumps": {"type": "checkerboard"}, "nested": {"type": "diffuse"}}
+        yield f"bumps without slopes, {name}", name, {"wall": bumpy}, "bump_map: .* not implemented"
+    labels = {
+        "label on the plate": lambda: shape("rectangle", (1.8, 0, 1.2), (0.5, 0.5, 1), bsdf=ABSORBING),
+        "disk turned to it": lambda: shape("disk", (0, 2.3, 1.2), (0.5, 0.5, -1), bsdf=ABSORBING),
+    }
+    for what, make in labels.items():
+        yield f"{what}, taxel_tracer", "taxel_tracer", {"more": {"other": make}}, "overlap in one plane"
 
 
 REFUSED = {name: rest for name, *rest in _refused()}
@@ -269,6 +283,47 @@ def test_what_mitsuba_has_besides_reads_as_mitsuba_does(llvm_mono, agree, parts)
     for integrator in ("taxel_tracer", "taxel_path"):
         ours = read(integrator, 1)
         agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
+
+
+@pytest.mark.parametrize("integrator", [*OURS, "volpath", "volpathmis"])
+def test_a_white_sieve_returns_its_share(llvm_mono, agree, integrator):
+    wall = {"type": "mask", "opacity": 0.3, "nested": WHITE}
+    reading = measure(Scene(plate(integrator, wall=wall)), points=1024, seed=1)
+    agree(reading.power, reading.standard_error, 0.3 * plate_power(0.7, "lambertian", "lambertian"))
+
+
+def test_mitsubas_integrators_say_that_all_leds_are_lit(llvm_mono):
+    """Of two packages that face each other, each phototransistor sees the other's LED, not its own."""
+    import mitsuba as mi
+
+    def facing(integrator):
+        scene = plate(integrator)
+        away = mi.ScalarTransform4f().translate([0, 0, 3]).rotate([1, 0, 0], 180)
+        return Scene({**scene, "plate": {**scene["reflector"], "to_world": away}})
+
+    ours, theirs = (measure(facing(name), points=64, seed=1) for name in ("taxel_tracer", "path"))
+    assert np.all(ours.power == 0) and np.all(theirs.power > 5e-3)
+    assert ours.notes == ["no light found on taxel 1, 2"] and "the light of all LEDs" in theirs.notes[0]
+
+
+@pytest.mark.parametrize(("x", "angle", "fits"), [(0, 0, False), (5.2, 0, True), (4.4, 45, False), (6.3, 45, True)])
+def test_two_pads_in_one_place_are_refused(llvm_mono, x, angle, fits):
+    """They are 4.55 mm wide, and 6.4 mm along the diagonal."""
+    import mitsuba as mi
+
+    def pad(to_world):
+        walls = {"type": "region", "roof": WHITE}
+        size = {"rows": 1, "columns": 1, "mesh_size": 2.5}
+        return {"type": "deformable_pad", **size, "to_world": to_world, "walls": walls}
+
+    place = mi.ScalarTransform4f()
+    pads = {"plate": pad(place), "second": pad(place.translate([x, 0, 0]).rotate([0, 0, 1], angle))}
+    scene = Scene({**plate(), **pads})
+    if fits:
+        assert measure(scene, points=16).power[0] > 0
+    else:
+        with pytest.raises(InputError, match="two deformable_pads are in one place"):
+            measure(scene, points=16)
 
 
 @pytest.mark.parametrize("integrator", ["volpath", "volpathmis"])

@@ -1,0 +1,61 @@
+"""Refusal of Mitsuba's own BSDFs of which readings would be wrong, or fail without a word that helps."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import is_wall
+from mitsuba_taxel.kernels.walls import walls_of
+
+_SHARES = ("reflectance", "transmittance", "base_color")
+"""Ends of the names of parameters that are a share of the light."""
+
+
+def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
+    """Raise an InputError for a BSDF of Mitsuba's that makes light, cannot be evaluated, or is not read rightly.
+
+    Parameters
+    ----------
+    plugin : str
+        Mitsuba's integrator that reads the scene; empty for one of ours.
+    """
+    for wall in walls_of(scene):
+        if wall is None or is_wall(wall):
+            continue
+        _refuse_more_than_all(wall)
+        _refuse_unevaluated(wall)
+        flags = wall.flags()
+        if plugin == "path" and flags & mi.BSDFFlags.Null and flags & mi.BSDFFlags.Smooth:
+            raise InputError(
+                f"integrator path loses the light of a {kind_of(wall)} that lets a part of it through: use "
+                "taxel_tracer or volpath.",
+                wall,
+            )
+
+
+def _refuse_more_than_all(wall: mi.BSDF) -> None:
+    for name, value in mi.traverse(wall).items():
+        *path, last = name.split(".")
+        if last not in ("value", "data") or not any(part.endswith(_SHARES) for part in path):
+            continue
+        values = np.array(value, dtype=float)
+        outside = values[(values < 0) | (values > 1)]
+        if outside.size:
+            what = name.removesuffix(f".{last}")
+            raise InputError(
+                f"{kind_of(wall)}: {what} = {outside.flat[0]:g} is not allowed: a share of the light from 0 to 1 is "
+                "needed.",
+                wall,
+            )
+
+
+def _refuse_unevaluated(wall: mi.BSDF) -> None:
+    """Raise for what Mitsuba lacks in this variant, such as the slopes of a checkerboard for a bump map."""
+    try:
+        wall.eval(mi.BSDFContext(), dr.zeros(mi.SurfaceInteraction3f, 1), mi.Vector3f(0, 0, 1))
+    except RuntimeError as error:
+        raise InputError(f"{kind_of(wall)}: {error}", wall) from None
