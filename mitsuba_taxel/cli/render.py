@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import click
@@ -93,25 +94,31 @@ def command(
         from mitsuba_taxel.sensing.irradiance_file import write_irradiance
 
         write_irradiance(readings, output)
-    if as_json:
-        import json
-
-        answer = readings_as_json(readings, volts) | crosstalk_as_json(matrix) | audit_as_json(book)
-        click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
-    else:
-        tables.print_readings(readings)
-        if readings.derivatives is not None:
-            tables.print_derivatives(readings.derivatives)
-        if volts is not None:
-            tables.print_volts(readings.taxel, volts)
-        if matrix is not None:
-            tables.print_crosstalk(matrix)
-        if book is not None:
-            tables.print_audit(book)
-        if lines is not None:
-            tables.print_left_out(lines)
+    (_print_json if as_json else _print_tables)(readings, volts, matrix, book, lines)
     if target_error is not None:
         tables.end_beyond_target(readings.notes)
+
+
+def _print_json(readings, volts, matrix, book, lines) -> None:
+    import json
+
+    answer = readings_as_json(readings, volts) | crosstalk_as_json(matrix) | audit_as_json(book)
+    click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
+
+
+def _print_tables(readings, volts, matrix, book, lines) -> None:
+    from . import tables
+
+    tables.print_readings(readings)
+    for printed, answer in (
+        (tables.print_derivatives, readings.derivatives),
+        (partial(tables.print_volts, readings.taxel), volts),
+        (tables.print_crosstalk, matrix),
+        (tables.print_audit, book),
+        (tables.print_left_out, lines),
+    ):
+        if answer is not None:
+            printed(answer)
 
 
 def readings_as_json(readings, volts=None) -> dict[str, object]:

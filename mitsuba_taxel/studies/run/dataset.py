@@ -48,7 +48,7 @@ def assemble(
         raise InputError(
             f"the study holds scenes of {' and '.join(map(str, counts))} taxels: the same number in each is needed."
         )
-    shape, dims = tuple(axis.size for axis in axes), [axis.dim for axis in axes]
+    shape, dims, curve = tuple(axis.size for axis in axes), [axis.dim for axis in axes], curve_dimension(axes)
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
@@ -58,15 +58,15 @@ def assemble(
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
     error = standard_error(np.moveaxis(replicates, -2, 0))
-    deviation = _deviation(results, power, dims.index(curve_dimension(axes)))
-    geometry = power * _shares(_facets(results, power, dims.index(curve_dimension(axes))), power, geometry_share)
+    deviation = _deviation(results, power, dims.index(curve))
+    geometry = power * _shares(_facets(results, power, dims.index(curve)), power, geometry_share)
     total = np.hypot(np.hypot(error, power * _shares(deviation, power, mechanics_share)), geometry)
     about_error = {"units": "W", "long_name": "1 sigma of power (light)"}
     about_total = {"units": "W", "long_name": "error of power (light, mechanics and geometry)"}
     notes = _notes(results)
     if about["target_error"] is not None and (missed := missed_target(about["target_error"], power, total)):
         notes.insert(0, missed)
-    rates = _of_derivatives(dims, results, shape, curve_dimension(axes))
+    rates = _of_derivatives(dims, results, shape, curve)
     if about["target_slope"] is not None and (missed := missed_slope(about["target_slope"], rates, results)):
         notes.insert(0, missed)
     return xr.Dataset(
@@ -90,17 +90,22 @@ def assemble(
             **_parameters(results),
         },
         attrs={
-            "scene": about["scene"],
-            "curve": curve_dimension(axes),
-            "seed": about["seed"],
-            "points": about["points"],
-            **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
-            **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
-            "units": json.dumps(about.get("units", {})),
+            **_provenance(about),
+            "curve": curve,
             "notes": "\n".join(notes),
             "failures": "\n".join(_failures(axes, failures)),
         },
     )
+
+
+def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes of a dataset that say what it is of, and how it was computed."""
+    return {
+        **{name: about[name] for name in ("scene", "seed", "points")},
+        **{name: about[name] for name in ("target_error", "target_slope", "mesh_size") if about[name] is not None},
+        **{name: json.dumps(about[name]) for name in ("parameters", "versions", "pilot_seconds")},
+        "units": json.dumps(about.get("units", {})),
+    }
 
 
 def _files(
