@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 from importlib import import_module
 from pathlib import Path
 
@@ -51,6 +52,14 @@ def share_of_the_cores():
         from mitsuba_taxel.studies.run.processes import keep_to_share
 
         keep_to_share(sharing)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def signals_reach_programs():
+    """Programs do not inherit that signals are ignored, as they are where a shell runs the tests by nohup or &."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
 
 
 @pytest.fixture
