@@ -200,8 +200,7 @@ class Scene(Displayed):
             for node in (each for each in state.nodes if each.props.plugin_name() == "photo_reflector"):
                 find_file(node.props, "part", SUFFIX)
         pads = _pads(state)
-        if (origin := self._origin()) is not None:
-            _move_meshes(pads, _pads(origin.parsed(config)))
+        self._move_meshes(pads, config)
         open_ones = [pad for pad in pads if not ("mesh_size" in pad or "mesh_tolerance" in pad)]
         self.leaves_mesh_open = bool(open_ones)
         for pad in open_ones if self.mesh_size is not None else []:
@@ -213,16 +212,20 @@ class Scene(Displayed):
         """Those of the file."""
         return {name: value for name, value in self.parameters.items() if name != MESHED_AS or name in self.defaults}
 
-    def _origin(self) -> Scene | None:
-        """The scene whose meshes are moved; None if this one has its own."""
+    def _move_meshes(self, pads: list[mi.Properties], config: mi.parser.ParserConfig) -> None:
+        """State for pads that their meshes are those of the scene with the values of `MESHED_AS`, moved, if given."""
         own = self._own_parameters
         stated = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
         if stated == NONE:
-            return None
+            return
         pairs = [[word.strip() for word in part.split("=")] for part in stated.split(",")]
         if not all(len(pair) == 2 for pair in pairs):
             raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: 'name=value', separated by commas, is needed.")
-        return Scene(self.source, own | dict(pairs))
+        try:
+            _move_meshes(pads, _pads(Scene(self.source, own | dict(pairs)).parsed(config)))
+        except (InputError, RuntimeError) as error:
+            refused = error if isinstance(error, InputError) else _one_line(error, self)
+            raise InputError(f"{MESHED_AS} = {stated!r} is not allowed: {refused}") from error
 
 
 def _pads(state: mi.parser.ParserState) -> list[mi.Properties]:
@@ -236,7 +239,7 @@ def _move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> Non
 
     built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
     if not built:
-        raise InputError(f"{MESHED_AS} is not allowed: the scene holds no pad of one of this package's own shapes.")
+        raise InputError("the scene holds no pad of one of this package's own shapes.")
     for props, other in built:
         pad, origin = (DeformablePad.read(each).build_pad() for each in (props, other))
         assert isinstance(pad, Pad) and isinstance(origin, Pad)

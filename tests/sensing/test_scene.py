@@ -81,7 +81,8 @@ def test_meshes_of_other_values_are_moved(tmp_path):
     ("scene", "text", "said"),
     [
         ("cell.xml", "size", "'name=value'"),
-        ("cell.xml", "sise=2.5", "sise is not a parameter"),
+        ("cell.xml", "sise=2.5", "meshed_as = 'sise=2.5' is not allowed: sise is not a parameter"),
+        ("cell.xml", "size=x", "meshed_as = 'size=x' is not allowed: "),
         ("cell.xml", "size=-1", "cell_size = -1"),
         ("plate.xml", "spacing=0.8", "no pad"),
         ("hexagonal.xml", "fz=-1", "no pad"),
