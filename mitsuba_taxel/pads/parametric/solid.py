@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -64,10 +65,10 @@ def _name_of_box_face(centre: Any, pad: Pad) -> str:
 
 def cell_solid(pad: Pad, x: float, y: float) -> Any:
     """One cell; it reaches below the board, so that cutting it leaves a clean rim."""
-    from netgen.occ import Box, Cylinder, Pnt, Sphere, Z
+    from netgen.occ import Box, Cylinder, Pnt, Sphere, Vec, Z
 
     if pad.cell == PROFILE:
-        return _of_profile(pad, x, y)
+        return _of_profile(pad).Move(Vec(x, y, 0))
     below, radius = -pad.cell_size, 0.5 * pad.cell_size
     if pad.cell == "parallelepiped":
         shaft = Box(Pnt(x - radius, y - radius, below), Pnt(x + radius, y + radius, pad.side_height))
@@ -84,12 +85,13 @@ def cell_solid(pad: Pad, x: float, y: float) -> Any:
     return shaft + ball * above
 
 
-def _of_profile(pad: Pad, x: float, y: float) -> Any:
-    """A cell with a profile; its roof is interpolated, to some 1e-7 of its size."""
+@lru_cache(maxsize=1)  # all cells of a pad are alike
+def _of_profile(pad: Pad) -> Any:
+    """A cell with a profile about the axis z; its roof is interpolated, to some 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
 
     def at(r: float, z: float) -> Any:
-        return Pnt(x + r, y, z)
+        return Pnt(r, 0, z)
 
     roof = roof_of(pad).at(np.linspace(0.0, 1.0, SPLINE_POINTS))[0]
     roof[0, 0] = 0.0
@@ -98,21 +100,21 @@ def _of_profile(pad: Pad, x: float, y: float) -> Any:
     sides = [Segment(start, end) for start, end in pairwise(corners)]
     half, axis = (
         Face(Wire([SplineInterpolation([at(*place) for place in roof.tolist()]), *sides])),
-        Axis(Pnt(x, y, 0), Z),
+        Axis(Pnt(0, 0, 0), Z),
     )
-    solid = _of_quarters(half, axis, (x, y), float(below[0])) if pad.is_square else half.Revolve(axis, 360)
+    solid = _of_quarters(half, axis, float(below[0])) if pad.is_square else half.Revolve(axis, 360)
     for face in solid.faces:
         face.name = "roof" if face.bounding_box[0].z > 0 else "side"
     return solid
 
 
-def _of_quarters(half: Any, axis: Any, centre: tuple[float, float], widest: float) -> Any:
+def _of_quarters(half: Any, axis: Any, widest: float) -> Any:
     """The solid of a square section whose walls have the outline of a planar face on one side of the axis."""
     from netgen.occ import Face, Pnt, Segment, Vec, Wire
 
     low, high = (corner.z for corner in half.bounding_box)
-    (x, y), reach = centre, 2 * widest
-    corners = [Pnt(x, y, low - reach), Pnt(x + reach, y - reach, low - reach), Pnt(x + reach, y + reach, low - reach)]
+    reach = 2 * widest
+    corners = [Pnt(0, 0, low - reach), Pnt(reach, -reach, low - reach), Pnt(reach, reach, low - reach)]
     wedge = Face(Wire([Segment(*ends) for ends in pairwise([*corners, corners[0]])])).Extrude(
         Vec(0, 0, high - low + 2 * reach)
     )
