@@ -31,6 +31,8 @@ SHIFT = 0.01
 """Step of a variable for central differences of readings, relative to the bounds' width."""
 SMALL = 1e-4
 """The same for figures of the shape, which are exact."""
+OTHERS = 2
+"""Columns beside readings: the largest strain and the clearance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ class Designs:
             rows = {each: place[each] for each in (design, *shifted[design].values())}
             power = {each: self._power(study, numbers) for each, numbers in rows.items()}
             rates = self._rates(study, design, rows[design], shifted[design], power)
-            known = np.isfinite(power[design][:, :-1]).all() and np.isfinite(rates[..., :-1]).all()
+            known = np.isfinite(power[design][:, :-OTHERS]).all() and np.isfinite(rates[..., :-OTHERS]).all()
             if known:
                 self._known[design] = self._seen(design, power[design], rates, self._off(study, rows[design], rates))
             else:
@@ -184,15 +186,15 @@ class Designs:
         return study, {design: [number[row] for row in needed] for design, needed in wanted.items()}
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
-        """(loads, taxels + 1), readings, and the largest strain, NaN if unknown."""
+        """(loads, taxels + 2), readings, and the largest strain and the clearance, NaN if unknown."""
         power = study.smooth_power if self._by else study.replicate_power.mean("replicate")
-        strain = study.largest_strain.values if self._by else np.full(study.sizes[STEP], np.nan)
-        return np.column_stack([power.transpose(STEP, "taxel").values, strain])[rows]
+        others = [study.largest_strain, study.clearance] if self._by else OTHERS * [np.full(study.sizes[STEP], np.nan)]
+        return np.column_stack([power.transpose(STEP, "taxel").values, *others])[rows]
 
     def _rates(
         self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
     ) -> np.ndarray:
-        """(variables, loads, taxels + 1), derivatives with respect to variables in the unit cube."""
+        """(variables, loads, taxels + 2), derivatives with respect to variables in the unit cube."""
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, one in enumerate(self._plan.variables):
             if not self._has(design)[number]:
@@ -206,7 +208,7 @@ class Designs:
         return rates
 
     def _off(self, study: xr.Dataset, rows: list[int], rates: np.ndarray) -> list[np.ndarray]:
-        """Change of readings and strain (loads, taxels + 1) by one standard deviation of each tolerance."""
+        """Change of readings, strain and clearance (loads, taxels + 2) by one standard deviation of each tolerance."""
         widths = {one.name: one.high - one.low for one in self._plan.variables}
         own = {name: rate / width for rate, (name, width) in zip(rates, widths.items(), strict=True)}
         given = self._plan.tolerances.items()
@@ -221,7 +223,7 @@ class Designs:
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
-                lines[name] = Line(values, of_line[:, :-1], of_line[:, -1])
+                lines[name] = Line(values, of_line[:, :-OTHERS], *of_line[:, -OTHERS:].T)
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
             found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
             return Seen(lines, found, self._plan.circuit)
@@ -251,10 +253,10 @@ class Designs:
 
 
 def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
-    """(loads, taxels + 1) derivatives of readings, and of the largest strain, with respect to a parameter."""
+    """(loads, taxels + 2) derivatives of readings, largest strain and clearance with respect to a parameter."""
     rates = study.sel(parameter=name)
     of_power = rates.derivative.transpose(STEP, "taxel").values
-    return np.column_stack([of_power, rates.largest_strain_derivative.values])[rows]
+    return np.column_stack([of_power, rates.largest_strain_derivative, rates.clearance_derivative])[rows]
 
 
 def _changed(design: Design, number: int, step: float) -> Design:

@@ -35,11 +35,14 @@ class Line:
         Readings in W.
     strain : (K,) ndarray of complex
         Largest strain of the silicone; NaN if unknown.
+    clearance : (K,) ndarray of complex
+        Least distance between cells and packages in mm; NaN if unknown.
     """
 
     values: np.ndarray
     power: np.ndarray
     strain: np.ndarray
+    clearance: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,15 +147,26 @@ def saturation(seen: Seen, along: str) -> np.ndarray:
 
 
 def measuring_range(seen: Seen, along: str) -> np.ndarray:
-    """Magnitude of the load at which each taxel saturates, by linear interpolation of its light between loads; beyond
-    the last one as between the last two."""
-    assert seen.circuit is not None
-    power, values = seen.lines[along].power, seen.lines[along].values
-    missing = saturating_power(seen.circuit) - power
+    """Magnitudes of the loads at which cells meet their packages, and, with a circuit, at which each taxel saturates;
+    by linear interpolation of clearance and light between loads, beyond the last one as between the last two."""
+    line = seen.lines[along]
+    ends = [] if np.isnan(line.clearance.real).any() else [_used_up(line.clearance[:, None], line.values)]
+    if seen.circuit is not None:
+        ends.append(_used_up(saturating_power(seen.circuit) - line.power, line.values))
+    return np.concatenate([np.zeros(0), *ends])
+
+
+def clearance(seen: Seen, along: str) -> np.ndarray:
+    """Least distance between cells and packages at each load."""
+    return seen.lines[along].clearance
+
+
+def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Magnitude of the load at which each of T columns of ``missing`` (K, T) falls to 0 along ``values`` (K,)."""
     reached = missing.real[1:] <= 0
     end = np.where(reached.any(axis=0), reached.argmax(axis=0), len(values) - 2) + 1
-    taxel = np.arange(power.shape[1])
-    before, after = missing[end - 1, taxel], missing[end, taxel]
+    column = np.arange(missing.shape[1])
+    before, after = missing[end - 1, column], missing[end, column]
     closing = before.real > np.maximum(after.real, 0.0)
     share = np.where(closing, before / np.where(closing, before - after, 1.0), np.where(before.real <= 0, 0.0, np.inf))
     furthest = FURTHEST * np.abs(values).max()
@@ -236,6 +250,7 @@ KINDS: dict[str, Kind] = {
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
     "largest_strain": Kind(largest_strain, "1", steps=1),
+    "clearance": Kind(clearance, "mm", steps=1),
     "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
     "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),
     "least_radius": Kind(least_radius, "mm", steps=0, lines=0),

@@ -459,7 +459,7 @@ class _Asked:
 
     def _check(self, name: str, told: Mapping[str, Any]) -> None:
         takes = KINDS[name].takes
-        if name in ("range", "saturation") and self.circuit is None:
+        if name == "saturation" and self.circuit is None:
             raise InputError(f"{name} cannot be told without a table [circuit].")
         if "noise" in takes:
             noise = told.get("noise")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from mitsuba_taxel.electronics import saturation_force
 from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.figures import Seen, noise_equivalent_force
-from mitsuba_taxel.optimum.plan import Design, Plan
+from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
 if TYPE_CHECKING:
@@ -97,6 +97,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     else:
         notes += [note for note in again.notes if note not in notes]
     asked = plan.asked
+    notes += _unknown_contacts(asked, course.read(best).values)
     reads = {"before": course.read(before), "best": course.read(best)}
     if again is not None:
         pair = again.read([before.alone, best.alone])
@@ -137,6 +138,15 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         _doubts(course, held, probability),
         notes,
     )
+
+
+def _unknown_contacts(asked: Sequence[Goal | Limit], seen: Seen) -> list[str]:
+    """Which ranges do not know where cells meet packages."""
+    ranges = dict.fromkeys(one.figure.told["along"] for one in asked if one.figure.kind == "range")
+    unknown = [line for line in ranges if np.isnan(seen.lines[line].clearance.real).any()]
+    return [
+        f"range along {line} ends with saturation alone: where cells meet packages is not known" for line in unknown
+    ]
 
 
 def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:

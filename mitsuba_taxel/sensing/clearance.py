@@ -21,14 +21,24 @@ def heed_packages(scene: mi.Scene) -> None:
     ComputationError
         naming the load at which a pad first touches a body, or at which its load path ends.
     """
-    pads, bodies = deformed_pads(scene), [shape for shape in scene.shapes() if is_package(shape)]
+    pads, bodies = deformed_pads(scene), _bodies(scene)
     if not (pads and bodies):
         return
-    triangles = np.concatenate([_triangles(body) for body in bodies])
+    triangles = np.concatenate(bodies)
     with stages.stage("mechanics"):
         changed = [pad.heed(_in_its_frame(pad, triangles)) for pad in pads]
     if any(changed):
         scene.parameters_changed([])
+
+
+def packages(scene: mi.Scene) -> list[np.ndarray]:
+    """(K, 3, 3) triangles of each package, in the frame of the scene's pad, in mm."""
+    (pad,) = deformed_pads(scene)
+    return [_in_its_frame(pad, body) for body in _bodies(scene)]
+
+
+def _bodies(scene: mi.Scene) -> list[np.ndarray]:
+    return [_triangles(shape) for shape in scene.shapes() if is_package(shape)]
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:

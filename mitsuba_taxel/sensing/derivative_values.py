@@ -39,6 +39,10 @@ class Derivatives:
         Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
     strain_rates : (P,) ndarray
         Its derivatives.
+    clearance : float
+        Least distance between cells and packages, in mm; NaN without packages.
+    clearance_rates : (P,) ndarray
+        Its derivatives.
     method : str
         How they were found: ``without random numbers``, or by ``differences of random paths``.
     """
@@ -51,6 +55,8 @@ class Derivatives:
     power_errors: np.ndarray
     strain: float
     strain_rates: np.ndarray
+    clearance: float
+    clearance_rates: np.ndarray
     method: str = DETERMINISTIC
 
     @property

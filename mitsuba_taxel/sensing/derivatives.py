@@ -22,6 +22,7 @@ from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN,
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
 from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
+from mitsuba_taxel.sensing.package_clearance import clearances
 from mitsuba_taxel.sensing.scene_rates import Rates
 from mitsuba_taxel.transport.cell import Cell
 
@@ -108,7 +109,7 @@ class _Linearised:
             mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
-        strain, strain_rates = self.linear.strain(nodal)
+        scenes = [change.scenes for change in changes]
         return Derivatives(
             tuple(change.name for change in changes),
             tuple(unit_of(change.unit) for change in changes),
@@ -116,8 +117,8 @@ class _Linearised:
             power * errors,
             (power * reading)[:, 0],
             (power * reading_errors)[:, 0],
-            strain,
-            strain_rates,
+            *self.linear.strain(nodal),
+            *clearances(self.state, nodal, self.cells.scene, scenes),
         )
 
     def _second(self, changes: list[Rates]) -> _Second | None:

@@ -24,6 +24,7 @@ from mitsuba_taxel.sensing.derivative_values import BY_PATHS, Derivatives, unit_
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.mechanics_error import restored
 from mitsuba_taxel.sensing.moved_scene import MovedScene, MovingWalls, walls_on
+from mitsuba_taxel.sensing.package_clearance import clearances
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, Prepared, derived_seed
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import Rates
@@ -71,12 +72,13 @@ def derivatives_of_paths(
     with stages.stage("derivatives"), restored(ready.scene, pads):
         effort = _Effort(ready, seed, points, fixed)
         lit = powers.mean(axis=0) > 0
-        strain = math.nan, np.full(len(changes), math.nan)
+        strain = clearance = math.nan, np.full(len(changes), math.nan)
         if pads:
             pad = _PadAndSecond(pads[0], changes)
             nodal = [pad.linear.nodal(change) for change in changes]
             found = [_AlongWithPad(effort, pad, *each).found(lit) for each in zip(changes, nodal, strict=True)]
             strain = pad.linear.strain(nodal)
+            clearance = clearances(pad.linear.state, nodal, ready.scene, [change.scenes for change in changes])
         else:
             found = [_Along(effort, change).found(lit) for change in changes]
         values, errors = (np.stack(each, axis=1) for each in zip(*found, strict=True))
@@ -88,6 +90,7 @@ def derivatives_of_paths(
             powers.mean(axis=0),
             standard_error(powers),
             *strain,
+            *clearance,
             BY_PATHS,
         )
 

@@ -56,7 +56,9 @@ def test_derivatives_follow_the_chain_rule(circuit):
 
     slope = np.array([[3e-6 + 2e-7 * force], [1e-6]])
     slopes, none = slope * [1, 2], 0 * power(force)
-    derivatives = Derivatives(("fz", "x"), ("W/N", "W"), slopes, 0.1 * slopes, power(force), none, 0.1, np.ones(2))
+    derivatives = Derivatives(
+        ("fz", "x"), ("W/N", "W"), slopes, 0.1 * slopes, power(force), none, 0.1, np.ones(2), 0.5, np.ones(2)
+    )
     told = shown(one, Readings(np.tile(power(force), (32, 1)), 64, 0, derivatives=derivatives))
     ends = [respond(one, power(force + sign * step)).voltage for sign in (1, -1)]
     volts, counts, noise, margin = told.derivatives

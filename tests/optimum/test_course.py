@@ -34,7 +34,7 @@ class Scattered:
         rate = 2 * (x - 0.5) + SCATTER[x]
         value = 1 + (x - 0.5) ** 2
         seen = [
-            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1))}, {}, None)
+            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
             for power in (value + 0j, value + 1j * TINY * rate)
         ]
         return Read(seen[0], seen[1:], [])

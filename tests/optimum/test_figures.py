@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
 CIRCUIT = Circuit(supply=3.3, load_resistance=1e4, transfer=5e-2, current_gain=100.0)
-OF_CIRCUITS = ("range", "saturation")
+OF_CIRCUITS = ("saturation",)
 TOLD = {
     "cross_talk": {"along": "normal", "taxel": 2},
     "cross_sensitivity": {"along": "normal", "by": "side"},
@@ -27,7 +29,7 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
     for name, values in (("normal", [0, -1, -2.5, -4]), ("side", [0, 0.5])):
         power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
         changed = power + shift * rate + 1j * imaginary * rate
-        lines[name] = Line(np.array(values, dtype=float), changed, changed[:, 0])
+        lines[name] = Line(np.array(values, dtype=float), changed, changed[:, 0], 500 * changed[::-1, 1])
     shape = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
     return Seen(lines, dict.fromkeys(SHAPE, shape), circuit)
 
@@ -53,8 +55,8 @@ def test_values():
     """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
     power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
     strain = np.array([0.0, 0.2, 0.5])
-    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain)}
-    lines["x"] = Line(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2])
+    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain, 1 - strain)}
+    lines["x"] = Line(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2], 1 - strain[:2])
     one = Seen(lines, {}, None)
 
     def of(kind, **told):
@@ -67,6 +69,7 @@ def test_values():
     assert of("cross_sensitivity", by="x").max() == pytest.approx(4.5 / 11.25)  # (1.5, 3) on (1, -2)
     np.testing.assert_allclose(of("rest"), [1, 2])
     assert of("largest_reading").max() == 8
+    np.testing.assert_allclose(of("clearance"), [1, 0.8, 0.5])
     np.testing.assert_allclose(of("noise_equivalent_force", noise=0.3).max(), 0.2)
     slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
@@ -74,20 +77,28 @@ def test_values():
 
 
 def test_range():
-    """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start."""
+    """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start; and cells that meet
+    their packages beyond the last load."""
     circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0)
     power = np.array([[1.0, 1.0, 2.0, 5.0], [2.0, 1.5, 1.0, 6.0], [5.0, 3.0, 0.5, 3.0]]) + 0j
-    line = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0])
-    found = Figure("range", {"along": "z"}, "N").components(Seen({"z": line}, {}, circuit)).real
-    np.testing.assert_allclose(found, [5 / 3, 8 / 3, 20.0, 0.0])
+    line = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0], np.full(3, np.nan))
+
+    def of(line, circuit):
+        return Figure("range", {"along": "z"}, "N").components(Seen({"z": line}, {}, circuit)).real
+
+    np.testing.assert_allclose(of(line, circuit), [5 / 3, 8 / 3, 20.0, 0.0])
+    closing = replace(line, clearance=np.array([1.0, 0.8, 0.5]) + 0j)
+    np.testing.assert_allclose(of(closing, None), 2 + 0.5 / 0.3)
+    np.testing.assert_allclose(of(closing, circuit), [2 + 0.5 / 0.3, 5 / 3, 8 / 3, 20.0, 0.0])
+    assert of(line, None).size == 0
 
 
 def test_what_a_circuit_shows_of_a_design():
     """Of 1 V per watt up to 4 V, with 0.3 V of noise: readings 1, 2, 5 and 1, 1.5, 3 W along 0, 1 and 2 N."""
     circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0, other_noise=0.3)
     power = np.array([[1.0, 1.0], [2.0, 1.5], [5.0, 3.0]]) + 0j
-    lines = {name: Line(np.arange(count), power[:count], power[:count, 0]) for name, count in (("z", 3), ("x", 2))}
-    lines["still"] = Line(np.zeros(1), power[:1], power[:1, 0])
+    lines = {name: Line(np.arange(count), power[:count], *power[:count].T) for name, count in (("z", 3), ("x", 2))}
+    lines["still"] = Line(np.zeros(1), power[:1], *power[:1].T)
     assert circuit_notes(Seen(lines, {}, circuit), {"z": "fz", "x": "fx", "still": ""}) == [
         "one count: 0.0009766 V",
         "along z: noise of the first reading as fz: 0.2 to 0.3; saturated from fz = 1.667 on (taxel 1)",

@@ -47,7 +47,9 @@ class Formula:
         for z in (x + 0j, x + 1j * TINY):
             rest = 1 + z**2
             power = np.array([[rest], [rest + 1.1 - (1 - z) ** 2]])
-            seen.append(Seen({"normal": Line(np.array([0.0, -1.0]), power, np.zeros(2))}, np.zeros(0), None))
+            seen.append(
+                Seen({"normal": Line(np.array([0.0, -1.0]), power, np.zeros(2), np.ones(2))}, np.zeros(0), None)
+            )
         return Read(seen[0], seen[1:], [])
 
 

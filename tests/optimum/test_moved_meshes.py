@@ -81,7 +81,7 @@ class Families:
         jump = 1 + 0.05 * np.sin(1e3 * family)
         value, rate = jump * (2 + (x - 0.7) ** 2), jump * 2 * (x - 0.7)
         seen = [
-            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1))}, {}, None)
+            Seen({"": Line(np.zeros(1), np.array([[power]]), np.zeros(1), np.ones(1))}, {}, None)
             for power in (value + 0j, value + 1j * TINY * rate)
         ]
         return Read(seen[0], seen[1:], [])

@@ -89,7 +89,6 @@ def test_starts_are_where_a_sensor_is_possible(plan):
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nalong = ["side"]\nmost = 1\n', "two or more"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 0\nmost = 1\n', "noise = 0"),
         (WHOLE + CONSTRAINT + 'figure = "saturation"\nmost = 1\n', "without a table [circuit]"),
-        (WHOLE + CONSTRAINT + 'figure = "range"\nleast = 20\n', "without a table [circuit]"),
         (WHOLE + "[optimise.tolerances]\nhole = 0\n", "tolerance of hole = 0"),
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is no <default>"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points, from 3"),

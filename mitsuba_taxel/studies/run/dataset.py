@@ -232,11 +232,13 @@ def _of_derivatives(
     one = next(iter(found.values()))
     power, power_errors = np.full((2, *shape, len(one.power)), math.nan)
     values, errors = np.full((2, *shape, *one.values.shape), math.nan)
-    strain, strain_rates = np.full(shape, math.nan), np.full((*shape, len(one.parameters)), math.nan)
+    strain, clearance = np.full((2, *shape), math.nan)
+    strain_rates, clearance_rates = np.full((2, *shape, len(one.parameters)), math.nan)
     for place, each in found.items():
         power[place], values[place], errors[place] = each.power, each.values, each.standard_errors
         power_errors[place] = each.power_errors
         strain[place], strain_rates[place] = each.strain, each.strain_rates
+        clearance[place], clearance_rates[place] = each.clearance, each.clearance_rates
     about = {"units": "W", "long_name": "optical power, without random numbers"}
     error = xr.DataArray(errors, dims=[*dims, "taxel", "parameter"], attrs={"long_name": "1 sigma of derivative"})
     about_error = {"units": "W", "long_name": "1 sigma of smooth_power"}
@@ -248,6 +250,8 @@ def _of_derivatives(
         "derivative_error": error.interpolate_na(curve, use_coordinate=False),
         "largest_strain": (dims, strain, {"units": "1", "long_name": "largest strain, mean over 1 % of the silicone"}),
         "largest_strain_derivative": ([*dims, "parameter"], strain_rates, {"long_name": "derivative of strain"}),
+        "clearance": (dims, clearance, {"units": "mm", "long_name": "least distance between cells and packages"}),
+        "clearance_derivative": ([*dims, "parameter"], clearance_rates, {"long_name": "derivative of clearance"}),
     }
 
 

@@ -134,7 +134,8 @@ def sweep(
     ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``;
     ``derivative`` and ``derivative_error`` by ``parameter``, and ``smooth_power`` and ``smooth_power_error`` in W, the
     readings without random numbers that they belong to, and with them ``largest_strain`` of the silicone, the mean of
-    stretch - 1 over the most strained 1 % of its volume, and ``largest_strain_derivative``. Failed readings are NaN;
+    stretch - 1 over the most strained 1 % of its volume, ``clearance``, the least distance in mm between cells and
+    packages, ``largest_strain_derivative`` and ``clearance_derivative``. Failed readings are NaN;
     the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points, mesh size, versions,
     the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
 

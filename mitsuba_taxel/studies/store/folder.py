@@ -269,10 +269,11 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
     if not found:
         return None
     names, units = (tuple(found.pop(name).tolist()) for name in ("parameters", "units"))
-    strain, method = float(found.pop("strain")), str(found.pop("method"))
-    kept = Derivatives(names, units, strain=strain, method=method, **found)
+    strain, clearance = (float(found.pop(name)) for name in ("strain", "clearance"))
+    kept = Derivatives(names, units, strain=strain, clearance=clearance, method=str(found.pop("method")), **found)
     _require(kept.values.shape == kept.standard_errors.shape == (taxels, len(names)))
-    _require(kept.power.shape == kept.power_errors.shape == (taxels,) and kept.strain_rates.shape == (len(names),))
+    _require(kept.power.shape == kept.power_errors.shape == (taxels,))
+    _require(kept.strain_rates.shape == kept.clearance_rates.shape == (len(names),))
     return kept
 
 

@@ -26,7 +26,9 @@ def pad(tmp_path):
 
 def test_the_error_is_relative_to_the_steepest_slope_by_the_same_force():
     values, errors = np.array([[10.0, 0.1], [0.0, -0.2]]), np.array([[0.1, 0.0], [0.2, 0.01]])
-    found = Derivatives(("fx", "fz"), ("W/N", "W/N"), values, errors, np.ones(2), np.zeros(2), 0.0, np.zeros(2))
+    found = Derivatives(
+        ("fx", "fz"), ("W/N", "W/N"), values, errors, np.ones(2), np.zeros(2), 0.0, np.zeros(2), 0.5, np.zeros(2)
+    )
     assert slope_meshes.slope_share(found) == pytest.approx(max(0.2 / 10, 0.01 / 0.2))
 
 
@@ -40,7 +42,7 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
         if size < 0.4:
             raise ComputationError("too fine")
         error, one = np.full((1, 1), 0.1 * size**2), np.ones(1)
-        return Derivatives(("fz",), ("W/N",), np.ones((1, 1)), error, one, 0 * one, 0.0, 0 * one)
+        return Derivatives(("fz",), ("W/N",), np.ones((1, 1)), error, one, 0 * one, 0.0, 0 * one, 0.5, 0 * one)
 
     def finer(scene, ready, known, wanted):
         return None if known[-1][1] <= wanted else known[-1][0] / 2

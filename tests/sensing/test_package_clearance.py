@@ -1,0 +1,76 @@
+"""The least distance between cells and packages: of cuboids in closed form, and its derivatives against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from one_cell import one_cell
+
+from mitsuba_taxel import Scene
+from mitsuba_taxel.sensing.clearance import packages
+from mitsuba_taxel.sensing.linearised_pad import LinearisedPad
+from mitsuba_taxel.sensing.package_clearance import PackageClearance, clearances
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene_rates import rates
+
+pytestmark = pytest.mark.usefixtures("llvm_mono")
+NUMBERS = {"cell_size": 2.6, "cell_height": 1.6, "youngs_modulus": 4.0, "x": 0.05, "fz": 0.0}
+LENGTH, HEIGHT = 1.46, 0.5
+"""Of the package, along x and z."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    text = one_cell(**NUMBERS).replace("<vector", "".join(map(_as_given, ("cell_size", "cell_height"))) + "<vector", 1)
+    place = '<shape type="photo_reflector"> <transform name="to_world"><translate x="$x"/></transform>'
+    (tmp_path / "cell.xml").write_text(text.replace('<shape type="photo_reflector">', place))
+
+    def at(**given):
+        origin = (
+            {"meshed_as": f"cell_size={NUMBERS['cell_size']}"} if "cell_size" in given or "cell_height" in given else {}
+        )
+        return Scene(tmp_path / "cell.xml", {name: str(value) for name, value in given.items()} | origin)
+
+    return at
+
+
+def _as_given(name):
+    return f'<float name="{name}" value="${name}"/> '
+
+
+def clearance(scene):
+    live = scene.load()
+    return PackageClearance(deformed_pads(live)[0].state, packages(live)).value
+
+
+@pytest.mark.parametrize(
+    ("size", "height", "expected"), [(2.6, 1.6, (2.6 - LENGTH) / 2 - 0.05), (2.6, 0.9, 0.9 - HEIGHT)]
+)
+def test_a_cuboid_at_rest(scene, size, height, expected):
+    """The nearest walls are those at the ends of the package, which lies 0.05 off the axis, or the roof."""
+    assert clearance(scene(cell_size=size, cell_height=height)) == pytest.approx(expected, abs=1e-6)
+
+
+STEPS = {"fz": 0.01, "youngs_modulus": 0.01, "cell_size": 0.002, "cell_height": 0.002, "x": 0.002}
+
+
+@pytest.mark.parametrize(
+    ("height", "names"),
+    [(1.6, ("fz", "youngs_modulus", "cell_size", "x")), (0.9, tuple(STEPS))],
+    ids=["side", "roof"],
+)
+def test_derivatives_are_differences_of_the_whole_chain(scene, height, names):
+    """Under load, on one mesh."""
+    loaded = {"fz": -0.8, "cell_height": height, "cell_size": 2.6, "youngs_modulus": 4.0, "x": 0.05}
+    own = scene(**loaded)
+    live, changes = own.load(), [rates(own, name) for name in names]
+    (pad,) = deformed_pads(live)
+    linear = LinearisedPad(pad, pad.state)
+    value, found = clearances(
+        pad.state, [linear.nodal(each) for each in changes], live, [each.scenes for each in changes]
+    )
+    assert value < clearance(scene(**{**loaded, "fz": 0.0})) - 1e-4
+    for name, rate in zip(names, found, strict=True):
+        ends = (clearance(scene(**{**loaded, name: loaded[name] + sign * STEPS[name]})) for sign in (1, -1))
+        difference = np.subtract(*ends) / (2 * STEPS[name])
+        assert rate == pytest.approx(difference, rel=5e-3, abs=1e-5), name
