@@ -56,6 +56,7 @@ def _draw_course(ax: Axes, history: pandas.DataFrame, goal: Any) -> None:
         ax.scatter(rows.design, rows[name], 18, facecolors=face, edgecolors=COLOURS[0], label=label)
     ax.step(history.design, history.best, where="post", color=COLOURS[1], label="best so far")
     ax.set_xlabel("design")
+    ax.xaxis.get_major_locator().set_params(integer=True)
     label_with_prefix([ax], name, goal.unit if goal.unit != "1" else "")
     ax.legend(loc="best", fontsize="small")
 
