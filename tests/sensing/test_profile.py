@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from mitsuba_taxel import Pad, PadSensor, Scene, measure
+from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.scene_rates import rates
 
 MESH = 1e-3
 """Relative change of a reading by another mesh of the same size."""
@@ -38,3 +41,24 @@ def test_light_in_a_pyramid_is_that_of_random_paths():
     readings = measure(live, points=4096, mechanics_error=False)
     assert abs(readings.power[0] - found) < 4 * readings.standard_error[0] + 1e-4 * found
     assert readings.standard_error[0] < 3e-3 * found
+
+
+def test_light_of_a_flat_isotropic_roof_has_a_kink():
+    """Bent one way, its points see each other, in proportion to the bend: slopes are those of differences on either side,
+    and differ. The derivative of the flat roof is between them."""
+    step = 0.01
+    places = 0.65 + step * np.arange(-2, 3)
+    value, slope = [], []
+    for place in places:
+        pad = Pad("profile", 1, 1, cell_height=2.4, profile=f"1 0.65; 0.7 {place}; 0 0.65", section="square")
+        moved = pad.moved_from(pad.changed(profile_z2=0.65))
+        scene = Scene(PadSensor(moved).scene().source, mesh_size=1.6)
+        found = derivatives_by([rates(scene, "profile_z2")], scene.load(), with_errors=False)
+        value.append(found.power[0])
+        slope.append(found.values[0, 0])
+    for one, other in ((0, 1), (3, 4)):
+        difference = (value[other] - value[one]) / step
+        assert (slope[one] + slope[other]) / 2 == pytest.approx(difference, rel=0.01, abs=1e-5)
+    below, above = np.diff(value)[[1, 2]] / step
+    assert abs(below - above) > 0.5 * abs(below)
+    assert min(below, above) < slope[2] < max(below, above)
