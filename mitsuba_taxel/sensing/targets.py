@@ -1,8 +1,8 @@
 """Mesh size and number of points for a target error.
 
 The target applies to the root of the sum of squares of both errors. Elements, and with them the triangles of curved
-walls, are refined until the shape's error is within its share; the light gets the rest. Both are determined by pilot
-runs, whose random numbers do not enter the result.
+walls, are refined until the shape's error is within its share; the light gets the rest. Light without random numbers
+needs none. Both are determined by pilot runs, whose random numbers do not enter the result.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
-from mitsuba_taxel.sensing.readings import Readings, geometry_share, mechanics_share
+from mitsuba_taxel.sensing.readings import Readings, geometry_share, largest_share, mechanics_share
 from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
@@ -30,8 +30,8 @@ TRUSTED = 0.01
 """Relative error above which light without random numbers is not used: the response on a wall close above its package
 is not resolved, and errors of 15 % are taken for 6 %."""
 MECHANICS_SHARE = 0.85
-"""Share of the shape in a target error. More points cost little: the error of a scrambled net falls nearly as
-1/points."""
+"""Share of the shape in a target error where light has noise. More points cost little: the error of a scrambled net
+falls nearly as 1/points."""
 LIGHT_SHARE = 0.5
 """Share of the light in a target error that the mechanics does not reach."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
@@ -118,6 +118,15 @@ class ShapeErrors(NamedTuple):
     mechanics: MechanicsEstimate
     geometry: FacetsEstimate
     power: np.ndarray | None = None
+
+    @property
+    def share(self) -> float:
+        """Relative error of all readings together, or of the worst one where light has no noise: then it is all."""
+        facets, power = self.geometry.facets, self.power
+        worst = self.geometry.share
+        if power is not None and facets is not None:
+            worst = FACETS_SHARE * largest_share(np.abs(facets), power)
+        return math.hypot(self.mechanics.share, worst)
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
@@ -227,18 +236,19 @@ def prepare_for(
     ready, seconds = _timed(scene)
 
     def judged() -> ShapeErrors:
-        found = None if random else without_random_numbers(ready, LIGHT_SHARE * target_error)
-        if found is not None:
-            return found
+        certain = None if random else without_random_numbers(ready, LIGHT_SHARE * target_error)
+        if certain is not None:
+            return certain
         tolerance = NEGLIGIBLE * target_error
         mechanics = mechanics_of(ready, seed, deviation_points(clock), tolerance)
         return ShapeErrors(mechanics, geometry_of(ready, seed, tolerance=tolerance))
 
-    mechanics, geometry, power = judged()
+    found = judged()
     tried: list[tuple[float, float]] = []
     for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
-        tried.append((smallest_mesh_size(ready), math.hypot(mechanics.share, geometry.share)))
-        finer = finer_mesh(scene, ready, tried, target_error)
+        tried.append((smallest_mesh_size(ready), found.share))
+        wanted = target_error if found.power is not None else MECHANICS_SHARE * target_error
+        finer = finer_mesh(scene, ready, tried, wanted)
         if finer is None or (clock and not clock.allows(2 * seconds * (tried[-1][0] / finer) ** COST_ORDER)):
             break
         candidate = scene.with_mesh_size(finer)
@@ -247,7 +257,8 @@ def prepare_for(
         except ComputationError:  # on a finer mesh the load path may end a little earlier
             break
         scene = candidate
-        mechanics, geometry, power = judged()
+        found = judged()
+    mechanics, geometry, power = found
     mesh_size = scene.mesh_size if isinstance(scene, Scene) else None
     if power is not None:
         return PreparedFor(ready, mechanics, geometry, Settings(0, mesh_size), power)
@@ -279,34 +290,44 @@ def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
     return min(map(float, sizes), default=math.inf)
 
 
-def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], target_error: float) -> float | None:
-    """Next mesh size in mm; None if the shape is accurate enough, or the mesh is fixed.
+def finer_mesh(
+    scene: Scene,
+    ready: Prepared,
+    tried: list[tuple[float, float]],
+    wanted_error: float,
+    order: float = ORDER,
+    least: int = 1,
+) -> float | None:
+    """Next mesh size in mm; None if the error is not above the wanted one, or the mesh is fixed.
 
     Parameters
     ----------
     tried : list[tuple[float, float]]
         Mesh sizes in mm and the errors found on them, the present one last.
+    order : float
+        Power of the size with which the error falls.
+    least : int
+        Number of rungs to go down at least.
     """
-    wanted_error = MECHANICS_SHARE * target_error
     size, error = tried[-1]
     if not scene.leaves_mesh_open or error <= wanted_error:
         return None
-    wanted = size * RUNG ** rungs_to(wanted_error, tried)
+    wanted = size * RUNG ** max(least, rungs_to(wanted_error, tried, order))
     elements = max(len(pad.state.mesh.tets) for pad in _refinable(ready)) * (size / wanted) ** 3
     return None if elements > MOST_ELEMENTS else wanted
 
 
-def rungs_to(wanted_error: float, tried: list[tuple[float, float]]) -> int:
+def rungs_to(wanted_error: float, tried: list[tuple[float, float]], order: float = ORDER) -> int:
     """Estimated number of rungs below the last of the mesh sizes ``tried`` at which the error is the wanted one.
 
     Errors scatter from one mesh to the next: the expected one is the geometric mean of all that were found, each scaled
     to the last size. If the last is unknown, a finer mesh is tried.
     """
     last = tried[-1][0]
-    known = [math.log(error) + ORDER * math.log(last / size) for size, error in tried if not math.isnan(error)]
+    known = [math.log(error) + order * math.log(last / size) for size, error in tried if not math.isnan(error)]
     if math.isnan(tried[-1][1]):
         return MOST_RUNGS
-    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (ORDER * math.log(RUNG))
+    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (order * math.log(RUNG))
     return min(max(math.ceil(rungs), 1), MOST_RUNGS)
 
 

@@ -112,6 +112,16 @@ def test_a_target_chooses_mesh_and_points(llvm_mono):
     assert further.mesh_size == aimed.mesh_size
 
 
+def test_where_light_has_no_noise_the_shape_may_take_the_whole_target(llvm_mono):
+    scene = sensor("parallelepiped", (0.0, 0.0, -4.0))
+    plain = measure(scene, target_error=0.5)
+    assert plain.points == 0 and plain.mesh_size is None
+    total = plain.relative_total_error
+    assert measure(scene, target_error=1.01 * total).mesh_size is None
+    finer = measure(scene, target_error=0.99 * total)
+    assert finer.mesh_size < 1.25 and finer.relative_total_error <= 0.99 * total
+
+
 def test_a_mesh_that_the_scene_chose_is_kept_and_what_that_misses_is_said(llvm_mono):
     description = dict(sensor("parallelepiped", (0.0, 0.0, -4.0)).source)
     description["pad"] = {**description["pad"], "mesh_size": 1.25}

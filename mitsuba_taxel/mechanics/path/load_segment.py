@@ -101,10 +101,10 @@ class LoadSegment:
         Between intervals, ``far_enough`` tells whether further nodes are unnecessary.
 
         The next node is tried at the end of the longest interval of step / 2^k that begins at the last one and is
-        aligned to its own length; an interval is halved if Newton's method finds no acceptable state. Further nodes are
-        inserted midway where the interpolation would not be accurate. The continuation of a segment thus depends on its
-        nodes alone. It ends at its `limit`: where no stable state is found beyond, or the pad touches itself or the
-        board.
+        aligned to its own length, or as far away as the last, if one of twice its length would not have been accurate;
+        an interval is halved if Newton's method finds no acceptable state. Further nodes are inserted midway where the
+        interpolation would not be accurate. The continuation of a segment thus depends on its nodes alone. It ends at
+        its `limit`: where no stable state is found beyond, or the pad touches itself or the board.
         """
         if not self.nodes and math.isinf(self.limit):
             self._begin(pad, start)
@@ -126,6 +126,8 @@ class LoadSegment:
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
         length = min(position & -position, TICKS) or TICKS
+        if self._needed_middle(pad):
+            length = min(length, round((last.s - self.nodes[-2].s) / tick))
         while True:
             try:
                 return self._interval(pad, last, (position + length) * tick, shortest=length == 1)
@@ -183,9 +185,17 @@ class LoadSegment:
         correction = pad.correction(linearised, unknowns, self.value(middle))
         if correction is None:
             return False
-        displacements = slice(pad.numbering.displacements)
-        error = math.sqrt(np.square(correction[displacements]).mean())
-        return bool(error <= INTERPOLATION_TOLERANCE * np.abs(unknowns[displacements]).max())
+        return _is_little(correction, unknowns, pad.numbering.displacements)
+
+    def _needed_middle(self, pad: LoadedPad) -> bool:
+        """Whether the last two intervals are of equal length, and as one would not be interpolated accurately."""
+        if len(self.nodes) < 3 or pad.solves_between:
+            return False
+        start, middle, end = self.nodes[-3:]
+        if middle.s != 0.5 * (start.s + end.s):
+            return False
+        off = hermite(start, end, middle.s) - middle.unknowns
+        return not _is_little(off, middle.unknowns, pad.numbering.displacements)
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
@@ -267,6 +277,12 @@ class LoadSegment:
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
         self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
+
+
+def _is_little(correction: np.ndarray, unknowns: np.ndarray, displacements: int) -> bool:
+    """Whether the displacements, the first of the unknowns, are within the tolerance of the interpolation."""
+    error = math.sqrt(np.square(correction[:displacements]).mean())
+    return bool(error <= INTERPOLATION_TOLERANCE * np.abs(unknowns[:displacements]).max())
 
 
 def hermite(start: Node, end: Node, s: float) -> np.ndarray:

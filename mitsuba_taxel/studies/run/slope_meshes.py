@@ -7,12 +7,13 @@ import math
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
-from mitsuba_taxel.sensing.targets import MECHANICS_SHARE, MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
+from mitsuba_taxel.sensing.targets import MOST_MESHES, RUNG, finer_mesh, smallest_mesh_size
 from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.vary import combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import describe
@@ -63,7 +64,8 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         else:
             size = scene.mesh_size
             tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
-        finer = finer_mesh(scene, ready, tried, target / MECHANICS_SHARE)  # the error found is the total one
+        # Errors of slopes scatter: one rung at a time would lead through several meshes of about the same error.
+        finer = finer_mesh(scene, ready, tried, target, SLOPE_ORDER, least=len(tried) + 1)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
         if finer is None:
