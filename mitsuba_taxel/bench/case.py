@@ -201,17 +201,20 @@ def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
 
 
 def cutbacks(segment: LoadSegment) -> int:
-    """Number of halved or abandoned steps of a segment, from its nodes, each of which tries the longest interval."""
+    """Number of halved or abandoned steps of a segment, from its nodes, relative to the longest that may begin there.
+
+    Halves that the segment foresees count as those that it finds to be needed.
+    """
     positions = [round(node.s * TICKS / segment.step) for node in segment.nodes]
     halved = 0
     for position, following in zip(positions, positions[1:], strict=False):
-        halved += round(math.log2(_first_try(position) / (following - position)))
+        halved += round(math.log2(_longest(position) / (following - position)))
     given_up = bool(positions) and segment.limit == segment.nodes[-1].s
-    return halved + (1 + round(math.log2(_first_try(positions[-1]))) if given_up else 0)
+    return halved + (1 + round(math.log2(_longest(positions[-1]))) if given_up else 0)
 
 
-def _first_try(position: int) -> int:
-    """Length in ticks of the first interval that a segment tries from a node."""
+def _longest(position: int) -> int:
+    """Length in ticks of the longest interval that may begin at a node."""
     return min(position & -position, TICKS) or TICKS
 
 
