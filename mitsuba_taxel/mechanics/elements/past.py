@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
+from mitsuba_taxel.mechanics.materials.creep import Course
 from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
@@ -44,9 +45,11 @@ class Relaxing:
     held : (k, m, q, 6) ndarray
         MPa, Q of each term.
     error : (k, m, q, 6) ndarray
-        MPa, estimated errors of ``held``, as S does not change linearly within a step.
+        MPa, estimated errors of ``held``, as S does not change within steps as assumed.
+    off : (m, q, 6) ndarray
+        MPa, error of S that follows from these, where it is estimated.
     slope : (m, q, 6) ndarray or None
-        MPa/s, rate of S in the last step; None before the first, and just after a jump of the load.
+        MPa/s, rate of S at the time, or in the last step; None before the first, and just after a jump of the load.
     step : float
         Duration of that step in s.
     """
@@ -54,35 +57,65 @@ class Relaxing:
     stress: np.ndarray
     held: np.ndarray
     error: np.ndarray
+    off: np.ndarray
     slope: np.ndarray | None = None
     step: float = 0.0
 
     @classmethod
-    def at_rest(cls, terms: int, elements: int, points: int) -> Relaxing:
-        nothing = np.zeros((terms, elements, points, 6))
-        return cls(np.zeros((elements, points, 6)), nothing, nothing)
+    def at_rest(cls, material: Viscoelastic, elements: int, points: int) -> Relaxing:
+        """Those of elements that were never loaded."""
+        nothing = np.zeros((len(material.prony), elements, points, 6))
+        return cls(np.zeros((elements, points, 6)), nothing, nothing, np.zeros((elements, points, 6)))
 
-    def past(self, material: Viscoelastic, step: float, part: SymmetricPart) -> Past:
-        """Composition of the stress at the end of a further step in s."""
-        weights = material.over(step)
-        gained = float(material.shares @ weights.ramp)
-        known = np.tensordot(weights.decay, self.held, axes=1) - gained * self.stress
-        return Past(1 - float(material.shares.sum()) + gained, known, part)
+    def past(self, material: Viscoelastic, step: float, part: SymmetricPart, course: Course | None = None) -> Past:
+        """Composition of the stress at the end of a further step in s, in which S is linear in time, or a parabola over
+        its ``course`` that begins with the slope."""
+        known = np.tensordot(material.over(step).decay, self.held, axes=1)
+        begun, gained = self._gains(material, step, course)
+        known -= float(gained.sum()) * self.stress
+        if course is not None:
+            known += float(begun.sum()) * self.begun(course)
+        return Past(1 - float(material.shares.sum()) + float(gained.sum()), known, part)
 
-    def after(self, material: Viscoelastic, step: float, stress: np.ndarray) -> Relaxing:
-        """The variables at the end of a further step, where the law gives ``stress``."""
-        weights = material.over(step)
-        change = stress - self.stress
-        held = _times(weights.decay, self.held) + _times(material.shares * weights.ramp, change)
-        error = _times(weights.decay, self.error)
-        return Relaxing(stress, held, error, change / step if step > 0 else None, step)
+    def after(self, material: Viscoelastic, step: float, stress: np.ndarray, course: Course | None = None) -> Relaxing:
+        """The variables at the end of such a step, where the law gives ``stress``."""
+        decay, change = material.over(step).decay, stress - self.stress
+        begun, gained = self._gains(material, step, course)
+        held = _times(decay, self.held) + _times(gained, change)
+        if course is not None:
+            held += _times(begun, self.begun(course))
+        error = _times(decay, self.error) - _times(gained, self.off)
+        slope = change / step if step > 0 else None
+        return Relaxing(stress, held, error, np.zeros_like(stress), slope, step)
 
-    def ageing(self, material: Viscoelastic, step: float, stress: np.ndarray) -> np.ndarray:
+    def _gains(self, material: Viscoelastic, step: float, course: Course | None) -> tuple[np.ndarray, np.ndarray]:
+        """What is left of each term (k,) for what S would change by with its slope, and for the change of S."""
+        if course is None:
+            ramp = material.shares * material.over(step).ramp
+            return 0 * ramp, ramp
+        first, square, _ = course.moments(material.times).T
+        return material.shares * (first - square), material.shares * square
+
+    def begun(self, course: Course) -> np.ndarray:
+        """(m, q, 6) MPa, the change of S over a course on which it goes on as it does."""
+        assert self.slope is not None
+        return self.slope / course.rate(0.0)
+
+    def middle(self, stress: np.ndarray, course: Course) -> np.ndarray:
+        """(m, q, 6) MPa, S midway on a parabola to a ``stress``."""
+        return self.stress + 0.25 * (stress - self.stress + self.begun(course))
+
+    def ageing(self, material: Viscoelastic, course: Course, stress: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa/s, rate of the stress at the end of a further step by its length, where the law gives
-        ``stress``."""
-        weights = material.over(step)
-        rate = float(material.shares @ (weights.ramp_rate / material.times))
-        return rate * (stress - self.stress) - np.tensordot(weights.decay / material.times, self.held, axes=1)
+        ``stress``, if that did not change."""
+        end = self.after(material, course.duration, stress, course)
+        left = float(material.shares @ (1 - course.moments(material.times)[:, 1]))
+        along = 2 * (stress - self.stress) - self.begun(course)
+        return left * course.rate(course.duration) * along - end.fading(material)
+
+    def fading(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa/s, rate at which the terms relax."""
+        return np.tensordot(1 / material.times, self.held, axes=1)
 
     def bend(self, before: Relaxing) -> np.ndarray:
         """(m, q, 6) MPa/s², second derivative of S over this step and the one ``before``."""
@@ -93,9 +126,24 @@ class Relaxing:
         """(k, m, q, 6) MPa, error of a linear change of S in the last step."""
         return _times(material.shares * material.over(self.step).bend * self.step**2, bend)
 
+    def missed_on(self, material: Viscoelastic, course: Course, bend: np.ndarray) -> np.ndarray:
+        """(k, m, q, 6) MPa, error of a parabola over a course, if S also has the third power of that, ``bend`` times,
+        less as much of the square."""
+        _, square, cube = course.moments(material.times).T
+        return _times(material.shares * (cube - square), bend)
+
     def off_by(self, error: np.ndarray) -> Relaxing:
         """The same with an ``error`` (k, m, q, 6) added."""
         return replace(self, error=self.error + error)
+
+    def followed(self, material: Viscoelastic, off: np.ndarray, course: Course | None = None) -> Relaxing:
+        """The same with an error of S (m, q, 6) at the end of the last step, which the terms follow."""
+        gained = self._gains(material, self.step, course)[1]
+        return replace(self, error=self.error + _times(gained, off), off=off)
+
+    def stress_error(self, material: Viscoelastic) -> np.ndarray:
+        """(m, q, 6) MPa, estimated error of the stress."""
+        return self.error.sum(axis=0) + (1 - float(material.shares.sum())) * self.off
 
     def overstress(self, material: Viscoelastic) -> np.ndarray:
         """(m, q, 6) MPa, stress in addition to that of the law."""
@@ -111,7 +159,7 @@ class Relaxing:
 
         slope = None if self.slope is None else on(self.slope)
         held, error = (np.array([on(term) for term in terms]) for terms in (self.held, self.error))
-        return Relaxing(on(self.stress), held, error, slope, self.step)
+        return Relaxing(on(self.stress), held, error, on(self.off), slope, self.step)
 
 
 def spread(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:

@@ -30,6 +30,9 @@ LONGEST = 1e30
 SHORT = 1e-2
 """Steps shorter than this number of relaxation times are expanded in a series."""
 
+Terms = tuple[tuple[float, float], ...]
+"""Shares and relaxation times in s."""
+
 
 class Weights(NamedTuple):
     """Effect of a step on each term (k,): ``decay`` of Q, ``ramp`` of a linear change of S, ``bend`` of its curvature.
@@ -40,11 +43,6 @@ class Weights(NamedTuple):
     decay: np.ndarray
     ramp: np.ndarray
     bend: np.ndarray
-
-    @property
-    def ramp_rate(self) -> np.ndarray:
-        """Derivative of ``ramp`` by x."""
-        return self.bend - self.ramp / 2
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Viscoelastic(Displayed):
     """
 
     law: Material
-    prony: tuple[tuple[float, float], ...]
+    prony: Terms
 
     def __post_init__(self) -> None:
         require("law", self.law, Material, "a Material, such as NeoHookean,")
@@ -101,13 +99,13 @@ class Viscoelastic(Displayed):
 class Elastic(Viscoelastic):
     """An elastic silicone, as a viscoelastic one without terms: with friction, it too has a history."""
 
-    prony: tuple[tuple[float, float], ...] = ()
+    prony: Terms = ()
 
     def __post_init__(self) -> None:
         """There is nothing to check."""
 
 
-def checked_terms(prony: object) -> tuple[tuple[float, float], ...]:
+def checked_terms(prony: object) -> Terms:
     """The terms of a Prony series as pairs of numbers; raises `InputError`."""
 
     def is_pair(term: object) -> bool:
@@ -127,7 +125,7 @@ def checked_terms(prony: object) -> tuple[tuple[float, float], ...]:
     return tuple((float(share), float(time)) for share, time in terms)
 
 
-def prony_of(text: str) -> tuple[tuple[float, float], ...]:
+def prony_of(text: str) -> Terms:
     """The terms of a text such as ``0.2 1; 0.1 10``; none if it is blank. Raises `InputError`."""
     if not text.strip():
         return ()

@@ -228,28 +228,53 @@ class LoadedPad:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
+    def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """(m, q, 6) MPa/s, its rate with a velocity of the whole pad."""
+        return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
+
     def size_of(self, stress: np.ndarray) -> float:
         """MPa, root mean square over the pad of a stress (m, q, 6)."""
         weight = self.model.assembly.elements.weight
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
 
-    def solve_next(
-        self, start: np.ndarray, value: np.ndarray, near: Linearised | None, judged: bool
-    ) -> tuple[Solution, Linearised]:
+    def solve_next(self, start: np.ndarray, value: np.ndarray, near: Linearised | None) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, with the factor of a state ``near`` by while that suffices.
 
-        Unless ``judged``, displacements without the symmetry of the load are not checked.
+        Displacements without the symmetry of the load are not checked.
         """
         found = self._balanced(start, value, near)
         linearised = found.linearised
-        if judged or linearised is None:
-            linearised, found = None, replace(found, linearised=None)  # frees its memory for the next one
+        if linearised is None:
             linearised = self._linearised(self._entries(found, value), found.unknowns, value)
-        solution = self._accepted(found, self._is_stable(linearised, found.unknowns, value))
-        if judged:
-            self.refuse_unstable(solution.unknowns, linearised.entries, value)
-        return solution, linearised
+        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
+
+    def judged(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised) -> Linearised:
+        """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
+
+        The factor is that of a state ``near`` by if :class:`Stability` checks displacements with the symmetry of the
+        load too.
+        """
+        of_all = self._solver.knows_inertia and self._stability.of_all
+        linearised = self.tangent_at(unknowns, value, near if of_all else None)
+        if not of_all:
+            self._is_stable(linearised, unknowns, value)
+        self.refuse_unstable(unknowns, linearised.entries, value)
+        return linearised
+
+    def tangent_at(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None) -> Linearised:
+        """The linearised pad at an equilibrium, with the factor of a state ``near`` by if given."""
+        entries = self._evaluate(unknowns, value).entries
+        assert entries is not None  # no element is inverted
+        return self._linearised(entries, unknowns, value, near)
+
+    def rate_in_time(
+        self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
+    ) -> np.ndarray:
+        """Rate of the unknowns in equilibrium, per s, with those of the load's value and of an additional second
+        Piola-Kirchhoff stress (m, q, 6)."""
+        force = self.model.load_rate(self.numbering.split(unknowns)[0], rate, value) - self._pull(unknowns, stress)
+        return linearised.correction(force, self.numbering.plate_values(rate) if self._driven else None)
 
     def balance(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns of :meth:`solve`, without a check of stability."""
@@ -336,10 +361,12 @@ class LoadedPad:
 
     def answer(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Change of the unknowns for an additional second Piola-Kirchhoff stress (m, q, 6), by a nearby factor."""
-        elements = self.model.assembly.elements
-        forces = elements.pulled(self.numbering.split(unknowns)[0], stress)
-        nothing = np.zeros((len(forces), 4))
-        return -linearised.step(self.model.assembly.over_unknowns(forces, nothing))
+        return -linearised.step(self._pull(unknowns, stress))
+
+    def _pull(self, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Forces over the unknowns of an additional second Piola-Kirchhoff stress (m, q, 6)."""
+        forces = self.model.assembly.elements.pulled(self.numbering.split(unknowns)[0], stress)
+        return self.model.assembly.over_unknowns(forces, np.zeros((len(forces), 4)))
 
     def plate_force(self, unknowns: np.ndarray) -> np.ndarray:
         """(3,) force in N on the bonded plate of the whole pad in equilibrium."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.mechanics.elements.past import Relaxing
+from mitsuba_taxel.mechanics.materials.creep import Measures
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,11 +16,17 @@ class Reached:
     """The pad at a ``time`` in s; arrays are those of the whole pad, except for the internal variables of a part.
 
     ``rate`` is that of the load, per s, on the way there; ``velocity`` that of the unknowns, displacements followed by
-    pressures; both are NaN after a jump of the load. ``midway`` is what Newton's method would subtract from the
-    unknowns in the middle of the last step, on a cubic between its ends; empty if that step leads to a row. ``further``
-    is the length in s of the next step, as far as errors allow, or 0 where it must not lead beyond a row. ``missed`` is
-    the relative error of the stress by time steps. ``traction`` (2 N, 3) in MPa is that of friction at nodes of the
-    top, then of the outside; ``moved`` (C,) is the load, or where its force has moved an indenter.
+    pressures; both are NaN after a jump of the load. ``further`` is the length in s of the next step, as far as errors
+    allow, or 0 where it must not lead beyond a row. ``recalled`` is the memory of the load of
+    :class:`~mitsuba_taxel.mechanics.materials.creep.Response`, ``doubt`` the sum in mm of what each step's error moves
+    most, as far as it lasts, and ``missed`` the relative error of the stress by time steps. ``traction`` (2 N, 3) in
+    MPa is that of friction at nodes of the top, then of the outside; ``moved`` (C,) is the load, or where its force has
+    moved an indenter.
+
+    The following are empty if the last step leads to a row: ``begun``, the velocity at its start; ``midway``, what
+    Newton's method would subtract from the unknowns in its middle, on a cubic between its ends; ``left`` (N, 3), what
+    it would then add to the displacements a quarter of the way from an end, where that is more; and ``bend`` of
+    :meth:`Relaxing.missed_on`.
     """
 
     time: float
@@ -27,16 +34,22 @@ class Reached:
     pressure: np.ndarray
     rate: np.ndarray
     velocity: np.ndarray
+    begun: np.ndarray
     midway: np.ndarray
+    left: np.ndarray
+    bend: np.ndarray
     stress: np.ndarray
     held: np.ndarray
     error: np.ndarray
+    off: np.ndarray
     slope: np.ndarray
     step: float
+    recalled: np.ndarray
     further: float
     scale: float
     unjudged: float
     deviation: np.ndarray
+    doubt: float
     missed: float
     traction: np.ndarray
     moved: np.ndarray
@@ -49,7 +62,8 @@ class Reached:
     @property
     def relaxing(self) -> Relaxing:
         """The internal variables."""
-        return Relaxing(self.stress, self.held, self.error, self.slope if self.slope.size else None, self.step)
+        slope = self.slope if self.slope.size else None
+        return Relaxing(self.stress, self.held, self.error, self.off, slope, self.step)
 
     @property
     def unknowns(self) -> np.ndarray:
@@ -69,6 +83,10 @@ ON_ITS_WAY = 1e-9
 """Relative deviation of a load from a straight line in time that is not one of its own."""
 
 
+LEFT = 0.25
+"""Share of the way, from either end, at which the error of states between two times is measured."""
+
+
 class Passed(NamedTuple):
     """The shape of the pad on the way between two times: displacement (N, 3), pressure, rate of both as in `Reached`,
     and estimated error (N, 3) of the displacement by time steps and interpolation."""
@@ -79,31 +97,69 @@ class Passed(NamedTuple):
     deviation: np.ndarray
 
 
-def passed(start: Reached, end: Reached, time: float) -> Passed:
+def passed(start: Reached, end: Reached, way: Way, time: float) -> Passed:
     """The shape within the step from ``start`` to ``end``.
 
-    It is the quartic polynomial with the values and rates at both ends and, midway, the value after one step of
-    Newton's method. The difference to a cubic is stated as its error.
+    It is that of their ``way`` with, midway, the value after one step of Newton's method. What such a step would then
+    add a quarter of the way from an end is stated as its error.
     """
-    if time == end.time:
-        return Passed(end.displacement, end.pressure, end.velocity, end.deviation)
-    length = end.time - start.time
-    t = (time - start.time) / length
-    bump, bump_rate = 16 * t**2 * (1 - t) ** 2, 32 * t * (1 - t) * (1 - 2 * t) / length
-    change = end.unknowns - start.unknowns
-    unknowns = start.unknowns + cubic(t, length, change, start.velocity, end.velocity) - bump * end.midway
-    velocity = (
-        6 * t * (1 - t) / length * change
-        + (1 - t) * (1 - 3 * t) * start.velocity
-        + t * (3 * t - 2) * end.velocity
-        - bump_rate * end.midway
-    )
-    moved, pressed = np.split(unknowns, [end.displacement.size])
-    off = bump * end.midway[: end.displacement.size].reshape(-1, 3)
-    deviation = (1 - t) * start.deviation + t * end.deviation + off
-    return Passed(moved.reshape(-1, 3), pressed, velocity, deviation)
+    since = time - start.time
+    bump, bump_rate = way.measures.bump(since)
+    moved, pressed = np.split(way.at(since) - bump * end.midway, [end.displacement.size])
+    t = float(way.measures.main.at(since))
+    deviation = added((1 - t) * start.deviation, t * end.deviation)
+    deviation = added(deviation, t * (1 - t) / (LEFT * (1 - LEFT)) * end.left)
+    return Passed(moved.reshape(-1, 3), pressed, way.rate(since) - bump_rate * end.midway, deviation)
 
 
-def cubic(t: float, length: float, change: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Part of a ``change`` within a step of some ``length`` at a fraction ``t``, with the rates at both ends."""
-    return t**2 * (3 - 2 * t) * change + length * t * (1 - t) * ((1 - t) * first - t * last)
+def added(error: np.ndarray, further: np.ndarray) -> np.ndarray:
+    """An estimated error and a further one, which may have either sign, so that they do not cancel."""
+    return error + (further if np.vdot(error, further) >= 0 else -further)
+
+
+class Way:
+    """Cubic polynomials in the main measure of a step, with the values of the unknowns at both ends and their rates per
+    s. Where rates by that measure are not resolved at the end, they are parabolas.
+
+    Pressures are such polynomials in addition to a straight line in the other measure, if there is one.
+
+    Parameters
+    ----------
+    displacements : int
+        Number of displacements among the unknowns; they come first.
+    """
+
+    def __init__(
+        self,
+        measures: Measures,
+        displacements: int,
+        start: np.ndarray,
+        end: np.ndarray,
+        first: np.ndarray,
+        last: np.ndarray,
+    ) -> None:
+        self.measures, self._start, main, other = measures, start, measures.main, measures.other
+        change = end - start
+        self._other = change * float(other is not None)
+        self._other[:displacements] = 0.0
+        self._main = change - self._other
+        if other is not None:
+            first, last = first - other.rate(0.0) * self._other, last - other.rate(main.duration) * self._other
+        self._first = first / main.rate(0.0)
+        self._last = 2 * self._main - self._first if main.ends else last / main.rate(main.duration)
+
+    def at(self, time: float) -> np.ndarray:
+        """The unknowns at a time in s since the start."""
+        main, other = self.measures.main, self.measures.other
+        t = float(main.at(time))
+        bent = t * (1 - t) * ((1 - t) * self._first - t * self._last)
+        beside = 0.0 if other is None else other.at(time) * self._other
+        return self._start + t**2 * (3 - 2 * t) * self._main + bent + beside
+
+    def rate(self, time: float) -> np.ndarray:
+        """Their rate per s."""
+        main, other = self.measures.main, self.measures.other
+        t = float(main.at(time))
+        bent = (1 - t) * (1 - 3 * t) * self._first + t * (3 * t - 2) * self._last
+        beside = 0.0 if other is None else other.rate(time) * self._other
+        return float(main.rate(time)) * (6 * t * (1 - t) * self._main + bent) + beside

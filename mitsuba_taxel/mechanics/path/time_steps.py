@@ -1,4 +1,8 @@
-"""Time steps between two rows of a load, of lengths for which the stress changes linearly enough."""
+"""Time steps between two rows of a load, of lengths for which the stress changes evenly enough.
+
+Within a step, the stress of the law is a parabola over the step's :class:`Course`, that begins with its rate; under an
+indenter, it is linear in time.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,29 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.past import Relaxing
+from mitsuba_taxel.mechanics.materials.creep import Course, Measures, Response
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
-from mitsuba_taxel.mechanics.path.reached import cubic
+from mitsuba_taxel.mechanics.path.reached import LEFT, Way
 
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""
 INTERPOLATION_TOLERANCE = 1e-4
-"""Allowed correction by Newton's method in the middle of a step that leads beyond rows, root mean square over the pad,
-relative to the largest displacement or pressure. States between its ends have it, so their error is less."""
+"""Allowed error of states between the ends of a step that leads beyond rows, root mean square over the pad, relative to
+the largest displacement or pressure: what Newton's method would add a quarter of the way from an end."""
 TICKS = 64
 """Smallest fraction of a step without equilibrium; or of the time since the row before, or of the shortest relaxation
 time before that: in such a part no term of the series changes much."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
 """Limits of the factor between steps, according to the error of the one before."""
+DOUBT = 0.3
+"""Share of its error to which that of a step is known."""
+HELD = 10.0
+"""Longest step under a constant load, relative to the longest time of the response to it."""
 SHORTEST = 1e-15
 """Fraction of the way between two rows below which a step is not reduced."""
 
@@ -55,7 +65,9 @@ class Moment:
 
     ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
     displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
-    friction, ``further`` the length in s of a next step that may lead beyond rows.
+    friction, ``further`` the length in s of a next step that may lead beyond rows, ``recalled`` the memory of
+    the load of :class:`Response`. ``deviation`` is the estimated error of the unknowns, ``doubt`` the sum of the
+    largest displacements by each step's error, as far as it lasts; ``midway`` is that of the last step.
     """
 
     unknowns: np.ndarray
@@ -69,6 +81,27 @@ class Moment:
     stability_checked: bool = True
     rubbed: Rubbed | None = None
     further: float = 0.0
+    recalled: np.ndarray | None = None
+    deviation: np.ndarray | None = None
+    doubt: float = 0.0
+    midway: Midway | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Midway:
+    """What is known between the ends of a step over a ``course``, which ``begun`` with a velocity.
+
+    ``found`` is what Newton's method would subtract from a cubic in the middle, ``left`` what it would then add a
+    quarter of the way from an end, where that is more, ``off`` the relative size of that, and ``bend`` the third power
+    of the stress, of :meth:`Relaxing.missed_on`.
+    """
+
+    course: Course
+    begun: np.ndarray
+    found: np.ndarray
+    left: np.ndarray
+    off: float
+    bend: np.ndarray
 
 
 class Stretch:
@@ -108,8 +141,8 @@ class Stretch:
         if isinstance(pad, IndentedPad) and pad.friction:
             steps = (2 * math.ceil(steps) if count is None else count) / coarsening
         self._longest = 1 / max(steps, 1.0)
-        self._leaps = bool(material.prony) and not isinstance(pad, IndentedPad)
-        self._furthest = (duration / steps if steps else math.inf) if self._leaps else 0.0
+        self._leaps, self._response = leaps(pad, material), response(pad.load, material)
+        self._furthest = furthest(pad, self._response, load[1] / duration) if self._leaps and duration else 0.0
         self._quickest = min(material.times) / duration if material.prony and duration else math.inf
         self._near: Linearised | None = None
         self._judges = judges
@@ -117,8 +150,8 @@ class Stretch:
     def run(self, touch: Touch) -> Moment:
         """The state at the end; ``touch`` finds contacts.
 
-        After a change of the load's rate, the error of the first step is estimated together with the second, and both
-        are repeated if it is too large.
+        Where stress is linear in time, after a change of the load's rate the error of the first step is estimated
+        together with the second, and both are repeated if it is too large.
 
         Raises
         ------
@@ -126,6 +159,10 @@ class Stretch:
             if there is no further state.
         """
         here, before = self._start, None
+        try:
+            here = self._set_out(here)
+        except Rejected as rejection:
+            raise self._ended(here, f"cannot be loaded further ({rejection})") from rejection
         length = 0.5 if self._duration and here.relaxing.slope is None else 1.0
         while here.share < 1:
             length = min(length, self._longest, 1 - here.share)
@@ -140,55 +177,99 @@ class Stretch:
             error, judged = self._judged(before, here, after)
             if error > self._tolerance and length > SHORTEST:
                 here, before = (before or here), None
-                length *= min(max(CAUTION * np.sqrt(self._tolerance / error), MOST_CUT), LEAST_CUT)
+                length *= min(max(self._growth(error, after), MOST_CUT), LEAST_CUT)
                 continue
             self._refuse_contact(here, after, touch)
             first = here.relaxing.slope is None and self._duration
             before = here if first else None
             here = judged
             if not first:
-                growth = CAUTION * np.sqrt(self._tolerance / error) if error else MOST_GROWTH
-                length *= min(max(growth, LEAST_CUT), MOST_GROWTH)
+                length *= min(max(self._growth(error, after), LEAST_CUT), MOST_GROWTH)
         return replace(here, further=min(length * self._duration, self._furthest))
 
-    def leap(self, touch: Touch) -> tuple[Moment, np.ndarray]:
-        """The state at the end by one step, and what Newton's method would subtract from a cubic in the middle.
+    def leap(self, touch: Touch) -> Moment:
+        """The state at the end by one step.
 
         Raises
         ------
         TooLong
             if states on the way are not to be interpolated.
         """
-        here = self._start
         try:
+            here = self._set_out(self._start)
             after = self._step(here, 1.0)
         except Rejected as rejection:
             raise TooLong(LEAST_CUT) from rejection
-        midway, off = self._midway(here, after)
         error, judged = self._judged(None, here, after)
         if touch(self._pad, after.unknowns):
             raise TooLong(LEAST_CUT)
-        ratio = max(math.sqrt(error / self._tolerance), (off / INTERPOLATION_TOLERANCE) ** 0.25)
-        growth = CAUTION / max(ratio, CAUTION / MOST_GROWTH)
-        if ratio > 1:
+        growth = min(self._growth(error, after), MOST_GROWTH)
+        if growth < CAUTION:
             raise TooLong(max(growth, MOST_CUT))
-        return replace(judged, further=min(growth * self._duration, self._furthest)), midway
+        return replace(judged, further=min(growth * self._duration, self._furthest))
 
-    def _midway(self, here: Moment, after: Moment) -> tuple[np.ndarray, float]:
-        """What Newton's method would subtract from a cubic in the middle of a step, and its relative size."""
-        pad, time = self._pad, 0.5 * self._duration
-        assert here.velocity is not None and after.velocity is not None and self._near is not None
-        change = after.unknowns - here.unknowns
-        unknowns = here.unknowns + cubic(0.5, self._duration, change, here.velocity, after.velocity)
-        pad.past = here.relaxing.past(self._material, time, pad.part)
-        found = pad.correction(self._near, unknowns, self._load[0] + 0.5 * self._load[1])
+    def _growth(self, error: float, after: Moment) -> float:
+        """Factor of the length of a step that had an ``error``, for the next one."""
+        if after.midway is None:
+            return CAUTION * math.sqrt(self._tolerance / error) if error else MOST_GROWTH
+        ratio = max((error / self._tolerance) ** (1 / 3), (after.midway.off / INTERPOLATION_TOLERANCE) ** 0.25)
+        return CAUTION / ratio if ratio else MOST_GROWTH
+
+    def _set_out(self, here: Moment) -> Moment:
+        """The state at the start with its rates, where these are needed and not known."""
+        if not (self._leaps and self._duration and here.velocity is None):
+            return here
+        pad, relaxing, (value, change) = self._pad, here.relaxing, self._load
+        pad.past = relaxing.past(self._material, 0.0, pad.part)
+        self._near = pad.tangent_at(here.unknowns, value, None)
+        fading = -relaxing.fading(self._material)
+        velocity = pad.rate_in_time(self._near, here.unknowns, change / self._duration, value, fading)
+        return self._with_rates(here, velocity)
+
+    def _with_rates(self, at: Moment, velocity: np.ndarray) -> Moment:
+        """A state that has a ``velocity``."""
+        displaced, moving = (self._pad.numbering.split(field)[0] for field in (at.unknowns, velocity))
+        slope = self._pad.model.assembly.elements.isochoric_rate(displaced, moving)
+        return replace(at, velocity=velocity, relaxing=replace(at.relaxing, slope=slope))
+
+    def _midway(self, here: Moment, after: Moment, measures: Measures) -> Midway:
+        """The middle of a step; raises Rejected if there is none."""
+        pad, course = self._pad, measures.main
+        assert here.velocity is not None and after.velocity is not None
+        size, ends = pad.numbering.displacements, (here.unknowns, after.unknowns)
+        way = Way(measures, size, *ends, here.velocity, after.velocity)
+        middle = course.time_at(0.5)
+        found, left, off = self._off(here, course, middle, way.at(middle)), np.zeros(size), 0.0
+        for share in (LEFT, 1 - LEFT):
+            time = course.time_at(share)
+            unknowns = way.at(time) - measures.bump(time)[0] * found
+            error = self._off(here, course, time, unknowns)
+            parts = zip(*(np.split(field, [size]) for field in (error, unknowns)), strict=True)
+            off = max(off, *(math.sqrt(np.square(part).mean()) / (np.abs(of).max() or 1.0) for part, of in parts))
+            left = max(left, -error, key=lambda field: float(np.abs(field[:size]).max()))
+        stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(way.at(middle) - found)[0])
+        bend = 8 * (here.relaxing.middle(after.relaxing.stress, course) - stress)
+        return Midway(course, here.velocity, found, left, off, bend)
+
+    def _off(self, here: Moment, course: Course, time: float, unknowns: np.ndarray) -> np.ndarray:
+        """What Newton's method would subtract from unknowns within a step, at a time in s since its start."""
+        pad = self._pad
+        assert self._near is not None
+        pad.past = here.relaxing.past(self._material, time, pad.part, course.until(time))
+        value = self._load[0] + (here.share + time / self._duration) * self._load[1]
+        found = pad.correction(self._near, unknowns, value)
         if found is None:
-            raise TooLong(LEAST_CUT)
-        parts = zip(*(np.split(field, [pad.numbering.displacements]) for field in (found, unknowns)), strict=True)
-        return found, max(math.sqrt(np.square(off).mean()) / (np.abs(of).max() or 1.0) for off, of in parts)
+            raise Rejected("an element would be inverted on the way")
+        return found
 
     def deviation(self, end: Moment) -> np.ndarray:
-        """(unknowns,) estimated error due to time steps."""
+        """(unknowns,) estimated error due to time steps.
+
+        That of each step is known to `DOUBT` of it; what is not known does not cancel as they do.
+        """
+        if end.deviation is not None:
+            largest = float(np.abs(end.deviation[: self._pad.numbering.displacements]).max())
+            return end.deviation * (1 + DOUBT * end.doubt / largest) if largest else end.deviation
         error = end.relaxing.error.sum(axis=0)
         if self._near is None or not error.any():
             return np.zeros(self._pad.unknowns)
@@ -198,42 +279,51 @@ class Stretch:
         """The state at a fraction of the way, by one step."""
         pad, time = self._pad, (share - here.share) * self._duration
         remembers = bool(self._material.prony)
-        pad.past = here.relaxing.past(self._material, time, pad.part) if remembers else None
+        measures = self._measures(here, time) if self._leaps and time else None
+        course = measures.main if measures else None
+        pad.past = here.relaxing.past(self._material, time, pad.part, course) if remembers else None
         if isinstance(pad, IndentedPad):
             pad.rubbed = here.rubbed
         guess = here.unknowns
         if here.velocity is not None:
-            known = (MOST_GROWTH if self._leaps else 1.0) * here.relaxing.step
-            guess = guess + min(time, known) * here.velocity
+            guess = guess + (1 / course.rate(0.0) if course else min(time, here.relaxing.step)) * here.velocity
         value = self._load[0] + share * self._load[1]
-        solution, near = pad.solve_next(guess, value, self._near, judged=False)
+        solution, self._near = pad.solve_next(guess, value, self._near)
         moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
         unjudged = here.unjudged + moved
         if self._judges and unjudged > NATURAL_STRAIN * pad.height:
-            del near
-            self._near = None  # frees its memory for the next one
-            solution, near = pad.solve_next(solution.unknowns, value, None, judged=True)
+            self._near = pad.judged(solution.unknowns, value, self._near)
             unjudged = 0.0
-        self._near = near
+        elif course is not None:
+            self._near = pad.tangent_at(solution.unknowns, value, self._near)
         relaxing, rubbed = here.relaxing, None
         if remembers:
             stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
-            relaxing = relaxing.after(self._material, time, stress)
+            relaxing = relaxing.after(self._material, time, stress, course)
         if isinstance(pad, IndentedPad):
             rubbed = pad.rubbed_at(solution.unknowns, value)
-        velocity = (solution.unknowns - here.unknowns) / time if time else None
-        if share == 1 and time and self._leaps:
-            velocity = self._velocity(here, solution.unknowns, stress, time)
+        velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
         figures = solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked
-        return Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
+        after = Moment(solution.unknowns, relaxing, velocity, unjudged, share, *figures, rubbed)
+        if self._leaps:
+            assert here.recalled is not None
+            change = (share - here.share) * self._load[1]
+            after = replace(after, recalled=self._response.after(here.recalled, change, time))
+        return self._with_rates_and_midway(here, after, value, measures) if measures else after
 
-    def _velocity(self, here: Moment, unknowns: np.ndarray, stress: np.ndarray, time: float) -> np.ndarray:
-        """Rate of the unknowns per s at the end of the step, where the law gives ``stress``."""
-        assert self._near is not None
+    def _with_rates_and_midway(self, here: Moment, after: Moment, value: np.ndarray, measures: Measures) -> Moment:
+        """The state after a step, with its rates and the middle of the step."""
+        pad, course = self._pad, measures.main
+        assert self._near is not None  # the tangent there
+        ageing = here.relaxing.ageing(self._material, course, after.relaxing.stress)
         rate = self._load[1] / self._duration
-        by_load = self._pad.rate(self._near, unknowns, rate, self._load[0] + self._load[1])
-        relaxed = here.relaxing.ageing(self._material, time, stress)
-        return by_load + self._pad.answer(self._near, unknowns, relaxed)
+        after = self._with_rates(after, pad.rate_in_time(self._near, after.unknowns, rate, value, ageing))
+        return replace(after, midway=self._midway(here, after, measures))
+
+    def _measures(self, here: Moment, time: float) -> Measures:
+        """Of a step of a length in s."""
+        assert here.recalled is not None
+        return self._response.measures(here.recalled, self._load[1] / self._duration, time)
 
     def _judged(self, before: Moment | None, here: Moment, after: Moment) -> tuple[float, Moment]:
         """Relative error of the last step, or of the first two, and the state with this error added to its
@@ -241,7 +331,11 @@ class Stretch:
         if not self._material.prony:
             return 0.0, after
         self.scale = max(self.scale, self._pad.size_of(after.relaxing.stress))
-        if after.relaxing.slope is None or here.relaxing.slope is None or not self.scale:
+        if not self.scale:
+            return 0.0, after
+        if self._leaps:
+            return self._with_errors(here, after)
+        if after.relaxing.slope is None or here.relaxing.slope is None:
             return 0.0, after
         bend = after.relaxing.bend(here.relaxing)
         missed = after.relaxing.missed(self._material, bend)
@@ -252,6 +346,24 @@ class Stretch:
             missed = missed + self._material.over(after.relaxing.step).decay[:, None, None, None] * earlier
         return error / self.scale, replace(after, relaxing=after.relaxing.off_by(missed))
 
+    def _with_errors(self, here: Moment, after: Moment) -> tuple[float, Moment]:
+        """As :meth:`_judged`, where what follows from errors of the terms is known: the state has that too."""
+        assert self._near is not None
+        pad, relaxing, course, error = self._pad, after.relaxing, None, 0.0
+        doubt = here.doubt * math.exp(-relaxing.step * float(self._response.rates.min()))
+        if after.midway is not None:
+            course = after.midway.course
+            missed = relaxing.missed_on(self._material, course, after.midway.bend)
+            own = pad.answer(self._near, after.unknowns, missed.sum(axis=0))
+            error = pad.size_of(missed.sum(axis=0)) / self.scale
+            doubt += float(np.abs(own[: pad.numbering.displacements]).max())
+            relaxing = relaxing.off_by(missed)
+        deviation = pad.answer(self._near, after.unknowns, relaxing.error.sum(axis=0))
+        displaced, moved = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
+        off = pad.model.assembly.elements.isochoric_rate(displaced, moved)
+        relaxing = relaxing.followed(self._material, off, course)
+        return error, replace(after, relaxing=relaxing, deviation=deviation, doubt=doubt)
+
     def _refuse_contact(self, here: Moment, after: Moment, touch: Touch) -> None:
         contact = touch(self._pad, after.unknowns)
         if contact:
@@ -260,3 +372,19 @@ class Stretch:
 
     def _ended(self, here: Moment, reason: str) -> Ended:
         return Ended(self._load[0] + here.share * self._load[1], here.share, reason)
+
+
+def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
+    """Whether steps may lead beyond rows."""
+    return bool(material.prony) and not isinstance(pad, IndentedPad)
+
+
+def response(load: Load, material: Viscoelastic) -> Response:
+    """Of a pad to a kind of load."""
+    return Response.of(material.prony, not load.gives_displacement)
+
+
+def furthest(pad: LoadedPad, to_load: Response, rate: np.ndarray) -> float:
+    """Length in s of the longest step that leads beyond rows, under a load with a ``rate`` per s."""
+    speed = float(np.linalg.norm(rate))
+    return pad.step / speed if speed else HELD / float(to_load.rates.min())

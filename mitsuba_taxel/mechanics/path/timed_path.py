@@ -31,7 +31,7 @@ from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
-from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, passed
+from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, Way, passed
 from mitsuba_taxel.mechanics.path.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.path.time_steps import (
     INTERPOLATION_TOLERANCE,
@@ -40,6 +40,9 @@ from mitsuba_taxel.mechanics.path.time_steps import (
     Moment,
     Stretch,
     TooLong,
+    furthest,
+    leaps,
+    response,
 )
 from mitsuba_taxel.mechanics.path.timed_rows import Row, rubs
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison
@@ -64,10 +67,12 @@ class TimedPath:
     def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1) -> None:
         self._path, self._material, self._coarsening = path, material, coarsening
         self._moving = IndenterDisplacement(path.load.indenter) if isinstance(path.load, IndenterForce) else path.load
+        self._response = response(self._moving, material)
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
         self._count: dict[tuple[Row, ...], int] = {(): 0}
         self._pads: dict[tuple[Mirror, ...], LoadedPad] = {}
         self._clear: set[tuple[bytes, tuple[Row, ...]]] = set()
+        self._last: tuple[tuple[Row, ...], tuple[Reached, Way]] | None = None
 
     @classmethod
     @lru_cache(maxsize=4)
@@ -97,11 +102,16 @@ class TimedPath:
         if at.time <= (rows[-1][0] if rows else 0.0):
             return at
         count, (time, value), shape = self._count[rows], rows[-1], self._passed(rows)
-        start, pad = self._solved(rows[: count - 1]), self._pad_for(rows)
+        (start, way), pad = self._way(rows[:count]), self._pad_for(rows)
         before = start.relaxing.spread(self._pad_for(rows[: count - 1]).part, self._path.mesh, pad.part)
-        relaxing = before.after(self._material, time - start.time, pad.isochoric_stress(shape.displacement))
-        relaxing = relaxing.off_by(relaxing.missed(self._material, at.relaxing.bend(before)))
-        assert relaxing.slope is not None  # of a step that lasts
+        begun, moving = (v[: at.displacement.size].reshape(-1, 3) for v in (at.begun, shape.velocity))
+        before = replace(before, slope=pad.isochoric_rate(start.displacement, begun))
+        passed, course = time - start.time, way.measures.main
+        t = float(course.at(passed))
+        part, bend = course.until(passed), t**3 * at.bend
+        relaxing = before.after(self._material, passed, pad.isochoric_stress(shape.displacement), part)
+        relaxing = relaxing.off_by(relaxing.missed_on(self._material, part, bend))
+        relaxing = relaxing.followed(self._material, (1 - t) * before.off + t * at.off, part)
         return replace(
             at,
             time=time,
@@ -113,16 +123,29 @@ class TimedPath:
             stress=relaxing.stress,
             held=relaxing.held,
             error=relaxing.error,
-            slope=relaxing.slope,
+            off=relaxing.off,
+            doubt=(1 - t) * start.doubt + t * at.doubt,
+            slope=pad.isochoric_rate(shape.displacement, moving),
             step=relaxing.step,
+            recalled=self._response.after(start.recalled, passed * at.rate, passed),
         )
+
+    def _way(self, rows: tuple[Row, ...]) -> tuple[Reached, Way]:
+        """The state before the step to the last row and beyond, and the way from there."""
+        if self._last is None or self._last[0] != rows:
+            start, end = self._before(rows), self._kept(rows)
+            measures = self._response.measures(start.recalled, end.rate, end.time - start.time)
+            ends = start.unknowns, end.unknowns, end.begun, end.velocity
+            self._last = rows, (start, Way(measures, end.displacement.size, *ends))
+        return self._last[1]
 
     def _passed(self, rows: tuple[Row, ...]) -> Passed:
         """The shape of the pad at the end of some rows."""
         at = self._solved(rows)
         if at.time <= rows[-1][0]:
             return Passed(at.displacement, at.pressure, at.velocity, at.deviation)
-        return passed(self._solved(rows[: self._count[rows] - 1]), at, rows[-1][0])
+        start, way = self._way(rows[: self._count[rows]])
+        return passed(start, at, way, rows[-1][0])
 
     def _solved(self, rows: tuple[Row, ...]) -> Reached:
         """The last state that is solved for some rows: at the end of these, or beyond."""
@@ -146,17 +169,18 @@ class TimedPath:
             if arrays is not None:
                 at = Reached(**cache.values_of(arrays))
             else:
-                before = self._solved(rows[:-1])
-                time, value = rows[-1]
-                if not before.on_its_way(time, np.array(value)):
-                    before = self.reached(rows[:-1])
-                at = self._next(before, rows)
+                at = self._next(self._before(rows), rows)
                 cache.store(name, cache.arrays_of(at))
         self._known[rows] = at
         self._count[rows] = len(rows)
         if len(self._known) > KEPT:
             self._known.popitem(last=False)
         return at
+
+    def _before(self, rows: tuple[Row, ...]) -> Reached:
+        """The state from which the step to the last row sets out."""
+        (time, value), before = rows[-1], self._solved(rows[:-1])
+        return before if before.on_its_way(time, np.array(value)) else self.reached(rows[:-1])
 
     def _kept(self, rows: tuple[Row, ...]) -> Reached:
         if not rows:
@@ -166,17 +190,27 @@ class TimedPath:
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of the last row or beyond, from its state at the end of the row before or beyond."""
         (time, row), most = rows[-1], math.inf
-        value = np.array(row)
-        if before.on_its_way(time, value):
-            length, least = before.further, 2 * time - rows[-2][0] - before.time  # to the next row at least
-            while length > (1 - ON_ITS_WAY) * least:
-                try:
-                    return self._moved(before, rows, before.moved + length * before.rate, length, leaps=True)
-                except TooLong as too_long:
-                    length *= too_long.share
-                    most = AGAIN * length
+        value, last = np.array(row), rows[-2][0] if len(rows) > 1 else 0.0
+        length, least = self._further(before, rows), 2 * time - last - before.time  # to the next row at least
+        while length > (1 - ON_ITS_WAY) * least > 0:
+            way = (value - before.moved) / (time - before.time)
+            try:
+                return self._moved(before, rows, before.moved + length * way, length, leaps=True)
+            except TooLong as too_long:
+                length *= too_long.share
+                most = AGAIN * length
         at = self._moved(before, rows, value, time - before.time)
         return replace(at, further=min(at.further, most))
+
+    def _further(self, before: Reached, rows: tuple[Row, ...]) -> float:
+        """Length in s of a first step beyond the last row; 0 if the load's rate is new and may not last."""
+        (time, row), pad = rows[-1], self._pad_for(rows)
+        if before.on_its_way(time, np.array(row)):
+            return before.further
+        duration = time - before.time
+        if not (leaps(pad, self._material) and duration > 0) or _turns(rows[:-1]):
+            return 0.0
+        return furthest(pad, self._response, (np.array(row) - before.moved) / duration)
 
     def _moved(
         self,
@@ -207,38 +241,42 @@ class TimedPath:
         else:
             relaxing = replace(relaxing, slope=None)
         start = Moment(pad.gather(before.displacement, before.pressure), relaxing, velocity, before.unjudged)
+        start = replace(start, recalled=before.recalled, doubt=before.doubt)
         judged = self._path.judged
         if isinstance(pad, IndentedPad) and pad.friction:
             start = replace(start, rubbed=self._rubbed(pad, before, start_value))
             judged = False
         load = start_value, change
         stretch = Stretch(pad, self._material, start, load, duration, before.scale, judged, self._coarsening, steps)
-        midway = None
         try:
-            if leaps:
-                end, midway = stretch.leap(self._touch)
-            else:
-                end = stretch.run(self._touch)
+            end = stretch.leap(self._touch) if leaps else stretch.run(self._touch)
         except Ended as ended:
             raise ComputationError(self._end(ended, before.time, duration)) from None
         displacement, pressure = pad.split(end.unknowns)
-        error = pad.size_of(end.relaxing.error.sum(axis=0)) if self._material.prony else 0.0
+        beyond = (np.zeros(0),) * 4
+        if leaps and end.midway:
+            begun, found = (self._stacked(pad, field) for field in (end.midway.begun, end.midway.found))
+            beyond = begun, found, pad.split(end.midway.left)[0], end.midway.bend
+        error = pad.size_of(end.relaxing.stress_error(self._material)) if self._material.prony else 0.0
         return Reached(
             before.time + duration if leaps else rows[-1][0],
             displacement,
             pressure,
             rate,
             self._stacked(pad, end.velocity),
-            np.zeros(0) if midway is None else self._stacked(pad, midway),
+            *beyond,
             end.relaxing.stress,
             end.relaxing.held,
             end.relaxing.error,
+            end.relaxing.off,
             np.zeros(0) if end.relaxing.slope is None else end.relaxing.slope,
             end.relaxing.step,
+            self._response.at_rest(len(value)) if end.recalled is None else end.recalled,
             end.further,
             stretch.scale,
             end.unjudged,
             pad.split(stretch.deviation(end))[0],
+            end.doubt,
             error / stretch.scale if stretch.scale else 0.0,
             self._traction(pad, end),
             value,
@@ -253,13 +291,15 @@ class TimedPath:
     def _rest(self) -> Reached:
         mesh, pad = self._path.mesh, self._pad_for(())
         points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
-        relaxing = Relaxing.at_rest(len(self._material.prony), *points)
+        relaxing = Relaxing.at_rest(self._material, *points)
+        recalled = self._response.at_rest(self._path.load.components)
         nowhere, unknown = np.zeros_like(mesh.points), np.full(self._path.load.components, np.nan)
-        variables = relaxing.stress, relaxing.held, relaxing.error, np.zeros(0), 0.0, 0.0, 0.0, 0.0
+        empty = np.zeros(0)
         none, moved = np.zeros(mesh.corner_count), np.zeros(self._path.load.components)
+        variables = relaxing.stress, relaxing.held, relaxing.error, relaxing.off, empty, 0.0, recalled
         return Reached(
-            0.0, nowhere, none, unknown, self._stacked(pad, None), np.zeros(0), *variables, nowhere, 0.0,
-            np.zeros((0, 3)), moved, 1.0, 0.0, 0, True, 0.0,
+            0.0, nowhere, none, unknown, self._stacked(pad, None), empty, empty, empty, empty, *variables, 0.0, 0.0,
+            0.0, nowhere, 0.0, 0.0, np.zeros((0, 3)), moved, 1.0, 0.0, 0, True, 0.0,
         )  # fmt: skip
 
     def _rubbed(self, pad: IndentedPad, before: Reached, moved: np.ndarray) -> Rubbed:
@@ -378,3 +418,15 @@ class TimedPath:
             self._coarsening,
         ]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
+
+
+def _turns(rows: tuple[Row, ...]) -> bool:
+    """Whether the last rate of the load lasted for one of these rows only, so that the next may too."""
+    if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
+        return False  # there is none yet, or it jumped
+    points = [(0.0, np.zeros(len(rows[0][1]))), *rows][-3:]
+    if len(points) < 3:
+        return True
+    times, values = np.array([time for time, _ in points]), np.array([value for _, value in points])
+    (first, second), (before, after) = np.diff(times), np.diff(values, axis=0)
+    return not np.allclose(before * second, after * first, rtol=1e-9, atol=0)

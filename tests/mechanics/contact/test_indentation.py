@@ -222,7 +222,7 @@ class Rubbed(Pressed):
     def drag(self, *value):
         """(3,) force on the body from the whole block, after a step to a pose."""
         value, near = np.array(value), getattr(self, "near", None)
-        solution, self.near = self.pad.solve_next(self.unknowns, value, near, judged=False)
+        solution, self.near = self.pad.solve_next(self.unknowns, value, near)
         self.unknowns, self.pad.rubbed = solution.unknowns, self.pad.rubbed_at(solution.unknowns, value)
         displacement, body = self.pad.numbering.split(self.unknowns)[0], self.pad.model.indentation
         self.pressing = body.pressing(displacement, value, traction=self.pad.rubbed.traction)

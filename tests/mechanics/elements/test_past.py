@@ -12,6 +12,7 @@ from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
+from mitsuba_taxel.mechanics.materials.creep import Response
 
 MU, PRONY = 0.7, ((0.25, 0.4), (0.35, 5.0))
 SOFT = Viscoelastic(NeoHookean(3 * MU, 0.5), PRONY)
@@ -35,19 +36,24 @@ def test_tangent_with_a_past_is_the_derivative_of_the_residual(law, block, body)
     np.testing.assert_allclose(along, (residual(1e-5) - residual(-1e-5)) / 2e-5, rtol=0, atol=1e-7)
 
 
-def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body):
+@pytest.mark.parametrize("creeps", [True, False])
+def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body, creeps):
     rng = np.random.default_rng(3)
     solid = body(block(cells=(1, 1, 1)), SOFT.law, np.zeros((27, 3), bool))
-    stress, *held = rng.normal(size=(3, *solid.assembly.elements.weight.shape, 6))
-    relaxing, end = Relaxing(stress, np.array(held), 0 * np.array(held)), rng.normal(size=stress.shape)
+    stress, slope, end, *held = rng.normal(size=(5, *solid.assembly.elements.weight.shape, 6))
+    relaxing = Relaxing(stress, np.array(held), 0 * np.array(held), 0 * stress, slope)
+    to_load, memory, rate = Response.of(PRONY, creeps), np.array([[0.2], [0.5]]), np.array([0.3])
+
+    def course(step):
+        return to_load.measures(memory, rate, step).main
 
     def total(step):
-        past = relaxing.past(SOFT, step, part_between(solid.mesh, {}, ()))
+        past = relaxing.past(SOFT, step, part_between(solid.mesh, {}, ()), course(step))
         return past.share * end + past.stress
 
     for step in (1e-3, 1.0, 30.0):
         change = (total(1.0001 * step) - total(0.9999 * step)) / (2e-4 * step)
-        np.testing.assert_allclose(relaxing.ageing(SOFT, step, end), change, rtol=1e-5, atol=1e-7)
+        np.testing.assert_allclose(relaxing.ageing(SOFT, course(step), end), change, rtol=1e-4, atol=1e-6)
 
 
 def stepped(solid, relaxing, step, displacement, pressure, load=0.0):
@@ -59,7 +65,7 @@ def stepped(solid, relaxing, step, displacement, pressure, load=0.0):
 
 
 def at_rest(solid):
-    return Relaxing.at_rest(len(PRONY), *solid.assembly.elements.weight.shape)
+    return Relaxing.at_rest(SOFT, *solid.assembly.elements.weight.shape)
 
 
 def test_relaxation_of_a_stretched_block_is_the_prony_series(block, body):
@@ -121,6 +127,16 @@ def test_creep_of_a_stretched_block_converges_with_the_square_of_the_steps(block
     assert exact > 1.5
     assert errors[1] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+
+
+def test_the_rate_of_the_stress_is_that_of_its_differences(block):
+    mesh, rng = block(cells=(1, 1, 1), distortion=0.1), np.random.default_rng(5)
+    elements, (field, moving) = Elements(mesh, SOFT.law), 0.1 * rng.normal(size=(2, len(mesh.points), 3)) * mesh.points
+    rate = elements.isochoric_rate(field, 50 * moving)
+    for step in (1e-5, 1e-6):
+        ahead, behind = (elements.isochoric_stress(field + 50 * sign * step * moving) for sign in (1, -1))
+        np.testing.assert_allclose(rate, (ahead - behind) / (2 * step), rtol=1e-5, atol=1e-5)
+    assert not elements.isochoric_rate(field, 0 * moving).any()
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])

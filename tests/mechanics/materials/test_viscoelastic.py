@@ -19,8 +19,6 @@ def test_weights_are_integrals_over_a_step(step):
     assert weights.decay == pytest.approx(np.exp(-step), rel=1e-14)
     assert weights.ramp == pytest.approx(ramp, rel=1e-12)
     assert weights.bend == pytest.approx(bend, rel=1e-7, abs=1e-12)
-    rate = -quad(lambda s: s * np.exp(-step * s), 0, 1)[0]
-    assert weights.ramp_rate == pytest.approx(rate, rel=1e-9)
 
 
 def test_weights_at_the_extremes_are_finite_and_right():
