@@ -65,9 +65,9 @@ MOST_LEAN = 0.5 * LEAST_WALL
 MORE = {"normal": PROFILES, "tangential": (LEANING,)}
 SHAPES = {name: (*paper.CELLS, *MORE.get(name, ())) for name in PURPOSES}
 """By purpose."""
-EFFORT = {("normal", SQUARE): (3, 13)}
+EFFORT = {("normal", SQUARE): (3, 20)}
 """Starts, and most evaluations of each, where they are not one and those of :data:`EVALUATIONS`."""
-EVALUATIONS = {"normal": 10, "tangential": 10, "resolution": 6}
+EVALUATIONS = {"normal": 16, "tangential": 16, "resolution": 12}
 NEARLY = 0.01
 """Relative difference from the best design that counts as close to it."""
 
