@@ -50,13 +50,15 @@ def plot_optimum(
 
 
 def _draw_course(ax: Axes, history: pandas.DataFrame, goal: Any) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     name = goal.figure.split(" ", 1)[1]
     allowed = history.get("allowed", np.zeros(len(history))) == True  # noqa: E712  (others are missing)
     for rows, label, face in ((history[allowed], "allowed", COLOURS[0]), (history[~allowed], "not allowed", "none")):
         ax.scatter(rows.design, rows[name], 18, facecolors=face, edgecolors=COLOURS[0], label=label)
     ax.step(history.design, history.best, where="post", color=COLOURS[1], label="best so far")
     ax.set_xlabel("design")
-    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     label_with_prefix([ax], name, goal.unit if goal.unit != "1" else "")
     ax.legend(loc="best", fontsize="small")
 

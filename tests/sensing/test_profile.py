@@ -44,8 +44,8 @@ def test_light_in_a_pyramid_is_that_of_random_paths():
 
 
 def test_light_of_a_flat_isotropic_roof_has_a_kink():
-    """Bent one way, its points see each other, in proportion to the bend: slopes are those of differences on either side,
-    and differ. The derivative of the flat roof is between them."""
+    """Bent one way, its points see each other, in proportion to the bend: slopes are those of differences on either
+    side, and differ. The derivative of the flat roof is between them."""
     step = 0.01
     places = 0.65 + step * np.arange(-2, 3)
     value, slope = [], []
