@@ -6,9 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.bench import domes
 from mitsuba_taxel.bench.domes import dome_scene as scene
 from mitsuba_taxel.bench.sphere_light import DOMES
+from mitsuba_taxel.kernels.dome_elements import size_for_light
+from mitsuba_taxel.mechanics import SpreadForce
+from mitsuba_taxel.pads import Pad
 
 
 def test_a_row_compares_with_its_truth(llvm_mono, monkeypatch, tmp_path):
@@ -52,3 +56,17 @@ def test_the_page_states_what_it_should():
     for relative in pads:
         off, noise, stated, _ = (float(text.rstrip("%")) for text in relative[3:])
         assert abs(off) < min(0.3, 2 * stated) + 3 * noise
+
+
+def test_default_elements_are_others_for_a_while(llvm_mono):
+    """Also where what lasts meanwhile fails; another cell keeps its own."""
+    walls = [make_plugin("wall", scattering=law) for law in ("mirror", "lambertian")]
+
+    def sizes(cell):
+        return [size_for_light(Pad(cell, 3, 3), SpreadForce(), [wall]) for wall in walls]
+
+    usual = {cell: sizes(cell) for cell in DOMES}
+    with pytest.raises(ZeroDivisionError), domes._default_elements("spherical", 0.4):
+        assert sizes("spherical") == pytest.approx([0.4, 0.4]) and sizes("hemispheric") == usual["hemispheric"]
+        raise ZeroDivisionError
+    assert {cell: sizes(cell) for cell in DOMES} == usual
