@@ -53,7 +53,7 @@ def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body, creep
 
     for step in (1e-3, 1.0, 30.0):
         change = (total(1.0001 * step) - total(0.9999 * step)) / (2e-4 * step)
-        np.testing.assert_allclose(relaxing.ageing(SOFT, course(step), end), change, rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(relaxing.ageing(SOFT, course(step), end), change, rtol=1e-5, atol=1e-7)
 
 
 def stepped(solid, relaxing, step, displacement, pressure, load=0.0):
