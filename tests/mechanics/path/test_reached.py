@@ -7,32 +7,59 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.path.reached import Reached, cubic, passed
+from mitsuba_taxel.mechanics.path.reached import Reached, Way, passed
 
 QUARTIC = np.polynomial.Polynomial([0.3, -1.0, 2.0, 0.5, -0.7])
+SHARES = np.array([1.0, 2.0, -1.0, 0.5])
 
 
-def solved(time, midway=0.0):
-    """A state of one node and one pressure that follow a polynomial, and its double."""
-    shares = np.array([1.0, 2.0, -1.0, 0.5])
-    value, rate = QUARTIC(time) * shares, QUARTIC.deriv()(time) * shares
+def solved(time, midway=0.0, left=0.0):
+    """A state of one node and one pressure that follow a polynomial."""
+    value, rate = QUARTIC(time) * SHARES, QUARTIC.deriv()(time) * SHARES
     return SimpleNamespace(
         time=time, displacement=value[None, :3], pressure=value[3:], unknowns=value, velocity=rate,
-        midway=midway * shares, deviation=np.full((1, 3), time),
+        midway=midway * SHARES, left=np.full((1, 3), left), deviation=np.full((1, 3), time),
     )  # fmt: skip
 
 
-def test_a_quartic_is_reproduced_and_its_difference_to_a_cubic_is_stated():
+class Clock:
+    """Time as the measure of a step."""
+
+    ends, duration = False, 2.0
+
+    def at(self, time):
+        return time / self.duration
+
+    def rate(self, time):
+        return 1 / self.duration
+
+
+class Measures:
+    """Those of a step, of which time is the only one."""
+
+    main, other = Clock(), None
+
+    def bump(self, time):
+        t = self.main.at(time)
+        return 16 * t**2 * (1 - t) ** 2, 32 * t * (1 - t) * (1 - 2 * t) * self.main.rate(time)
+
+
+def way_between(start, end):
+    return Way(Measures(), 3, start.unknowns, end.unknowns, start.velocity, end.velocity)
+
+
+def test_a_quartic_is_reproduced_and_what_is_left_is_stated():
     start, end = solved(1.0), solved(3.0)
-    change = end.unknowns[0] - start.unknowns[0]
-    missed = start.unknowns[0] + cubic(0.5, 2.0, change, start.velocity[0], end.velocity[0]) - QUARTIC(2.0)
-    end = solved(3.0, missed)
+    way = way_between(start, end)
+    missed = way.at(1.0)[0] - QUARTIC(2.0)
+    end = solved(3.0, missed, left=0.15)
     for time in (1.0, 1.3, 2.0, 2.9, 3.0):
-        found, exact = passed(start, end, time), solved(time)
+        found, exact = passed(start, end, way, time), solved(time)
         np.testing.assert_allclose(found.displacement, exact.displacement, rtol=1e-13)
         np.testing.assert_allclose(found.pressure, exact.pressure, rtol=1e-13)
         np.testing.assert_allclose(found.velocity, exact.velocity, rtol=1e-12)
-    assert passed(start, end, 2.0).deviation[0, 0] == pytest.approx(2.0 + missed)
+    assert passed(start, end, way, 1.5).deviation[0, 0] == pytest.approx(1.5 + 0.15)  # a quarter of the way
+    assert passed(start, end, way, 3.0).deviation[0, 0] == pytest.approx(3.0)
 
 
 def test_a_load_is_on_its_way_while_its_rate_does_not_change():
