@@ -1,11 +1,8 @@
 """Error of the finite elements from solutions on two meshes (L. F. Richardson, 1911).
 
 If the error is e(h) = c h^p in the element size h, the difference of solutions on elements of r h and of h is
-(r^p - 1) e(h). Irregular meshes add a part that is random from mesh to mesh; if it is as large, the expected squares of
-error and difference have the ratio 1 / (r^2p - r^p + 1).
+(r^p - 1) e(h).
 """
-
-import math
 
 COARSENING = 2.0
 """Requested element size of the second mesh, relative to that of the first. The actual ratio is measured."""
@@ -25,14 +22,6 @@ TYPICAL_SLOPE_ERROR = 0.015
 
 ERROR_SHARE = 1 / (COARSENING**ORDER - 1)
 """Error of an average, relative to its change on elements of twice the size."""
-
-
-def scattered_share(ratio: float, order: float) -> float:
-    """Error relative to the difference from elements ``ratio`` times as large, if half of its square is random."""
-    growth = ratio**order
-    return 1 / math.sqrt(growth**2 - growth + 1)
-
-
 FACETS_SHARE = 0.2
 """Error of a reading by the triangles of curved walls, relative to its change when they are chords instead of matching
 the walls on average: against spheres 0.05 to 0.11 for diffuse walls, up to 0.4 for mirrors of few triangles."""

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
     from mitsuba_taxel.mechanics import State
-    from mitsuba_taxel.mechanics.path.second_state import SecondState
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LIGHT_SHARE = 0.25
@@ -128,7 +127,7 @@ class _Linearised:
         if found is None:
             return None
         whole = _Linearised(self.cells, COARSE, found.state)
-        return _Second(whole, [whole.linear.nodal(change) for change in changes], found)
+        return _Second(whole, [whole.linear.nodal(change) for change in changes], found.share, found.least)
 
     def _equal(self, nodal: list[Nodal], others: list, second: _Second | None) -> list[int]:
         """The representative cell of each cell."""
@@ -149,7 +148,8 @@ class _Second:
 
     whole: _Linearised
     nodal: list[Nodal]
-    tells: SecondState
+    share: float
+    least: float
 
 
 class _Against(NamedTuple):
@@ -253,8 +253,8 @@ def _mechanics_errors(
     if second is None or not lit.any():
         return np.full(displaced.shape[1:], np.nan), np.full_like(reading, np.nan)
     difference = np.hypot(_mean(changes[:, 1:]), APART_SHARE * _mean(apart))
-    errors = np.maximum(second.tells.scattered * difference, second.tells.least * _mean(displaced))
-    return errors, second.tells.share * _mean(changes[:, :1] / reading[lit]) * reading
+    errors = np.maximum(second.share * difference, second.least * _mean(displaced))
+    return errors, second.share * _mean(changes[:, :1] / reading[lit]) * reading
 
 
 def _mean(values: np.ndarray) -> np.ndarray:

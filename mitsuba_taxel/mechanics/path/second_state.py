@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR, scattered_share
+from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
@@ -25,17 +25,13 @@ class SecondState(NamedTuple):
     ----------
     state : State
     share : float
-        Error of a reading or a derivative on the elements of the first state, relative to its difference from that on
-        these.
-    scattered : float
-        The same where half of its square is random from mesh to mesh.
+        Error of a derivative on the elements of the first state, relative to its difference from that on these.
     least : float
         Least relative error of a rate of the displacement on the elements of the first state.
     """
 
     state: State
     share: float
-    scattered: float
     least: float
 
 
@@ -56,8 +52,7 @@ def second_state(
 
         def told(second: PadPath, comparison: RoofComparison) -> SecondState:
             state = second.state(np.array(value, dtype=float))
-            ratio = size_ratio(path.mesh, second.mesh)
-            shares = 1 / abs(ratio**SLOPE_ORDER - 1), scattered_share(ratio, SLOPE_ORDER)
-            return SecondState(state, *shares, path.second_meshes.typical(TYPICAL_SLOPE_ERROR))
+            share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
+            return SecondState(state, share, path.second_meshes.typical(TYPICAL_SLOPE_ERROR))
 
         return path.second_meshes.first(told)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
-from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.derivative_values import Derivatives
@@ -64,8 +63,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         else:
             size = scene.mesh_size
             tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
-        # Errors of slopes scatter: one rung at a time would lead through several meshes of about the same error.
-        finer = finer_mesh(scene, ready, tried, target, SLOPE_ORDER, least=len(tried) + 1)
+        finer = finer_mesh(scene, ready, tried, target)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
         if finer is None:
