@@ -32,7 +32,7 @@ def heed_packages(scene: mi.Scene) -> None:
 
 
 def packages(scene: mi.Scene) -> list[np.ndarray]:
-    """(K, 3, 3) triangles of each package, in the frame of the scene's pad, in mm."""
+    """(K, 3, 3) triangles of the packages of each `photo_reflector`, in the frame of the scene's pad, in mm."""
     (pad,) = deformed_pads(scene)
     return [_in_its_frame(pad, body) for body in _bodies(scene)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import mitsuba as mi
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.triangles import closest_on_triangles
 from mitsuba_taxel.mechanics import State
+from mitsuba_taxel.mechanics.contact.bodies import body_of_each
 from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.clearance import packages
 from mitsuba_taxel.sensing.linearised_pad import Nodal
@@ -17,6 +19,8 @@ from mitsuba_taxel.sensing.linearised_pad import Nodal
 WALLS = (REGIONS["roof"], REGIONS["side"])
 _PLACES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
 """(28, 6) at the points of a face that are looked at."""
+_AT_ONCE = 256
+"""Points whose distance from a body is computed at once."""
 
 
 class PackageClearance:
@@ -32,11 +36,13 @@ class PackageClearance:
         self.value = math.nan
         faces = state.mesh.faces[np.isin(state.mesh.face_region, WALLS)]
         places = np.einsum("pk,fki->fpi", _PLACES, (state.mesh.points + state.displacement)[faces]).reshape(-1, 3)
-        found = [(*_nearest(places, body), body) for body in bodies] if len(places) else []
-        if found:
-            self.value, number, self._body = min(found, key=lambda each: each[0])
-            self._place, self._nodes = places[number], faces[number // len(_PLACES)]
-            self._weights = _PLACES[number % len(_PLACES)]
+        least = math.inf
+        for body in _each(bodies):
+            distance, number = _nearest(places, body, least)
+            if distance < least:
+                self.value = least = distance
+                self._body, self._place, self._nodes = body, places[number], faces[number // len(_PLACES)]
+                self._weights = _PLACES[number % len(_PLACES)]
 
     def rate(self, nodal: Nodal, others: list[tuple[float, list[np.ndarray]]]) -> float:
         """Its derivative while nodes move, and packages as the differences with ``others``, weights and bodies, say.
@@ -45,11 +51,16 @@ class PackageClearance:
         """
         if math.isnan(self.value):
             return math.nan
-        foot = _feet(self._place, self._body)[1]
-        away = (self._place - foot) / max(self.value, np.finfo(float).tiny)
+        away = self._way_from(self._body) / max(self.value, np.finfo(float).tiny)
         moved = self._weights @ (nodal.displacement + nodal.velocity)[self._nodes]
-        apart = (weight * min(_feet(self._place, body)[0] for body in bodies) for weight, bodies in others)
+        apart = (weight * min(map(self._distance_from, bodies)) for weight, bodies in others)
         return float(away @ moved) + float(sum(apart))
+
+    def _way_from(self, body: np.ndarray) -> np.ndarray:
+        return self._place - _feet(self._place[None], body)[0]
+
+    def _distance_from(self, body: np.ndarray) -> float:
+        return float(np.linalg.norm(self._way_from(body)))
 
 
 def clearances(
@@ -61,25 +72,34 @@ def clearances(
     return found.value, np.array([found.rate(*each) for each in zip(nodal, moved, strict=True)])
 
 
-def _nearest(places: np.ndarray, body: np.ndarray) -> tuple[float, int]:
-    """Distance of the nearest of points (N, 3) from a body (K, 3, 3), and its number.
+def _each(bodies: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """The packages, of which a body is made."""
+    for body in bodies:
+        number = body_of_each(body)
+        yield from (body[number == k] for k in range(number.max() + 1))
 
-    Only those are looked at whose distance from the box around the body is below the least that is known.
+
+def _nearest(places: np.ndarray, body: np.ndarray, least: float) -> tuple[float, int]:
+    """Distance of the nearest of points (N, 3) from a body (K, 3, 3), if less than ``least``, and its number.
+
+    Points are looked at by their distance from the box around the body, up to the least distance that is known.
     """
     low, high = body.min(axis=(0, 1)), body.max(axis=(0, 1))
     lower = np.linalg.norm(np.maximum(np.maximum(low - places, places - high), 0), axis=1)
-    best = int(lower.argmin())
-    least = _feet(places[best], body)[0]
-    for number in np.flatnonzero(lower < least - 1e-9):
-        distance = _feet(places[number], body)[0]
-        if distance < least:
-            best, least = int(number), distance
-    return least, best
+    order, nearest = np.argsort(lower, kind="stable"), -1
+    for some in np.split(order, range(_AT_ONCE, len(order), _AT_ONCE)):
+        if not len(some) or lower[some[0]] >= least:
+            break
+        distances = np.linalg.norm(_feet(places[some], body) - places[some], axis=1)
+        best = int(distances.argmin())
+        if distances[best] < least:
+            least, nearest = float(distances[best]), int(some[best])
+    return least, nearest
 
 
-def _feet(place: np.ndarray, body: np.ndarray) -> tuple[float, np.ndarray]:
-    """Distance of a point (3,) from a body (K, 3, 3), and its nearest point (3,) there."""
-    feet = closest_on_triangles(np.broadcast_to(place, (len(body), 3)), body)
-    distances = np.linalg.norm(feet - place, axis=1)
-    nearest = int(distances.argmin())
-    return float(distances[nearest]), feet[nearest]
+def _feet(places: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """The nearest points (N, 3) of a body (K, 3, 3) to points (N, 3)."""
+    pairs = np.repeat(places, len(body), axis=0)
+    feet = closest_on_triangles(pairs, np.tile(body, (len(places), 1, 1)))
+    distances = np.linalg.norm(feet - pairs, axis=1).reshape(len(places), -1)
+    return feet.reshape(len(places), -1, 3)[np.arange(len(places)), distances.argmin(axis=1)]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from one_cell import one_cell
+from trimesh.creation import box
 
-from mitsuba_taxel import Scene
+from mitsuba_taxel import Pad, Scene
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
+from mitsuba_taxel.geometry.triangles import closest_on_triangles
 from mitsuba_taxel.sensing.clearance import packages
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad
-from mitsuba_taxel.sensing.package_clearance import PackageClearance, clearances
+from mitsuba_taxel.sensing.package_clearance import WALLS, PackageClearance, clearances
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import rates
 
@@ -74,3 +79,19 @@ def test_derivatives_are_differences_of_the_whole_chain(scene, height, names):
         ends = (clearance(scene(**{**loaded, name: loaded[name] + sign * STEPS[name]})) for sign in (1, -1))
         difference = np.subtract(*ends) / (2 * STEPS[name])
         assert rate == pytest.approx(difference, rel=5e-3, abs=1e-5), name
+
+
+@pytest.mark.parametrize("rough", [0.0, 0.05])
+def test_the_nearest_of_all_packages_is_found(rough):
+    """Of three boxes of two bodies, beside flat or rough walls: as among all pairs of a place and a triangle."""
+    mesh = Pad(rows=1, columns=2).mesh(2.5)
+    faces = mesh.faces[np.isin(mesh.face_region, WALLS)]
+    moved = np.zeros_like(mesh.points)
+    moved[np.unique(faces)] = np.random.default_rng(1).normal(0, rough, (len(np.unique(faces)), 3))
+    one, other = (box((1.46, 1.06, 0.5)).triangles + (x, 0.01, 0.25) for x in (-1.775, 1.775))
+    bodies = [np.concatenate([one, other]), other + (0, 0, 0.2)]
+    sixths = np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6
+    places = (shape_functions(sixths) @ (mesh.points + moved)[faces]).reshape(-1, 3)
+    feet = [closest_on_triangles(places, np.broadcast_to(c, (len(places), 3, 3))) for body in bodies for c in body]
+    least = np.linalg.norm(np.array(feet) - places, axis=2).min()
+    assert PackageClearance(SimpleNamespace(mesh=mesh, displacement=moved), bodies).value == pytest.approx(least)
