@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,16 +16,18 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.bench.work_precision import ErrorCurve, Point, Truth, now, relative_rms
-from mitsuba_taxel.mechanics import load_path
+from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.mechanics import State, load_path
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path import load_segment
-from mitsuba_taxel.mechanics.path import pad_path as path
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.pad_path import shared
 from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE, Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.readings import ERROR_SHARE, Readings
+from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import loaded_pads
 from mitsuba_taxel.sensing.targets import MOST_ELEMENTS
@@ -95,14 +98,19 @@ class PadRequest(NamedTuple):
     load: Load
     value: np.ndarray
 
+    def state(self, mesh_size: float, step_tolerance: float) -> State:
+        """The state on elements of a size in mm, by steps of a tolerance."""
+        path = partial(load_path, mesh_size=mesh_size, step_tolerance=step_tolerance)
+        return path(self.pad, self.material, self.value[None], load=self.load)[0]
+
 
 def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
     """The loaded pads of a scene whose mesh size is that of `Scene.mesh_size`."""
-    return [
-        PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value))
-        for pad in loaded_pads(live)
-        if pad.mesh_size == mesh_size and pad.mesh_tolerance is None
-    ]
+    return [PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value)) for pad in _open(live, mesh_size)]
+
+
+def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
+    return [pad for pad in loaded_pads(live) if pad.mesh_size == mesh_size and pad.mesh_tolerance is None]
 
 
 class SizeRuns(NamedTuple):
@@ -212,33 +220,31 @@ def _point(setting: str, run: Solved, limit: FineMeshLimit, stated: float, refer
 
 
 def solve(
-    scene: Scene, pads: Sequence[PadRequest], size: float, tolerance: float = load_segment.INTERPOLATION_TOLERANCE
+    scene: Scene, pads: Sequence[PadRequest], size: float, step_tolerance: float = INTERPOLATION_TOLERANCE
 ) -> Solved:
     """Solve the pads of a scene without caches and read it; the error estimate is part of the mechanics."""
-    with from_nothing(tolerance):
+    with from_nothing():
         start = now()
-        states = [
-            state
-            for pad in pads
-            for state in load_path(pad.pad, pad.material, pad.value[None], load=pad.load, mesh_size=size)
-        ]
+        states = [pad.state(size, step_tolerance) for pad in pads]
         seconds = now() - start
-        readings = measure(scene.with_mesh_size(size), points=POINTS, seed=SEED)
+        ready = prepare(scene.with_mesh_size(size))
+        for pad, state in zip(_open(ready.scene, size), states, strict=True):
+            pad.take(state)
+        ready.scene.parameters_changed([])
+        readings = measure(ready, points=POINTS, seed=SEED)
     return Solved(readings, seconds, max(len(state.mesh.tets) for state in states))
 
 
 @contextmanager
-def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Iterator[None]:
-    """Ignore earlier solutions, and choose load steps for another tolerance of the interpolation."""
-    kept, before = os.environ.get("MITSUBA_TAXEL_CACHE"), load_segment.INTERPOLATION_TOLERANCE
+def from_nothing() -> Iterator[None]:
+    """Ignore earlier solutions."""
+    kept = os.environ.get("MITSUBA_TAXEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder
-        load_segment.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = tolerance
         _forget()
         try:
             yield
         finally:
-            load_segment.INTERPOLATION_TOLERANCE = path.INTERPOLATION_TOLERANCE = before
             os.environ.pop("MITSUBA_TAXEL_CACHE")
             if kept is not None:
                 os.environ["MITSUBA_TAXEL_CACHE"] = kept
@@ -246,5 +252,5 @@ def from_nothing(tolerance: float = load_segment.INTERPOLATION_TOLERANCE) -> Ite
 
 
 def _forget() -> None:
-    for kept in (path.shared, loaded_pad, mirror_images):
+    for kept in (shared, loaded_pad, mirror_images):
         kept.cache_clear()

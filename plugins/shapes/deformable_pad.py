@@ -245,9 +245,13 @@ class DeformablePad(mi.Mesh):
         before, self.state = self.state, state
         if np.array_equal(before.displacement, state.displacement):
             return False
-        self.surface = self._tessellated(state, self.pad)
-        move_vertices(self, self._places(self.surface, self.surface.facing))
+        self.take(state)
         return True
+
+    def take(self, state: State) -> None:
+        """Become the surface of another state of the pad on the same mesh."""
+        self.state, self.surface = state, self._tessellated(state, self.pad)
+        move_vertices(self, self._places(self.surface, self.surface.facing))
 
     def second_state(self) -> SecondState | None:
         """The state on elements of another size, with which derivatives are compared; see `second_state`."""

@@ -21,6 +21,7 @@ from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, 
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
+from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.pushed_path import PushedPath
@@ -45,6 +46,7 @@ def load_path(
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
     judged_on: float | None = None,
+    step_tolerance: float = INTERPOLATION_TOLERANCE,
     obstacles: np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[State]:
@@ -68,6 +70,9 @@ def load_path(
     judged_on : float, optional
         Size in mm of the elements on which the stability of an elastic pad is judged; by default on those of the path
         itself, which takes a third of its time or more. Beyond the loads that such a pad bears, it is judged on both.
+    step_tolerance : float
+        Root mean square error, relative to the largest displacement there, of displacements of an elastic pad that are
+        interpolated between solved states.
     obstacles : (K, 3, 3) ndarray, optional
         In mm, corners of the triangles of closed surfaces that do not move, in the frame of the pad. With
         ``self_contact`` of the load, contact without friction keeps the pad off them; else it must not touch them.
@@ -94,6 +99,8 @@ def load_path(
     law = material.law if isinstance(material, Viscoelastic) else material
     if not (judged_on is None or (is_number(judged_on) and judged_on > 0)):
         raise refusal("judged_on", judged_on, "a finite size in mm above 0 is needed")
+    if not (is_number(step_tolerance) and step_tolerance > 0):
+        raise refusal("step_tolerance", step_tolerance, "a finite number above 0 is needed")
     history = timed_rows(material, load, rows, times)
     earlier = len(history) - len(rows)
     states = []
@@ -102,7 +109,8 @@ def load_path(
         bodies = None
         if load.goes_on and obstacles is not None:
             bodies, obstacles = RigidBodies(obstacles.tobytes()), None
-        path = pad_path(pad, law, load, size, judged_on=None if history else judged_on, bodies=bodies)
+        judged_on = None if history else judged_on
+        path = pad_path(pad, law, load, size, judged_on=judged_on, bodies=bodies, step_tolerance=step_tolerance)
         _check_room(len(rows), path)
         for done, value in enumerate(rows, start=1):
             with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):

@@ -18,8 +18,8 @@ from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected, Soluti
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 
 INTERPOLATION_TOLERANCE = 1e-5
-"""Root mean square error of interpolated displacements, relative to the largest displacement there. The largest error
-is that of few nodes beside singular edges, and is larger on smaller elements."""
+"""Default for the root mean square error of interpolated displacements, relative to the largest displacement there. The
+largest error is that of few nodes beside singular edges, and is larger on smaller elements."""
 TICKS = 64
 """Smallest fraction of a whole step."""
 CONTACT_RESOLUTION = 1e-3
@@ -66,6 +66,8 @@ class LoadSegment:
         Default distance between nodes.
     judged : bool
         Whether states must be stable against all displacements, not only those with the symmetry of the load.
+    tolerance : float
+        Of the interpolation; see :data:`INTERPOLATION_TOLERANCE`.
 
     Attributes
     ----------
@@ -75,8 +77,16 @@ class LoadSegment:
         In mm, point of contact at the limit; NaN without contact.
     """
 
-    def __init__(self, origin: np.ndarray, direction: np.ndarray, step: float, judged: bool) -> None:
+    def __init__(
+        self,
+        origin: np.ndarray,
+        direction: np.ndarray,
+        step: float,
+        judged: bool,
+        tolerance: float = INTERPOLATION_TOLERANCE,
+    ) -> None:
         self.origin, self.direction, self.step, self.judged = origin, direction, step, judged
+        self.tolerance = tolerance
         self.nodes: list[Node] = []
         self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
 
@@ -185,7 +195,7 @@ class LoadSegment:
         correction = pad.correction(linearised, unknowns, self.value(middle))
         if correction is None:
             return False
-        return _is_little(correction, unknowns, pad.numbering.displacements)
+        return self._is_little(correction, unknowns, pad)
 
     def _needed_middle(self, pad: LoadedPad) -> bool:
         """Whether the last two intervals are of equal length, and as one would not be interpolated accurately."""
@@ -195,7 +205,13 @@ class LoadSegment:
         if middle.s != 0.5 * (start.s + end.s):
             return False
         off = hermite(start, end, middle.s) - middle.unknowns
-        return not _is_little(off, middle.unknowns, pad.numbering.displacements)
+        return not self._is_little(off, middle.unknowns, pad)
+
+    def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: LoadedPad) -> bool:
+        """Whether the displacements, the first of the unknowns, are within the tolerance."""
+        displacements = pad.numbering.displacements
+        error = math.sqrt(np.square(correction[:displacements]).mean())
+        return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
     def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
@@ -277,12 +293,6 @@ class LoadSegment:
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
         self.nodes = [Node(*row) for row in zip(*columns, strict=True)]
-
-
-def _is_little(correction: np.ndarray, unknowns: np.ndarray, displacements: int) -> bool:
-    """Whether the displacements, the first of the unknowns, are within the tolerance of the interpolation."""
-    error = math.sqrt(np.square(correction[:displacements]).mean())
-    return bool(error <= INTERPOLATION_TOLERANCE * np.abs(unknowns[:displacements]).max())
 
 
 def hermite(start: Node, end: Node, s: float) -> np.ndarray:

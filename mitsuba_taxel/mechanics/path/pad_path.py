@@ -46,7 +46,8 @@ class PadPath:
 
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
     ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
-    judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch.
+    judged itself. Where a load goes on, ``bodies`` may stand in the way, which the states of the path touch. Between
+    nodes it is interpolated within ``step_tolerance``.
     """
 
     def __init__(
@@ -58,10 +59,12 @@ class PadPath:
         judged: bool,
         judged_on: float | None,
         bodies: RigidBodies | None,
+        step_tolerance: float,
     ) -> None:
         self.pad, self.material, self.load, self.mesh_size, self.bodies = pad, material, load, mesh_size, bodies
+        self.step_tolerance = step_tolerance
         self.judged = judged and judged_on is None
-        self.judge = None if judged_on is None else pad_path(pad, material, load, judged_on, bodies=bodies)
+        self.judge = None if judged_on is None else self._like(judged_on)
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
@@ -91,7 +94,7 @@ class PadPath:
         """The path on which the body is moved that presses with a force."""
         assert isinstance(self.load, IndenterForce)
         moved = IndenterDisplacement(self.load.indenter)
-        return pad_path(self.pad, self.material, moved, self.mesh_size, self.judged)
+        return pad_path(self.pad, self.material, moved, self.mesh_size, self.judged, step_tolerance=self.step_tolerance)
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
@@ -134,8 +137,7 @@ class PadPath:
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
         if self.judge and not self.judge.bears(value):
-            alone = pad_path(self.pad, self.material, self.load, self.mesh_size, bodies=self.bodies)
-            return alone.state(value, obstacles)
+            return self._like(self.mesh_size).state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact)
         if isinstance(self.load, IndenterForce):
@@ -164,7 +166,10 @@ class PadPath:
 
     def on_elements(self, mesh_size: float) -> PadPath:
         """The same path on elements of another size, which is not judged."""
-        return pad_path(self.pad, self.material, self.load, mesh_size, judged=False, bodies=self.bodies)
+        return self._like(mesh_size, judged=False)
+
+    def _like(self, mesh_size: float, judged: bool = True) -> PadPath:
+        return pad_path(self.pad, self.material, self.load, mesh_size, judged, None, self.bodies, self.step_tolerance)
 
     def bears(self, value: np.ndarray) -> bool:
         """Whether its path leads as far as ``value``."""
@@ -341,7 +346,7 @@ class PadPath:
             step = self._step
             if not (self.judged or direction[:-1].any() or self.pad_for(origin, direction).solves_between):
                 step *= LONGER_PRESSED
-            segment = self.segments[index] = LoadSegment(origin, direction, step, self.judged)
+            segment = self.segments[index] = LoadSegment(origin, direction, step, self.judged, self.step_tolerance)
             self._take_stored(segment)
         return self.segments[index]
 
@@ -372,7 +377,7 @@ class PadPath:
             segment.restore(arrays)
 
     def _segment_name(self, segment: LoadSegment) -> str:
-        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, INTERPOLATION_TOLERANCE, available_solvers()[0]]
+        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, segment.tolerance, available_solvers()[0]]
         ends = segment.origin.tolist(), segment.direction.tolist()
         return cache.key("segment", *self.key_parts, numerics, *ends)
 
@@ -427,9 +432,10 @@ def pad_path(
     judged: bool = True,
     judged_on: float | None = None,
     bodies: RigidBodies | None = None,
+    step_tolerance: float = INTERPOLATION_TOLERANCE,
 ) -> PadPath:
     """The shared path, the same whichever arguments are left out."""
-    return shared(pad, material, load, mesh_size, judged, judged_on, bodies)
+    return shared(pad, material, load, mesh_size, judged, judged_on, bodies, step_tolerance)
 
 
 shared = lru_cache(maxsize=16)(PadPath)
