@@ -10,7 +10,8 @@ from xml.parsers import expat
 
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.left_out import used_by
-from mitsuba_taxel.sensing.scene import DEEPEST, is_file
+from mitsuba_taxel.sensing.scene import is_file
+from mitsuba_taxel.sensing.scene_file import DEEPEST
 
 KINDS = (
     "integrator", "shape", "bsdf", "emitter", "sensor", "film", "rfilter", "sampler", "texture", "medium", "phase",

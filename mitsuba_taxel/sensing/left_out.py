@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.scene_file import read_scene_file
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -40,10 +41,10 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     absent = left_out(parameters)
     if not absent:
         return mi.parser.parse_file(config, str(path), **parameters)
-    root = ElementTree.parse(path).getroot()
+    (_, root), *included = read_scene_file(path)
     before = _used(root)
     _leave_out(root, absent)
-    used = _used(root).union(*(_used_within(path.parent / one.get("filename", "")) for one in root.iter("include")))
+    used = _used(root).union(*(_used(inner) for _, inner in included))
     for name in sorted(absent & used):
         raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it.")
     unused = before - used
@@ -64,8 +65,3 @@ def _leave_out(element: ElementTree.Element, absent: set[str]) -> None:
 
 def _used(root: ElementTree.Element) -> set[str]:
     return set().union(*(used_by(element.attrib) for element in root.iter()))
-
-
-def _used_within(path: Path) -> set[str]:
-    root = ElementTree.parse(path).getroot()
-    return _used(root).union(*(_used_within(path.parent / one.get("filename", "")) for one in root.iter("include")))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from pathlib import Path
 
 from mitsuba_taxel.parameters import Number, Parameter
+from mitsuba_taxel.sensing.scene_file import read_scene_file
 from mitsuba_taxel.specification import specifications
 
 _NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
@@ -29,7 +29,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
 
 def _places(scene: Path) -> Iterator[tuple[str, str]]:
     """Pairs of a unit and the value of an attribute in that unit."""
-    for element in ElementTree.parse(scene).iter():
+    for element in (each for _, root in read_scene_file(scene) for each in root.iter()):
         stated = specifications().get(element.get("type", ""))
         parameters = {} if stated is None else stated.values()
         for child in element:
@@ -41,8 +41,6 @@ def _places(scene: Path) -> Iterator[tuple[str, str]]:
                 yield "mm", text
         if element.tag == "rotate":
             yield "degrees", element.get("angle", "")
-        if element.tag == "include":
-            yield from _places(scene.parent / element.get("filename", ""))
 
 
 def _unit(parameter: Parameter | None) -> str:

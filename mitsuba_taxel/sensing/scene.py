@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.parts.part import SUFFIX
 from mitsuba_taxel.sensing.left_out import NONE, parse_scene, used_by
+from mitsuba_taxel.sensing.scene_file import read_scene_file
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -30,8 +30,6 @@ END_OF_PATH = "the load path ends at"
 MESHED_AS = "meshed_as"
 """Parameter of all scenes from files: 'name=value', separated by commas, of other parameters; the meshes of the pads of
 that scene are moved onto those of this one."""
-DEEPEST = 16
-"""Largest nesting depth of a scene: Mitsuba's parser is recursive."""
 
 _EMITTERS: WeakSet[mi.Emitter] = WeakSet()
 """Emitters of the scenes that have been loaded and not been freed."""
@@ -321,39 +319,19 @@ def shipped_scenes() -> Path:
     return Path(str(files("mitsuba_taxel.scenes"))).resolve()
 
 
-def _declared_parameters(path: Path, around: tuple[Path, ...] = ()) -> tuple[dict[str, str], set[str]]:
-    """Defaults of an XML scene, and the names of all parameters that it uses; ``around`` are the files including it."""
-    if path.resolve() in around:
-        raise InputError(f"{path.name} is not allowed: it includes itself.")
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise InputError(f"{path.name} does not parse as XML: {error}.") from error
-    except (OSError, LookupError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        within = f", which {around[-1].name} includes," if around else ""
-        raise InputError(f"{path}{within} cannot be read: {reason}.") from error
-    if _depth(root) > DEEPEST:
-        raise InputError(f"{path.name} is not allowed: more than {DEEPEST} of its elements lie one in the other.")
+def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
+    """Defaults of an XML scene, and the names of all parameters that it uses."""
     defaults: dict[str, str] = {}
-    for element in root.iter("default"):
-        name = element.get("name", "")
-        if name in defaults:
-            raise InputError(f"{path.name}: the <default> {name} is given twice: take one of them out.")
-        defaults[name] = element.get("value", "")
-    used = set().union(*(used_by(element.attrib) for element in root.iter()))
-    for include in root.iter("include"):
-        inner = path.parent / include.get("filename", "")
-        inner_defaults, inner_used = _declared_parameters(inner, (*around, path.resolve()))
-        defaults, used = {**inner_defaults, **defaults}, used | inner_used
+    used: set[str] = set()
+    for file, root in read_scene_file(path):
+        own: dict[str, str] = {}
+        for element in root.iter("default"):
+            name = element.get("name", "")
+            if name in own:
+                raise InputError(f"{file.name}: the <default> {name} is given twice: take one of them out.")
+            own[name] = element.get("value", "")
+        defaults, used = {**own, **defaults}, used.union(*(used_by(element.attrib) for element in root.iter()))
     return defaults, used | set(defaults)
-
-
-def _depth(root: ElementTree.Element) -> int:
-    depth, level = 0, [root]
-    while level and depth <= DEEPEST:
-        depth, level = depth + 1, [child for element in level for child in element]
-    return depth
 
 
 def far_transforms(props: mi.Properties) -> dict[str, str]:

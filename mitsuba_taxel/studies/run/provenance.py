@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from mitsuba_taxel.backend import report
 from mitsuba_taxel.base.sources import code_digest
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import is_file
+from mitsuba_taxel.sensing.scene_file import read_scene_file
 from mitsuba_taxel.studies.plan.batch import Batch
 
 ROOMS = (
@@ -57,7 +57,8 @@ def _versions() -> dict[str, str]:
 def _files_of(scene: Path, values: set[str]) -> Iterator[Path]:
     """The scene, and every file beside it that it or one of the values of its parameters names."""
     yield scene
-    words = {word for element in ElementTree.parse(scene).iter() for word in element.attrib.values()}
+    _, root = next(read_scene_file(scene))
+    words = {word for element in root.iter() for word in element.attrib.values()}
     for word in sorted(words | values):
         file = scene.parent / re.sub(r"^@", "", word)
         if word and is_file(file) and file != scene:
