@@ -7,12 +7,12 @@ import os
 import pickle
 import resource
 import signal
-import subprocess
 import sys
 import tempfile
 from typing import Any, Protocol
 
 from mitsuba_taxel.base.limits import memory_limit
+from mitsuba_taxel.base.worker_process import NoAnswer, answer_of
 
 
 class Measurable(Protocol):
@@ -34,22 +34,18 @@ def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: in
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "MITSUBA_TAXEL_CACHE": cache}
         try:
-            done = subprocess.run(
-                command, input=pickle.dumps(case), capture_output=True, timeout=seconds, env=environment
-            )
-            end = "" if done.returncode == 0 else _end_of(done)
-        except subprocess.TimeoutExpired:
-            end = f"out of time after {seconds:g} s"
-    failed = case.failed(end)
-    return failed if end else type(failed)(**json.loads(done.stdout))
+            row = json.loads(answer_of(command, pickle.dumps(case), seconds, environment))
+        except NoAnswer as failed:
+            return case.failed(_words(failed, seconds))
+    return type(case.failed(""))(**row)
 
 
-def _end_of(done: subprocess.CompletedProcess[bytes]) -> str:
+def _words(failed: NoAnswer, seconds: float) -> str:
     """How a process without a row ended."""
-    lines = done.stderr.decode(errors="replace").strip().splitlines() or [""]
-    if any(word in lines[-1] for word in ("MemoryError", "bad_alloc", "memory allocation")):
+    if failed.end == "time":
+        return f"out of time after {seconds:g} s"
+    if failed.end == "memory":
         return "out of memory"
-    if done.returncode < 0:
-        number = -done.returncode
-        return f"died: signal {number} ({signal.Signals(number).name})"
-    return f"died: {lines[-1][:200]}"
+    if failed.end == "error":
+        return f"died: {failed.last[:200]}"
+    return f"died: signal {signal.Signals[failed.end].value} ({failed.end})"

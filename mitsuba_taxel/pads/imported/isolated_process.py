@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import signal
-import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.limits import memory_limit
+from mitsuba_taxel.base.worker_process import NoAnswer, answer_of
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")
@@ -37,28 +36,21 @@ def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarra
     memory = memory_limit(int(MOST_MEMORY))
     command = [sys.executable, str(WORKER), task, str(memory), str(int(MOST_SECONDS))]
     try:
-        done = subprocess.run(command, input=_packed(arrays), capture_output=True, timeout=MOST_SECONDS)
-    except subprocess.TimeoutExpired as error:
-        raise ComputationError(
-            f"meshing the pad was stopped after {MOST_SECONDS:g} s: choose a greater mesh_size, or a simpler surface."
-        ) from error
-    if done.returncode == 0:
-        answer = _unpacked(done.stdout)
-        if "error" in answer:
-            raise GeometryError(str(answer["error"]))
-        return answer
-    raise ComputationError(_reason(done, memory)) from RuntimeError(done.stderr.decode(errors="replace"))
+        answer = _unpacked(answer_of(command, _packed(arrays), MOST_SECONDS))
+    except NoAnswer as failed:
+        raise ComputationError(f"meshing the pad {_words(failed, memory)}.") from failed
+    if "error" in answer:
+        raise GeometryError(str(answer["error"]))
+    return answer
 
 
-def _reason(done: subprocess.CompletedProcess[bytes], memory: int) -> str:
-    last = (done.stderr.decode(errors="replace").strip().splitlines() or [""])[-1]
-    if "bad_alloc" in last or "MemoryError" in last or -done.returncode == signal.SIGKILL:
-        return f"meshing the pad needed more than {memory / 2**30:.3g} GB of memory: choose a greater mesh_size."
-    if done.returncode < 0:
-        how = f"crashed ({signal.Signals(-done.returncode).name})"
-    else:
-        how = f"failed ({last[:120]})"
-    return f"meshing the pad {how}: choose another mesh_size, or repair the surface."
+def _words(failed: NoAnswer, memory: int) -> str:
+    if failed.end == "time":
+        return f"was stopped after {MOST_SECONDS:g} s: choose a greater mesh_size, or a simpler surface"
+    if failed.end in ("memory", "SIGKILL"):
+        return f"needed more than {memory / 2**30:.3g} GB of memory: choose a greater mesh_size"
+    how = f"failed ({failed.last[:120]})" if failed.end == "error" else f"crashed ({failed.end})"
+    return f"{how}: choose another mesh_size, or repair the surface"
 
 
 def _packed(arrays: Mapping[str, object]) -> bytes:

@@ -1,0 +1,41 @@
+"""Answers of workers: processes that may crash, hang or exhaust memory."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+
+
+class NoAnswer(Exception):
+    """A process that was stopped, or ended badly.
+
+    Attributes
+    ----------
+    end : str
+        "time" or "memory" if it exceeded these, the name of a signal, or "error".
+    last : str
+        The last line that it printed on standard error.
+    """
+
+    def __init__(self, end: str, output: str = "") -> None:
+        super().__init__(output)
+        self.end, self.last = end, (output.strip().splitlines() or [""])[-1]
+
+
+def answer_of(
+    command: Sequence[str], given: bytes, seconds: float, environment: Mapping[str, str] | None = None
+) -> bytes:
+    """What a process prints that is given ``given`` on standard input; raises `NoAnswer` if it fails."""
+    try:
+        done = subprocess.run(command, input=given, capture_output=True, timeout=seconds, env=environment)
+    except subprocess.TimeoutExpired as error:
+        raise NoAnswer("time") from error
+    if done.returncode == 0:
+        return done.stdout
+    failed = NoAnswer("error", done.stderr.decode(errors="replace"))
+    if any(word in failed.last for word in ("MemoryError", "bad_alloc", "memory allocation")):
+        failed.end = "memory"
+    elif done.returncode < 0:
+        failed.end = signal.Signals(-done.returncode).name
+    raise failed
