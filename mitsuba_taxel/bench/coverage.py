@@ -28,9 +28,9 @@ _PAGE = """\
 Written by `taxel bench coverage --csv {csv} --markdown {page}`; do not edit by hand.
 
 Each setting is read on the default mesh, with the error that it states for the finite elements, and on elements of
-{fine:g} mm or less (at most 1 / {finer:g} of the default), extrapolated from these and from elements {coarser:.2f}
-times as large with an error that falls with the power {order:g} of their size. All readings of a setting share their
-random numbers.
+{fine:g} mm or less (at most 1 / {finer:g} of the reading's), extrapolated from these and from elements {coarser:.2f}
+times as large with an error that falls with the power {order:g} of their size. Light is computed without random
+numbers, by patches that are the same on all elements.
 
 **{summary}**
 
@@ -38,8 +38,8 @@ random numbers.
 
 - **true**, **stated**: relative error of the worst taxel due to the finite elements.
 - **corrected**: the same if the error that the second mesh shows, with its sign, is subtracted from the reading.
-- **noise**: of **true**, due to the light. **truth extrapolated by**: error of the finest elements themselves.
-- **within twice**: readings whose true error is within twice the stated one and the noise, added in quadrature.
+- **light**: stated for the patches of the light. **truth extrapolated by**: error of the finest elements themselves.
+- **within twice**: readings whose true error is within twice the stated one.
 - **CPU s**: time of all processors, for all three meshes.
 """
 

@@ -23,14 +23,14 @@ class CoverageRow:
         True error after the estimated error, with its sign, is subtracted from the readings.
     stated : float
         Relative error stated for them.
-    noise : float
-        Relative standard error of `true` due to the light.
+    light : float
+        Relative error stated for the light, which all readings of a setting share but for its change with the shape.
     extrapolated : float
         Relative change of the truth by the extrapolation from the finest elements.
     readings : float
         Number of taxels.
     within : float
-        Number of these whose true error is within twice the stated error (and twice the noise).
+        Number of these whose true error is within twice the stated error.
     seconds : float
         Of processors' time.
     """
@@ -42,7 +42,7 @@ class CoverageRow:
         "corrected": ("corrected", ".3%"),
         "stated": ("stated", ".3%"),
         "ratio": ("true / stated", ".2f"),
-        "noise": ("noise", ".3%"),
+        "light": ("light", ".3%"),
         "extrapolated": ("truth extrapolated by", ".3%"),
         "readings": ("readings", ".0f"),
         "within": ("within twice", ".0f"),
@@ -55,7 +55,7 @@ class CoverageRow:
     true: float = math.nan
     corrected: float = math.nan
     stated: float = math.nan
-    noise: float = math.nan
+    light: float = math.nan
     extrapolated: float = math.nan
     readings: float = math.nan
     within: float = math.nan

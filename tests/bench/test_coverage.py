@@ -40,7 +40,6 @@ def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
     On elements half as large and less, the truth is right to a tenth of what is compared. `tests/sensing` has forces on
     all shapes of cells with thicker walls.
     """
-    monkeypatch.setattr(coverage_cases, "POINTS", 1 << 11)
     monkeypatch.setattr(coverage_cases, "FINE", 0.6)
     rows = [case.measured() for case in coverage_cases.coverage_cases() if case.name in SUBSET]
     assert len(rows) == len(SUBSET) and not any(row.remark for row in rows)

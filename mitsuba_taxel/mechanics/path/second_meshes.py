@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics.path.load_segment import Interpolated
 from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.mechanics.results.locate import carried
-from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio
+from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio, top_ratio
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
@@ -81,11 +81,12 @@ class SecondMeshes:
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
             glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
-            forces = (glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes)
+            forces = [glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes]
+            of_force = comparison.force_error(*forces) if path.load.gives_displacement else 0.0
             return StateComparison(
                 comparison.error(displacement, other),
-                partial(comparison.deviations, displacement, other),
-                comparison.force_error(*forces) if path.load.gives_displacement else 0.0,
+                partial(comparison.deviations, displacement, other, share_of(of_force, forces[0])),
+                of_force,
                 at.seconds,
             )
 
@@ -104,7 +105,14 @@ class SecondMeshes:
             return None
         if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
             return None
-        return second, RoofComparison(path.mesh, second.mesh, self.typical(TYPICAL_ERROR))
+        least = self.typical(TYPICAL_ERROR)
+        return second, RoofComparison(path.mesh, second.mesh, least, max(least, self._typical_at_top))
+
+    @property
+    def _typical_at_top(self) -> float:
+        """Typical error of a force, if domes alone have smaller elements than those of their judge."""
+        judge = self._path.judge
+        return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
         """An error that is typical of elements of the default size, on those of the path."""
@@ -118,6 +126,11 @@ class SecondMeshes:
             responses = zip(self._path.small_responses, second.small_responses, strict=True)
             return max(comparison.error(here, other).relative for here, other in responses)
         return math.inf
+
+
+def share_of(error: float, force: np.ndarray) -> float:
+    """Relative error of a force (3,)."""
+    return error / float(np.linalg.norm(force)) if error else 0.0
 
 
 def carried_to(

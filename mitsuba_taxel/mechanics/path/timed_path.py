@@ -32,6 +32,7 @@ from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedP
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
 from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, Way, passed
+from mitsuba_taxel.mechanics.path.second_meshes import share_of
 from mitsuba_taxel.mechanics.path.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.path.time_steps import (
     INTERPOLATION_TOLERANCE,
@@ -375,11 +376,12 @@ class TimedPath:
                 solved = (self, at), (other, there), (self, longer)
                 force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
                 of_steps = float(np.linalg.norm(force_longer - force))
-                error = comparison.force_error(force, force_there) + of_steps
+                of_mesh = comparison.force_error(force, force_there) if self._path.load.gives_displacement else 0.0
+                deviations = partial(comparison.deviations, of_force=share_of(of_mesh, force))
                 return StateComparison(
                     comparison.error(at.displacement, there.displacement),
-                    partial(self._deviations, comparison.deviations, at, there, longer),
-                    error if self._path.load.gives_displacement else 0.0,
+                    partial(self._deviations, deviations, at, there, longer),
+                    of_mesh + of_steps if self._path.load.gives_displacement else 0.0,
                     there.seconds + (0.0 if longer is at else longer.seconds),
                 )
 

@@ -60,14 +60,23 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
     return math.sqrt(solid * walls)
 
 
+def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
+    """As :func:`size_ratio`, of the elements at the top alone."""
+    faces = (np.count_nonzero(each.face_region == REGIONS["top"]) for each in (mesh, other))
+    return math.sqrt(next(faces) / next(faces))
+
+
 class RoofComparison:
     """Comparison of solutions on a mesh with those on a coarser or finer mesh of the same pad.
 
-    The roofs' mean error along their displacement is at least the fraction ``least`` of it.
+    The roofs' mean error along their displacement is at least the fraction ``least`` of it, that of a force at least
+    ``least_of_force``, by default as large a fraction.
     """
 
-    def __init__(self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0) -> None:
-        self._least = least
+    def __init__(
+        self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0, least_of_force: float | None = None
+    ) -> None:
+        self._least, self._least_of_force = least, least if least_of_force is None else least_of_force
         ratio = size_ratio(mesh, other)
         # With e(h) = c h^p, e(r h) - e(h) = (r^p - 1) e(h), whether r is above 1 or below.
         self._average, self._local = (1 / (ratio**order - 1) for order in (ORDER, LOCAL_ORDER))
@@ -109,18 +118,20 @@ class RoofComparison:
 
         The least fraction applies to it too: a pad that moves too little under a force resists a displacement too much.
         """
-        return max(abs(self._average) * float(np.linalg.norm(other - force)), self._least * np.linalg.norm(force))
+        difference = abs(self._average) * float(np.linalg.norm(other - force))
+        return max(difference, self._least_of_force * np.linalg.norm(force))
 
-    def deviations(self, displacement: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def deviations(self, displacement: np.ndarray, other: np.ndarray, of_force: float = 0.0) -> np.ndarray:
         """(2, N, 3) change of the nodes with twice the element size.
 
         First the part along the displacement, at least the fraction ``least`` of it, then the remainder, which is that
-        of the walls of cells, and 0 elsewhere.
+        of the walls of cells, and 0 elsewhere. Where a displacement is given, the force has a relative error
+        ``of_force`` too, with which the whole pad is displaced more or less, independently of the roofs under a force.
         """
         moved = _parts(self._here, displacement)[0]
         difference = _parts(self._there, other)[0] - moved
         short = self._short(moved, difference)
-        along = -math.copysign(max(abs(short), self._least), short) * displacement
+        along = -math.copysign(math.hypot(max(abs(short), self._least), of_force), short) * displacement
         rest, (walls, there) = np.zeros_like(displacement), self._walls_there
         rest[walls] = self._average * (there @ other - displacement[walls]) + short * displacement[walls]
         return np.array([along, rest]) / ERROR_SHARE

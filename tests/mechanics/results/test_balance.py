@@ -171,14 +171,24 @@ def test_between_the_nodes_of_a_path_the_interpolation_is_what_lacks(load, segme
     assert reactions(balanced).imbalance < 1e-9
 
 
-MOVED = [("parallelepiped", 1.0, 0.0), ("cylindrical", 0.5, 0.0), ("spherical", 0.7, 0.0)]
+MOVED = [
+    ("parallelepiped", 1.0, 0.0, 1.0),
+    ("cylindrical", 0.5, 0.0, 1.0),
+    ("spherical", 0.7, 0.0, 1.0),
+    ("spherical", 1.0, 0.0, 0.5),
+]
 
 
-@pytest.mark.parametrize(("cell", "wall", "along"), MOVED)
-def test_the_force_on_a_plate_that_is_moved_has_its_error(cell, wall, along):
-    """Coarse pads are too stiff, by up to two per cent; seen on elements of a third of the size."""
+@pytest.mark.parametrize(("cell", "wall", "along", "share"), MOVED)
+def test_the_force_on_a_plate_that_is_moved_has_its_error(cell, wall, along, share):
+    """Coarse pads are too stiff, by up to two per cent; seen on elements of a third of the size.
+
+    Domes of smaller elements are too stiff at the plate, where these are as large as before.
+    """
     pad, value, plate = Pad(cell, 1, 1, wall=wall), [(along, 0.0, -0.1)], PlateDisplacement()
-    (state,) = load_path(pad, NeoHookean(), value, load=plate)
+    size = pad.default_mesh_size
+    how = {} if share == 1 else {"mesh_size": share * size, "judged_on": size}
+    (state,) = load_path(pad, NeoHookean(), value, load=plate, **how)
     (fine,) = load_path(pad, NeoHookean(), value, load=plate, mesh_size=pad.default_mesh_size / 3)
     here, there = reactions(state), glued_force(fine.mesh, fine.material, fine.displacement, fine.pressure)
     off = np.linalg.norm(here.force - there)

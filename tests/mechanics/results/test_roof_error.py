@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +53,17 @@ def test_meshes_that_agree_by_chance_do_not_make_an_error_small(agreement):
     along, rest = comparison.deviations(here, (1 + agreement) * there)[:, seen]
     np.testing.assert_allclose(ERROR_SHARE * np.linalg.norm(along, axis=1), 0.02 * most, rtol=1e-9)
     np.testing.assert_allclose(rest, 0.0, atol=1e-9)
+
+
+def test_the_error_of_a_force_displaces_the_whole_pad_where_a_displacement_is_given():
+    """Independently of that of the roofs, here of 2 %; the force's is at least as typical as is said."""
+    mesh, other = THICK.mesh(1.25), THICK.mesh(2.5)
+    here, there = (np.zeros_like(m.points) + [0.05, 0.0, -0.1] for m in (mesh, other))
+    comparison = RoofComparison(mesh, other, least=0.02, least_of_force=0.03)
+    force = np.array([0.0, 0.3, 0.4])
+    assert comparison.force_error(force, force) == pytest.approx(0.015)
+    along, _ = comparison.deviations(here, there, of_force=0.03)
+    np.testing.assert_allclose(ERROR_SHARE * np.abs(along), math.hypot(0.02, 0.03) * np.abs(here), rtol=1e-9)
 
 
 @pytest.mark.parametrize("cell", CELL_SHAPES)
