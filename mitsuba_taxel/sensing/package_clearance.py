@@ -19,7 +19,7 @@ from mitsuba_taxel.sensing.linearised_pad import Nodal
 WALLS = (REGIONS["roof"], REGIONS["side"])
 _PLACES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
 """(28, 6) at the points of a face that are looked at."""
-_AT_ONCE = 256
+_AT_ONCE = 32
 """Points whose distance from a body is computed at once."""
 
 

@@ -85,8 +85,7 @@ class Cell:
         self._starts = Starts(self._at, self._normal, walls.isotropic[mesh.own], walls.lambertian[mesh.own])
         self._emission = emission(led, walls.places, mesh.rest, mesh.degree)
         self._reception = Reception(phototransistor, self._starts)
-        self._box, self._between = box, self._between_walls(box)
-        self._exchange = self._exchanged(self._between)
+        self._box, self._exchange = box, self._exchanged(self._between_walls(box))
         kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
         self.response = lu_solve(kept, self._reception.value)
         self._adjoint = lu_solve(kept, self._emission.power, trans=1)
@@ -147,7 +146,7 @@ class Cell:
         points, size = pairs.shares.shape
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
-        slopes = self._between.slopes(given, wider)
+        slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
         by_start, by_normal = self._reception.gradient(self._adjoint)
         by_start -= _summed(slopes.by_end, pairs.target, len(mesh.own))
         by_start += 0 if slopes.by_both is None else _summed(slopes.by_both, pairs.target, len(mesh.own))
