@@ -44,7 +44,7 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
 
 
 def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
-    """A study whose readings and derivatives are in volts instead of watts, for figures of merit.
+    """A study whose readings, their errors and derivatives are in volts instead of watts, for figures of merit and plots.
 
     Voltages of the mean powers are exact; deviations of the replicates are linearised.
     """
@@ -53,6 +53,8 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
     voltage = mean.copy(data=np.where(np.isfinite(mean), shown.voltage, np.nan))
     rate = mean.copy(data=shown.rate)
     converted = {"replicate_power": voltage + rate * (study.replicate_power - mean)}
+    if "total_error" in study:
+        converted["total_error"] = rate * study.total_error
     if "smooth_power" in study:
         shown = respond(circuit, _lit(study.smooth_power.values))
         rate = study.smooth_power.copy(data=shown.rate)

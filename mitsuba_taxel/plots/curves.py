@@ -1,4 +1,4 @@
-"""Plots of power against the curve parameter of a study."""
+"""Plots of power, or voltage, against the curve parameter of a study."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.plots.figures import (
     MOST_PANELS,
     as_label,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 PLACES = 200
 """Points at which cubic curves are drawn."""
 TAXELS = "taxel, row by\nrow from (-x, +y)"
+QUANTITIES = {"W": "optical power", "V": "voltage"}
 
 
 class Curve(NamedTuple):
@@ -96,7 +98,7 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
 
 
 def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Power against the study's curve parameter.
+    """Power against the study's curve parameter; voltage, with counts at the right, of a study in volts.
 
     Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or with derivatives the
     cubic curves through readings without random numbers.
@@ -116,10 +118,10 @@ def _plot_taxels(study: xr.Dataset, curve: Curve, narrow: bool) -> Figure:
     axes = panel_axes(2 if count > 1 else 1, 1, narrow=narrow)
     panels = axes[:, 0]
     _draw_lines(panels[0], curve, names)
-    label_with_prefix(panels[:1], "optical power", "W")
+    _label(panels[:1], study, _quantity(study))
     if count > 1:
         _draw_lines(panels[1], curve.weighted(np.eye(count) - 1 / count)._replace(error=0 * curve.error), names)
-        label_with_prefix(panels[1:], "difference from the taxels' mean", "W")
+        _label(panels[1:], study, "difference from the taxels' mean")
     _finish(axes, study)
     legend_beside(panels[0].figure, panels[:1], TAXELS)
     return panels[0].figure
@@ -136,7 +138,8 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
             if lines > 1:
                 _draw_lines(block[1], mean.relative(), [label], number)
         block[0].set_title(panel.title, fontsize="medium")
-    label_with_prefix(blocks[:, 0], f"power, mean of {count} taxels" if count > 1 else "optical power", "W")
+    quantity = _quantity(study)
+    _label(blocks[:, 0], study, f"{quantity.split()[-1]}, mean of {count} taxels" if count > 1 else quantity)
     if lines > 1:
         label_with_prefix(blocks[:, 1], _since(study, curves[0]), "%")
     _finish(blocks, study, left_out)
@@ -161,6 +164,26 @@ def has_taxels_to_compare(study: xr.Dataset) -> bool:
     """Whether :func:`plot_taxels` shows more than :func:`plot_curves` does."""
     curves = curves_of(study)
     return len(curves) > 1 and study.sizes["taxel"] > 1 and _changes(curves[0])
+
+
+def _unit(study: xr.Dataset) -> str:
+    return study.replicate_power.attrs.get("units", "W")
+
+
+def _quantity(study: xr.Dataset) -> str:
+    return QUANTITIES[_unit(study)]
+
+
+def _label(panels: Any, study: xr.Dataset, words: str) -> None:
+    """Label the y axes of readings; voltages have the counts of the converter at their right."""
+    label_with_prefix(panels, words, _unit(study))
+    circuit = circuit_of_study(study)
+    if circuit is None or _unit(study) != "V":
+        return
+    step = circuit.step
+    for ax in panels:
+        counts = ax.secondary_yaxis("right", functions=(lambda volts: volts / step, lambda counts: counts * step))
+    counts.set_ylabel("counts")
 
 
 def _changes(curve: Curve) -> bool:

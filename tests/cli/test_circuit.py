@@ -59,6 +59,7 @@ def test_a_study_file_and_another_circuit(taxel, tmp_path):
     told = taxel("sweep", "study.toml", "-o", "out")
     assert told.returncode == 0 and "mean_slope_counts_per_N" in told.stdout, told.stderr
     study = open_study(tmp_path / "out")
+    assert (tmp_path / "out" / "voltage.png").is_file()
     assert study.voltage.dims == ("fz", "taxel") and study.attrs["circuit"]
     lines = (tmp_path / "out" / "readings.csv").read_text().splitlines()
     head = next(line for line in lines if not line.startswith("#"))

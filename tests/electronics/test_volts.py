@@ -43,6 +43,7 @@ def test_a_study_in_volts_has_the_voltage_of_its_mean_power(circuit, study):
     volts = in_volts(study, circuit())
     mean = volts.replicate_power.mean("replicate")
     np.testing.assert_allclose(mean.values[:2], respond(circuit(), POWER[:2]).voltage, rtol=1e-12)
+    np.testing.assert_allclose(volts.total_error, with_volts(study, circuit()).voltage_error, rtol=1e-6)
     assert volts.replicate_power.attrs["units"] == "V" and volts.replicate_power.dims == study.replicate_power.dims
     assert np.isnan(mean.values[2, 1])
 

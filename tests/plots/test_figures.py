@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from mitsuba_taxel import Circuit
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise import Branch, Experiment
+from mitsuba_taxel.electronics import in_volts
 from mitsuba_taxel.plots.characteristics import parameters_of, plot_against, plot_sensitivity
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import compared
@@ -88,6 +91,21 @@ def test_taxels_of_one_curve_lie_in_one_panel():
     figure = plot_curves(study())
     above, below = figure.axes
     assert above.get_ylabel() == "optical power [mW]" and len(above.containers) == len(below.containers) == 9
+
+
+def test_volts_have_counts_beside_them():
+    """Of a converter of 1 mV a count, behind a resistor that brings 1 V per 4 mW."""
+    circuit = Circuit(supply=5.0, load_resistance=1e3, transfer=0.25, saturation_voltage=0.0, adc_reference=4.096)
+    watts = study().assign_attrs(circuit=json.dumps(circuit.as_table()))
+    assert not plot_curves(watts).axes[0].child_axes
+    figure = plot_curves(in_volts(watts, circuit))
+    above, below = figure.axes
+    assert above.get_ylabel() == "voltage [V]"
+    np.testing.assert_allclose(above.containers[0].lines[0].get_ydata(), [1, 1.05, 1.1])
+    for ax in (above, below):
+        (counts,) = ax.child_axes
+        assert counts.get_ylabel() == "counts"
+        np.testing.assert_allclose(counts.get_ylim(), 1000 * np.array(ax.get_ylim()))
 
 
 def experiment(gain, direction=(0, 0, 1.0), **where):

@@ -191,17 +191,19 @@ def _readings_html(readings: Readings) -> str:
 
 def _study(study: xr.Dataset, name: str) -> str:
     from mitsuba_taxel.characterise import sensitivity_table, volts_table
-    from mitsuba_taxel.electronics.volts import circuit_of_study
+    from mitsuba_taxel.electronics.volts import circuit_of_study, in_volts
     from mitsuba_taxel.studies import study_error_budget
 
     circuit, sensitivities = circuit_of_study(study), _numbers(sensitivity_table(study))
-    volts = "" if circuit is None else _numbers(volts_table(study, circuit))
+    volts: list[str] = []
+    if circuit is not None:
+        volts = [_plot(in_volts(study, circuit), "Voltage"), _numbers(volts_table(study, circuit))]
     failures = study.attrs["failures"].splitlines()
     lines = [*study.attrs["notes"].splitlines(), *(f"failed: {line}" for line in failures[:MOST_LINES])]
     if len(failures) > MOST_LINES:
         lines.append(f"failed: {len(failures) - MOST_LINES} more")
     budget = _line(f"{budget_line(study_error_budget(study))}.")
-    return _framed(f"Study: {name}", _plot(study), sensitivities, volts, budget, *map(_line, lines))
+    return _framed(f"Study: {name}", _plot(study, "Optical power"), sensitivities, *volts, budget, *map(_line, lines))
 
 
 def _numbers(table: pandas.DataFrame) -> str:
@@ -209,7 +211,7 @@ def _numbers(table: pandas.DataFrame) -> str:
     return _table([str(column) for column in table.columns], rows) if rows else ""
 
 
-def _plot(study: xr.Dataset) -> str:
+def _plot(study: xr.Dataset, quantity: str) -> str:
     """The curves of a study, on white, as a separate image: glyph names of inline SVG would clash with others."""
     from mitsuba_taxel.plots.curves import plot_curves
 
@@ -217,7 +219,7 @@ def _plot(study: xr.Dataset) -> str:
     plot_curves(study).savefig(picture, format=form)
     kind = "image/svg+xml" if form == "svg" else "image/png"
     content = base64.b64encode(picture.getvalue()).decode("ascii")
-    words = f"Optical power of {study.sizes['taxel']} taxels against {study.attrs['curve']}, with error bars"
+    words = f"{quantity} of {study.sizes['taxel']} taxels against {study.attrs['curve']}, with error bars"
     return f'<img src="data:{kind};base64,{content}" alt="{escape(words)}" style="max-width: 100%; background: white">'
 
 

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise import characteristics, simulated_experiments, symmetric_pairs, volts_table
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS
 from mitsuba_taxel.characterise.wording import merit_tables, pair_rows, remarks_explained, with_error
-from mitsuba_taxel.electronics.volts import circuit_of_study
+from mitsuba_taxel.electronics.volts import circuit_of_study, in_volts
 from mitsuba_taxel.plots.characteristics import (
     parameters_of,
     plot_against,
@@ -78,6 +78,10 @@ def power(study: xr.Dataset, key: str) -> str:
     )
     caption = "Bands: total error, of light and mechanics. Bars: one standard error of the light."
     plots = [plot(partial(plot_curves, study), words, caption)]
+    circuit = circuit_of_study(study)
+    if circuit is not None:
+        words = f"Voltage of {study.sizes['taxel']} taxels behind the circuit against {curve}."
+        plots.append(plot(partial(plot_curves, in_volts(study, circuit)), words, f"Behind the circuit. {caption}"))
     if has_taxels_to_compare(study):
         words = "How each taxel's reading changes, one panel for each combination of parameters, all of the same axes."
         plots.append(plot(partial(plot_taxels, study), words, "Each taxel's change. Bars: light."))

@@ -12,7 +12,7 @@ import xarray as xr
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.characterise import resolution, sensitivity_table, volts_table
-from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study
+from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import plane_of, plot_map, plot_resolution
@@ -56,7 +56,7 @@ def write_resolution(study: xr.Dataset, folder: Path) -> None:
 
 
 def draw_results(study: xr.Dataset, folder: Path) -> None:
-    """Draw the readings, as ``power.png`` and ``power.svg``.
+    """Draw the readings, as ``power.png`` and ``power.svg``; with a circuit also as ``voltage.png`` and ``voltage.svg``.
 
     Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``; where a place in x
     and y is varied, ``map.png`` and ``map.svg``.
@@ -69,6 +69,9 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
         plots["map"] = plot_map
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)
+    circuit = circuit_of_study(study)
+    if circuit is not None:
+        save_figure(plot_curves(in_volts(study, circuit)), folder, "voltage")
 
 
 def summary_table(study: xr.Dataset) -> pandas.DataFrame:
