@@ -19,16 +19,17 @@ from .options import Share, debug_option, json_option
     "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should contain."
 )
 @click.option(
-    "--noise", type=Share(), default="0.5%", show_default=True,
-    help="Relative noise added to each reading of a study; a measurement has its own.",
+    "--noise", type=Share(), show_default="0.5%, or that of the study's circuit alone",
+    help="Relative noise added to the light of each reading of a study; a measurement has its own.",
 )  # fmt: skip
 @json_option
 @debug_option
-def command(source: Path, output: Path, coverage: float, noise: float, as_json: bool) -> None:
+def command(source: Path, output: Path, coverage: float, noise: float | None, as_json: bool) -> None:
     """Fit forces to the readings of the study in DIR, or of a bench.
 
-    The model is a polynomial of the readings, cross-validated on whole paths: curves of a study, or runs of a
-    measurement. Intervals are calibrated on paths that a fit has not seen.
+    The model is a polynomial of the readings, in volts if they are measured or the study has a circuit. It is
+    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals are calibrated on paths that
+    a fit has not seen.
     """
     import xarray as xr
 
@@ -49,12 +50,15 @@ def command(source: Path, output: Path, coverage: float, noise: float, as_json: 
     if as_json:
         import json
 
-        about = {"half_width_N": widths, "coverage": found.coverage, "covered": found.covered, "tested": found.tested}
+        about = {"unit": found.unit, "half_width_N": widths, "coverage": found.coverage}
+        about |= {"covered": found.covered, "tested": found.tested}
         click.echo(json.dumps({**about, "rms_of_range": found.polynomial.rms, "file": str(output)}))
         return
     for name, width in widths.items():
         print(f"{name}: +- {width:.3g} N holds {found.coverage:.0%}")
     print(f"Tested on {found.tested}: intervals by the others hold {found.covered:.1%}.")
     if not measured:
-        print(f"Readings with {noise:.2g} relative noise; the study's own errors are not in it.")
+        both = " of the light and that of the circuit" if found.unit == "V" else ""
+        noise_in_words = f"{found.noise:.2g} relative noise{both}"
+        print(f"Readings in {found.unit} with {noise_in_words}; the study's own errors are not in it.")
     print(f"Results: {output}")

@@ -79,6 +79,11 @@ def respond(circuit: Circuit, power: Any) -> Response:
     return Response(current, voltage, rate, counts_of(circuit, voltage), resistance, passed)
 
 
+def lit(power: Any) -> np.ndarray:
+    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error."""
+    return np.maximum(np.nan_to_num(power), 0.0)
+
+
 def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
     """Counts of the converter for voltages in V; NaN counts as 0."""
     steps = np.floor(np.nan_to_num(np.asarray(voltage, dtype=float)) / circuit.step)

@@ -9,7 +9,7 @@ import xarray as xr
 
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.electronics.noise import total_noise
-from mitsuba_taxel.electronics.response import respond
+from mitsuba_taxel.electronics.response import lit, respond
 
 VOLTS = ("voltage", "voltage_error", "counts", "noise")
 """Variables that a circuit adds to a study."""
@@ -22,8 +22,8 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
         return study
     power = study.power.values
     known = np.isfinite(power)
-    lit = _lit(power)
-    shown = respond(circuit, lit)
+    light = lit(power)
+    shown = respond(circuit, light)
     dims = study.power.dims
 
     def column(values: np.ndarray, unit: str, name: str) -> tuple:
@@ -33,7 +33,7 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
         voltage=column(shown.voltage, "V", "voltage at the converter"),
         voltage_error=column(shown.rate * study.total_error.values, "V", "error of voltage by that of power"),
         counts=column(shown.counts, "1", "counts of the converter"),
-        noise=column(total_noise(circuit, lit), "V", "1 sigma of voltage by the electronics"),
+        noise=column(total_noise(circuit, light), "V", "1 sigma of voltage by the electronics"),
     ).assign_attrs(circuit=json.dumps(circuit.as_table()))
 
 
@@ -44,19 +44,19 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
 
 
 def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
-    """A study whose readings, their errors and derivatives are in volts instead of watts, for figures of merit and plots.
+    """A study with readings, their errors and derivatives in volts instead of watts, for figures of merit and plots.
 
     Voltages of the mean powers are exact; deviations of the replicates are linearised.
     """
     mean = study.replicate_power.mean("replicate")
-    shown = respond(circuit, _lit(mean.values))
+    shown = respond(circuit, lit(mean.values))
     voltage = mean.copy(data=np.where(np.isfinite(mean), shown.voltage, np.nan))
     rate = mean.copy(data=shown.rate)
     converted = {"replicate_power": voltage + rate * (study.replicate_power - mean)}
     if "total_error" in study:
         converted["total_error"] = rate * study.total_error
     if "smooth_power" in study:
-        shown = respond(circuit, _lit(study.smooth_power.values))
+        shown = respond(circuit, lit(study.smooth_power.values))
         rate = study.smooth_power.copy(data=shown.rate)
         known = np.isfinite(study.smooth_power.values)
         converted["smooth_power"] = study.smooth_power.copy(data=np.where(known, shown.voltage, np.nan))
@@ -65,8 +65,3 @@ def in_volts(study: xr.Dataset, circuit: Circuit) -> xr.Dataset:
     for name, values in converted.items():
         converted[name] = values.transpose(*study[name].dims).assign_attrs(units="V")
     return study.assign(converted)
-
-
-def _lit(power: np.ndarray) -> np.ndarray:
-    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error."""
-    return np.maximum(np.nan_to_num(power), 0.0)

@@ -17,6 +17,8 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.characterise.measurement import Measurement
 from mitsuba_taxel.characterise.recorded_runs import runs_of
+from mitsuba_taxel.electronics.samples import sampled
+from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.polynomial import Polynomial
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 FOLDS = 5
 """Folds of the paths, left out in turn: for tests and, within the rest, for model selection."""
+NOISE = 0.005
+"""Relative noise of the light of a study without a circuit."""
 COPIES = 8
 """Noisy copies of each reading of a study."""
 DEGREES, STRENGTHS = (1, 2, 3), (1e-10, 1e-7, 1e-5, 1e-3)
@@ -34,7 +38,8 @@ MOST_TERMS = 300
 class Calibration(NamedTuple):
     """``polynomial`` : from readings to forces in N; ``forces`` : their names; ``half_width`` (forces,) in N, of the
     intervals that contain a share ``coverage`` of the forces; ``covered`` : the share contained on left-out paths, with
-    the width from the others; ``unit`` of the readings; ``tested``, a description of the test."""
+    the width from the others; ``unit`` of the readings; ``noise`` added to the light, relative; ``tested``, a
+    description of the test."""
 
     polynomial: Polynomial
     forces: tuple[str, ...]
@@ -42,6 +47,7 @@ class Calibration(NamedTuple):
     coverage: float
     covered: float
     unit: str
+    noise: float
     tested: str
 
 
@@ -52,9 +58,12 @@ class _Rows(NamedTuple):
 
 
 def calibrate(
-    source: xr.Dataset | Measurement, *, coverage: float = 0.9, noise: float = 0.005, seed: int = 0
+    source: xr.Dataset | Measurement, *, coverage: float = 0.9, noise: float | None = None, seed: int = 0
 ) -> Calibration:
     """Forces as a polynomial of readings, with intervals.
+
+    Readings are in W, or in V where they are measured, or simulated with a circuit: then they have its noise and the
+    steps of its converter.
 
     Parameters
     ----------
@@ -64,7 +73,7 @@ def calibrate(
     coverage : float
         Share of forces that the intervals should contain, on paths like those given.
     noise : float
-        Relative standard deviation of the noise added to the readings of a study.
+        Relative standard deviation of the noise added to the light of a study; by default 0.005, or 0 with a circuit.
     seed : int
         Seed of this noise.
 
@@ -76,9 +85,11 @@ def calibrate(
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
     if isinstance(source, Measurement):
-        names, unit, rows = _measured(source)
+        noise, (names, unit, rows) = 0.0, _measured(source)
     else:
-        names, unit, rows = _simulated(source, noise, seed)
+        if noise is None:
+            noise = NOISE if circuit_of_study(source) is None else 0.0
+        names, unit, rows = _simulated(source, noise, np.random.default_rng(seed))
     paths = len(np.unique(rows.path))
     if paths < 3:
         raise InputError("a calibration is tested on whole paths: at least three curves, or runs, are needed.")
@@ -88,7 +99,7 @@ def calibrate(
     half_width = size * _quantile(np.abs(missed), coverage)
     tested = f"{paths} paths, left out a part of them at a time"
     model = _polynomial(_fit(rows), size, unit, missed, tested)
-    return Calibration(model, names, half_width, coverage, _covered(missed, fold, coverage), unit, tested)
+    return Calibration(model, names, half_width, coverage, _covered(missed, fold, coverage), unit, noise, tested)
 
 
 def _left_out(rows: _Rows) -> tuple[np.ndarray, np.ndarray]:
@@ -154,7 +165,7 @@ def _measured(measurement: Measurement) -> tuple[tuple[str, ...], str, _Rows]:
     return (name,), "V", _Rows(readings, np.concatenate([force[run] for run in runs])[:, None], path)
 
 
-def _simulated(study: xr.Dataset, noise: float, seed: int) -> tuple[tuple[str, ...], str, _Rows]:
+def _simulated(study: xr.Dataset, noise: float, random: np.random.Generator) -> tuple[tuple[str, ...], str, _Rows]:
     dims = [dim for dim in study.power.dims if dim != "taxel"]
     stacked = study.power.stack(row=dims).transpose("row", "taxel")
     stacked = stacked[np.isfinite(stacked.values).all(axis=1)]
@@ -166,5 +177,8 @@ def _simulated(study: xr.Dataset, noise: float, seed: int) -> tuple[tuple[str, .
     path = np.unique(np.stack([np.zeros(count, dtype=int), *others], axis=1), axis=0, return_inverse=True)[1].ravel()
     forces = np.stack([stacked[name].values for name in names], axis=1)
     many = np.tile(stacked.values, (COPIES, 1))
-    many = many * (1 + noise * np.random.default_rng(seed).normal(size=many.shape))
-    return names, "W", _Rows(many, np.tile(forces, (COPIES, 1)), np.tile(path, COPIES))
+    many = many * (1 + noise * random.normal(size=many.shape))
+    unit, circuit = "W", circuit_of_study(study)
+    if circuit is not None:
+        unit, many = "V", circuit.step * sampled(circuit, many, random)[1]
+    return names, unit, _Rows(many, np.tile(forces, (COPIES, 1)), np.tile(path, COPIES))

@@ -6,20 +6,28 @@ import json
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.atomic import replacing
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.electronics import Circuit, respond
+from mitsuba_taxel.electronics.pieces import straight_pieces
+from mitsuba_taxel.electronics.response import lit
+from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.calibration import Calibration
-from mitsuba_taxel.surrogates.polynomial import Polynomial, polynomial_of
+from mitsuba_taxel.surrogates.polynomial import Polynomial, Unseen, polynomial_of
+
+_Step = tuple[str, list[str], str, dict[str, Any]]
 
 OPSET, IR = 18, 8
 """Versions of ONNX supported by runtimes since 2023."""
 TARGET = 0.01
 """Relative to full scale: a larger error gives a note."""
+BEYOND = 2.0
+"""Largest power of a circuit's pieces, relative to the largest of the study; the last piece goes on."""
 
 
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
@@ -27,7 +35,9 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
 
     Its input ``inputs`` (rows, inputs) has the varied parameters; its outputs are ``readings`` (rows, taxels) in W and
     ``inside`` (rows,), whether the inputs lie in the box covered by the study. Beyond it the readings are those at its
-    edge. The metadata contain names, units and ranges of the inputs, the test error, scene, parameters and versions.
+    edge. Of a study with a circuit there are also ``voltage`` in V and ``counts``, both (rows, taxels): the circuit's
+    response to these readings, in straight pieces. The metadata contain names, units and ranges of the inputs, the
+    test error, scene, parameters and versions.
 
     Parameters
     ----------
@@ -58,11 +68,30 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         "error": json.dumps({"rms": found.rms, "worst": found.worst, "of": "full scale", "tested": found.tested}),
         **{name: str(study.attrs[name]) for name in ("scene", "parameters", "seed", "points", "versions")},
     }
-    content = _model(found, about)
+    notes = []
+    if found.rms > TARGET:
+        notes.append(f"error {found.rms:.2%} of full scale: more values, or more points, make it less")
+    circuit = circuit_of_study(study)
+    if circuit is not None:
+        assert found.unseen is not None
+        rms, worst = _missed_volts(circuit, found.unseen)
+        notes.append(
+            f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; one count: {circuit.step:.4g} V"
+        )
+        about["voltage"] = "voltage in V at the converter, without noise; counts of the converter"
+        about["voltage_error"] = json.dumps({"rms": rms, "worst": worst, "of": "V", "tested": found.tested})
+        about["circuit"] = study.attrs["circuit"]
+    content = _model(found, about, volts=None if circuit is None else _volts(circuit, float(study.power.max())))
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
-    notes = [f"error {found.rms:.2%} of full scale: more values, or more points, make it less"]
-    return found, notes if found.rms > TARGET else []
+    return found, notes
+
+
+def _missed_volts(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
+    """Error in V of readings unseen by the fit: root mean square of the worst taxel, and largest of all."""
+    wanted, predicted = (respond(circuit, lit(power)).voltage for power in unseen)
+    missed = predicted - wanted
+    return float(np.sqrt(np.square(missed).mean(axis=0)).max()), float(np.abs(missed).max())
 
 
 def write_calibration(found: Calibration, file: str | Path) -> None:
@@ -97,8 +126,46 @@ def check_onnx() -> None:
         raise InputError("models need onnx: install mitsuba_taxel[export].")
 
 
+class _Part(NamedTuple):
+    """Part of a graph: constants by name, steps as (operation, inputs, output, attributes), and names of its outputs
+    (rows, taxels) in double precision."""
+
+    constants: dict[str, np.ndarray]
+    steps: list[_Step]
+    outputs: list[str]
+
+
+def _volts(circuit: Circuit, largest: float) -> _Part:
+    """``voltage`` and ``counts`` of ``readings`` up to about a power in W: a sum of what lies beyond each corner."""
+    power, voltage = straight_pieces(circuit, BEYOND * largest)
+    slope = np.diff(voltage) / np.diff(power)
+    constants = {
+        "corners": power[:-1],
+        "bends": np.diff(slope, prepend=0.0),
+        "dark": voltage[0],
+        "none": np.zeros(()),
+        "step": np.array(circuit.step),
+        "most": np.array(2.0**circuit.adc_bits - 1),
+    }
+    steps: list[_Step] = [
+        ("Unsqueeze", ["readings", "last"], "light", {}),
+        ("Sub", ["light", "corners"], "from_corners", {}),
+        ("Max", ["from_corners", "none"], "beyond", {}),
+        ("MatMul", ["beyond", "bends"], "above_dark", {}),
+        ("Add", ["above_dark", "dark"], "voltage", {}),
+        ("Div", ["voltage", "step"], "in_steps", {}),
+        ("Floor", ["in_steps"], "whole", {}),
+        ("Min", ["whole", "most"], "counts", {}),
+    ]
+    return _Part(constants, steps, ["voltage", "counts"])
+
+
 def _model(
-    polynomial: Polynomial, about: Mapping[str, str], output: str = "readings", width: np.ndarray | None = None
+    polynomial: Polynomial,
+    about: Mapping[str, str],
+    output: str = "readings",
+    width: np.ndarray | None = None,
+    volts: _Part | None = None,
 ) -> bytes:
     from onnx import TensorProto, checker, helper, numpy_helper
 
@@ -117,7 +184,7 @@ def _model(
         constant("middle", [1], np.int64),
         constant("last", [2], np.int64),
     ]
-    steps: list[tuple[str, list[str], str, dict[str, Any]]] = [
+    steps: list[_Step] = [
         ("Max", ["inputs", "low"], "raised", {}),
         ("Min", ["raised", "high"], "clipped", {}),
         ("Equal", ["clipped", "inputs"], "within", {}),
@@ -139,6 +206,11 @@ def _model(
         constants.append(constant("width", width))
         steps.append(("Identity", ["width"], "half_width", {}))
         results.append(helper.make_tensor_value_info("half_width", TensorProto.DOUBLE, [len(width)]))
+    if volts is not None:
+        constants += [constant(name, value) for name, value in volts.constants.items()]
+        steps += volts.steps
+        shape = ["rows", polynomial.weights.shape[1]]
+        results += [helper.make_tensor_value_info(name, TensorProto.DOUBLE, shape) for name in volts.outputs]
     count = len(polynomial.names)
     graph = helper.make_graph(
         [helper.make_node(kind, inputs, [output], **how) for kind, inputs, output, how in steps],

@@ -16,13 +16,20 @@ MOST_TESTS = 24
 """Most paths that are left out in turn, spread evenly over the candidates."""
 
 
+class Unseen(NamedTuple):
+    """Readings (rows, taxels) that a fit has not seen, and its predictions, in the unit of the readings."""
+
+    wanted: np.ndarray
+    predicted: np.ndarray
+
+
 class Polynomial(NamedTuple):
     """Readings (rows, taxels) in W as a polynomial of inputs (rows, inputs), within a box.
 
     ``names`` and ``units`` (inputs,); ``low`` and ``high`` (inputs,), the box; ``exponents`` (terms, inputs) of inputs
     scaled to -1 ... 1; ``weights`` (terms, taxels) in W; ``rms`` and ``worst``, error of readings unseen by the fit,
     root mean square of the worst taxel and largest of all, relative to the taxel's full scale, the range of its
-    readings; ``tested``, a description of the test.
+    readings; ``tested``, a description of the test; ``unseen``, those readings.
     """
 
     names: tuple[str, ...]
@@ -34,6 +41,7 @@ class Polynomial(NamedTuple):
     rms: float
     worst: float
     tested: str
+    unseen: Unseen | None = None
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
         """Readings (rows, taxels) at inputs (rows, inputs), which are clipped to the box."""
@@ -67,12 +75,15 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
         exponents = np.array([e for e in product(*(range(m + 1) for m in most)) if sum(e) <= degree])
         if len(exponents) > len(scaled) - max(map(np.count_nonzero, groups)):
             break
-        found.append((exponents, _misses(scaled, readings, exponents, groups) / scale))
-    rms = [np.sqrt(np.square(misses).mean(axis=0)).max() for _, misses in found]
-    exponents, misses = found[int(np.argmin(rms))]
+        found.append((exponents, _unseen(scaled, readings, exponents, groups)))
+    missed = [(unseen.predicted - unseen.wanted) / scale for _, unseen in found]
+    rms = [float(np.sqrt(np.square(each).mean(axis=0)).max()) for each in missed]
+    best = int(np.argmin(rms))
+    exponents, unseen = found[best]
     weights = np.linalg.lstsq(terms(scaled, exponents), readings, rcond=None)[0]
     units = tuple(study[name].attrs.get("units", "") for name in names)
-    return Polynomial(names, units, low, high, exponents, weights, float(min(rms)), float(np.abs(misses).max()), tested)
+    worst = float(np.abs(missed[best]).max())
+    return Polynomial(names, units, low, high, exponents, weights, rms[best], worst, tested, unseen)
 
 
 def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
@@ -115,15 +126,13 @@ def _spans(scaled: np.ndarray) -> bool:
     return bool(len(scaled) and (scaled.min(axis=0) == -1).all() and (scaled.max(axis=0) == 1).all())
 
 
-def _misses(
-    scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]
-) -> np.ndarray:
-    """(rows, taxels) W, errors on each group of fits without it."""
-    columns, misses = terms(scaled, exponents), []
+def _unseen(scaled: np.ndarray, readings: np.ndarray, exponents: np.ndarray, groups: Sequence[np.ndarray]) -> Unseen:
+    """Each group of rows, and what fits without it predict."""
+    columns, predicted = terms(scaled, exponents), []
     for rows in groups:
         weights = np.linalg.lstsq(columns[~rows], readings[~rows], rcond=None)[0]
-        misses.append(columns[rows] @ weights - readings[rows])
-    return np.concatenate(misses)
+        predicted.append(columns[rows] @ weights)
+    return Unseen(np.concatenate([readings[rows] for rows in groups]), np.concatenate(predicted))
 
 
 def terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:

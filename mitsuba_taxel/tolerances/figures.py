@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.electronics import Circuit, respond, saturation_force, total_noise
+from mitsuba_taxel.electronics.response import lit
 
 
 def figures(
@@ -27,7 +28,7 @@ def figures(
         found["sensitivity"] = slope = change / (force[last] - force[first])
         if circuit is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
-                found["noise_force"] = total_noise(circuit, _lit(power[..., first, :])) / np.abs(slope)
+                found["noise_force"] = total_noise(circuit, lit(power[..., first, :])) / np.abs(slope)
             found["saturation_force"] = saturation_force(circuit, force, power)
         if readings.shape[-1] > 1 and loaded is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -40,12 +41,7 @@ def figures(
 
 def shown_readings(power: np.ndarray, circuit: Circuit | None) -> np.ndarray:
     """Readings in W, of any shape, as they are or in V behind a circuit; NaN where they are."""
-    return power if circuit is None else np.where(np.isnan(power), np.nan, respond(circuit, _lit(power)).voltage)
-
-
-def _lit(power: np.ndarray) -> np.ndarray:
-    """Powers as input of a circuit: 0 for missing ones, and for those that are negative by their error."""
-    return np.maximum(np.nan_to_num(power), 0.0)
+    return power if circuit is None else np.where(np.isnan(power), np.nan, respond(circuit, lit(power)).voltage)
 
 
 def loaded_taxel(readings: np.ndarray, force: np.ndarray) -> int:

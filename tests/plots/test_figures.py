@@ -102,6 +102,7 @@ def test_volts_have_counts_beside_them():
     above, below = figure.axes
     assert above.get_ylabel() == "voltage [V]"
     np.testing.assert_allclose(above.containers[0].lines[0].get_ydata(), [1, 1.05, 1.1])
+    figure.draw_without_rendering()
     for ax in (above, below):
         (counts,) = ax.child_axes
         assert counts.get_ylabel() == "counts"

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel import InputError
+from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.characterise import Measurement
+from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import calibrate, write_calibration
 
 FORCE, NOISE = np.linspace(0, -10, 11), 0.005
@@ -49,6 +50,25 @@ def test_a_measurement_is_calibrated_by_its_runs():
     found = calibrate(bench, coverage=0.9)
     assert found.unit == "V" and found.forces == ("fz",) and abs(found.covered - 0.9) < 0.02
     assert found.half_width[0] == pytest.approx(1.645 * 2e-3 / 0.05 / np.hypot(1, 0.5), rel=0.1)  # the best there is
+
+
+def test_behind_a_circuit_readings_are_volts_with_its_noise():
+    """One taxel, linear in the force: intervals are as wide as those of noise and converter alone."""
+    slope, noise = 0.05, 4e-3  # V/N, V
+    circuit = Circuit(supply=5.0, load_resistance=1e3, transfer=0.25, adc_bits=8, other_noise=noise)
+    power, dims = 4e-3 * (1 - slope * FORCE) * np.ones((24, 1)), ["x", "fz", "taxel"]
+    watts = xr.Dataset(
+        {"power": (dims, power[..., None]), "total_error": (dims, 0 * power[..., None])},
+        {"x": np.arange(24.0), "fz": FORCE, "taxel": [1]},
+        {"curve": "fz"},
+    )
+    found = calibrate(with_volts(watts, circuit), coverage=0.9)
+    deviation = np.hypot(noise, circuit.step / np.sqrt(12))
+    assert found.unit == "V" and found.noise == 0 and set(found.polynomial.units) == {"V"}
+    assert found.half_width[0] == pytest.approx(1.645 * deviation / slope, rel=0.1)
+    shown = circuit.step * respond(circuit, power[0, 5:6]).counts[:, None]
+    assert found.polynomial(shown)[0, 0] == pytest.approx(FORCE[5], abs=circuit.step / slope)
+    assert calibrate(watts).unit == "W" and calibrate(watts).noise == 0.005
 
 
 def test_a_runtime_reads_it(tmp_path):

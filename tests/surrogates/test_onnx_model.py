@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsuba_taxel import InputError
+from mitsuba_taxel import Circuit, InputError
+from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import export, polynomial_of
 
 FORCE, PLACE = np.linspace(0, -10, 6), np.linspace(-2, 2, 9)
@@ -71,6 +72,30 @@ def test_a_runtime_gives_what_the_polynomial_does(runtime):
     np.testing.assert_allclose(readings[2], model(np.array([[2.0, -4.0]]))[0], rtol=1e-12)
     about = session.get_modelmeta().custom_metadata_map
     assert json.loads(about["units"]) == ["mm", "N"] and json.loads(about["error"])["rms"] == model.rms < 0.01
+
+
+@pytest.mark.parametrize("load, saturates", [(470.0, False), (1500.0, True)])
+def test_a_runtime_tells_the_volts_and_counts_of_the_circuit(tmp_path, load, saturates):
+    """By the response to the model's own readings: the error stated in volts is that of unseen readings through it."""
+    pytest.importorskip("onnx")
+    onnxruntime = pytest.importorskip("onnxruntime")
+    circuit = Circuit(supply=3.3, load_resistance=load, transfer=1.25)
+    watts = study(noise=2e-6).assign(total_error=(("x", "fz", "taxel"), np.zeros((9, 6, 2))))
+    model, (note,) = export(with_volts(watts, circuit), tmp_path / "model.onnx")
+    session = onnxruntime.InferenceSession(tmp_path / "model.onnx")
+    x, force = np.random.default_rng(1).uniform([-2, -10], [2, 0], (500, 2)).T
+    readings, _, voltage, counts = session.run(None, {"inputs": np.stack([x, force], axis=1)})
+    right = respond(circuit, readings)
+    assert (right.voltage.max() > circuit.limit) == saturates
+    np.testing.assert_allclose(voltage, right.voltage, atol=0.05 * circuit.step)
+    assert (np.abs(counts - right.counts) <= 1).all() and (counts == right.counts).mean() > 0.9
+    about = session.get_modelmeta().custom_metadata_map
+    error = json.loads(about["voltage_error"])
+    true = np.stack([truth(force, x, side) for side in (-1, 1)], axis=1)
+    missed = respond(circuit, true).voltage - voltage
+    rms = np.sqrt(np.square(missed).mean(axis=0)).max()
+    assert 0.3 * error["rms"] < rms < 2 * error["rms"] and np.abs(missed).max() < 2 * error["worst"]
+    assert f"error {error['rms']:.2g} V" in note and json.loads(about["circuit"])["load_resistance"] == load
 
 
 @pytest.mark.parametrize(

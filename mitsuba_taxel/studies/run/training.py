@@ -18,6 +18,9 @@ from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whol
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.electronics import Circuit
+from mitsuba_taxel.electronics.samples import sampled
+from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.store.datasheet import Making, datasheet
 
@@ -60,7 +63,7 @@ def training_set(
         Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be new or empty.
     noise : float or str
         Standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W, or a
-        share of the reading, such as ``"0.5%"``.
+        share of the reading, such as ``"0.5%"``. Voltages have that of the circuit as well.
     copies : int
         Noisy copies of each job.
     split : sequence of float
@@ -74,7 +77,8 @@ def training_set(
     -------
     By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if there
     are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and ``standard_error_1_W``, ...,
-    of the light without the noise. Jobs without a reading are left out.
+    of the light without the noise; of a study with a circuit also ``voltage_1_V``, ..., of the noisy light with the
+    noise of the circuit, and ``counts_1``, .... Jobs without a reading are left out.
 
     Raises
     ------
@@ -84,10 +88,12 @@ def training_set(
     folder = None if output is None else path_of("output", output)
     check_flags(parquet=parquet)
     sigma, relative = _read_noise(noise)
-    _check(split, copies, seed, sigma)
     if parquet and find_spec("pyarrow") is None:
         raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
     studies = _scenes(study)
+    one = next(iter(studies.values()))
+    circuit = circuit_of_study(one)
+    _check(split, copies, seed, sigma > 0 or circuit is not None)
     rows = _rows(studies)
     part = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
     done = np.isfinite(rows.power).all(axis=1)
@@ -95,8 +101,7 @@ def training_set(
     random = np.random.default_rng(seed)
     spread = sigma * np.abs(rows.power) if relative else sigma
     noisy = rows.power + spread * random.standard_normal((copies, *rows.power.shape))
-    taxels = next(iter(studies.values())).taxel.values
-    copied = [_table(rows._replace(power=power), taxels)[done] for power in noisy]
+    copied = [_table(rows, _told(rows, power, circuit, random), one.taxel.values)[done] for power in noisy]
     tables = {
         name: pd.concat([table[part[done] == number] for table in copied], ignore_index=True)
         for number, name in enumerate(PARTS)
@@ -106,7 +111,8 @@ def training_set(
             raise InputError(f"split = {tuple(split)} is not allowed: no job with readings is left for {name}.")
     if folder is not None:
         left_out = rows.parameters[~done]
-        making = Making(f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W", sigma > 0, copies, seed)
+        words = f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W"
+        making = Making(words if sigma > 0 else "", circuit is not None, copies, seed)
         _write(folder, tables, datasheet(studies, tables, making, left_out), parquet)
     return tables
 
@@ -123,11 +129,11 @@ def _read_noise(noise: float | str) -> tuple[float, bool]:
     return (sigma / 100, True) if words.endswith("%") else (sigma, False)
 
 
-def _check(split: Sequence[float], copies: int, seed: int, sigma: float) -> None:
+def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
     good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
     if not (good and math.isclose(sum(split), 1)):
         raise InputError(f"split = {split!r} is not allowed: three shares above 0, of sum 1, are needed.")
-    if not is_whole(copies) or copies < 1 or (copies > 1 and sigma == 0):
+    if not is_whole(copies) or copies < 1 or (copies > 1 and not noisy):
         raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
     if not (is_whole(seed) and 0 <= seed < 1 << 32):
         raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
@@ -219,16 +225,25 @@ def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndar
     return np.array([parts[force] for force in words])
 
 
-def _table(rows: _Rows, taxels: np.ndarray) -> pd.DataFrame:
+def _told(
+    rows: _Rows, power: np.ndarray, circuit: Circuit | None, random: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """What is told of each taxel, each (rows, taxels), for noisy power in W."""
+    told = {"power_{}_W": power}
+    if circuit is not None:
+        told["voltage_{}_V"], told["counts_{}"] = sampled(circuit, power, random)
+    return {**told, "standard_error_{}_W": rows.standard_error}
+
+
+def _table(rows: _Rows, told: Mapping[str, np.ndarray], taxels: np.ndarray) -> pd.DataFrame:
     """The columns of a training set, for all rows."""
     forces = _force_columns(rows.parameters)
     others = [name for name in rows.parameters if name not in forces]
     varied = [name for name in others if rows.parameters[name].nunique() > 1]
     named = {name: f"{name}_{unit}" for name, unit in rows.units.items() if unit != "1"}
     parameters = rows.parameters[[*forces, *varied]].rename(columns=named)
-    power = pd.DataFrame(rows.power, columns=[f"power_{taxel}_W" for taxel in taxels])
-    error = pd.DataFrame(rows.standard_error, columns=[f"standard_error_{taxel}_W" for taxel in taxels])
-    return pd.concat([parameters, power, error], axis="columns")
+    each = [pd.DataFrame(values, columns=[name.format(taxel) for taxel in taxels]) for name, values in told.items()]
+    return pd.concat([parameters, *each], axis="columns")
 
 
 def _write(folder: Path, tables: Mapping[str, pd.DataFrame], sheet: str, parquet: bool) -> None:

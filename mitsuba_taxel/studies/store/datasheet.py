@@ -16,10 +16,11 @@ MOST_NAMED = 20
 
 
 class Making(NamedTuple):
-    """How a training set was made: standard deviation of the noise in words, whether any is added, copies and seed."""
+    """How a training set was made: standard deviation of the noise of the light in words, empty without any; whether
+    there are voltages, with the noise of a circuit; copies and seed."""
 
     noise: str
-    noisy: bool
+    in_volts: bool
     copies: int
     seed: int
 
@@ -53,7 +54,7 @@ def datasheet(
 
 
 def _source(studies: Mapping[str, xr.Dataset]) -> str:
-    """Scene, fixed parameters, seed and versions of each study."""
+    """Scene, fixed parameters, seed and versions of each study, and the circuit."""
     lines = [
         "Simulated with mitsuba_taxel: a silicone pad deformed by finite elements, and the light in its cells.",
         "",
@@ -68,7 +69,14 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
         ", ".join(f"{package} {version}" for package, version in json.loads(study.attrs["versions"]).items())
         for study in studies.values()
     )
-    return "\n".join([*lines, *(f"- versions: {words}" for words in versions)])
+    circuits = _distinct(
+        ", ".join(f"{word} = {value}" for word, value in json.loads(study.attrs["circuit"]).items())
+        for study in studies.values()
+        if "circuit" in study.attrs
+    )
+    return "\n".join(
+        [*lines, *(f"- circuit: {words}" for words in circuits), *(f"- versions: {words}" for words in versions)]
+    )
 
 
 def _columns(rows: pd.DataFrame) -> str:
@@ -98,20 +106,27 @@ def _meaning(column: str) -> tuple[str, str]:
             "W",
             f"1 sigma of taxel {stem.removeprefix('standard_error_')} from the simulated light, without the noise",
         )
+    if stem.startswith("voltage_") and unit == "V":
+        taxel = stem.removeprefix("voltage_")
+        return "V", f"voltage of taxel {taxel} before the converter, for that power, with the noise of the circuit"
+    if stem == "counts":
+        return "", f"counts of the converter for voltage_{unit}_V"
     if column == "scene":
         return "", "which of the scenes above"
     return (unit if unit in ("mm", "MPa", "W", "nm") else ""), "parameter of the scene"
 
 
 def _noise(making: Making) -> str:
-    if not making.noisy:
-        return "None was added. Readings carry the Monte Carlo error of the light, which has its own columns."
     copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
-    return (
+    of_light = (
         "Gaussian, added to each reading, independent of other readings and of the Monte Carlo error; its standard "
-        f"deviation is {making.noise}. {copies} of each job. "
-        "Nothing is clipped: with large noise, a reading can be negative."
+        f"deviation is {making.noise}. Nothing is clipped: with large noise, a reading can be negative."
+        if making.noise
+        else "None was added to the power, which carries the Monte Carlo error of the light: it has its own columns."
     )
+    of_circuit = "Voltages have the noise of the circuit as well, independent from sample to sample."
+    lines = [of_light, *([of_circuit] if making.in_volts else [])]
+    return " ".join([*lines, *([f"{copies} of each job."] if making.noise or making.in_volts else [])])
 
 
 def _parts(tables: Mapping[str, pd.DataFrame], making: Making) -> str:

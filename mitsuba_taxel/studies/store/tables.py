@@ -56,10 +56,10 @@ def write_resolution(study: xr.Dataset, folder: Path) -> None:
 
 
 def draw_results(study: xr.Dataset, folder: Path) -> None:
-    """Draw the readings, as ``power.png`` and ``power.svg``; with a circuit also as ``voltage.png`` and ``voltage.svg``.
+    """Draw the readings, as ``power.png`` and ``power.svg``.
 
-    Where curves of several taxels are compared, there are also ``taxels.png`` and ``taxels.svg``; where a place in x
-    and y is varied, ``map.png`` and ``map.svg``.
+    With a circuit, there are also ``voltage.png`` and ``voltage.svg``; where curves of several taxels are compared,
+    ``taxels.png`` and ``taxels.svg``; where a place in x and y is varied, ``map.png`` and ``map.svg``.
     """
     plots: dict[str, Callable] = {
         "power": plot_curves,

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 from scipy import stats
 
-from mitsuba_taxel import InputError
+from mitsuba_taxel import Circuit, InputError
+from mitsuba_taxel.electronics import respond, total_noise, with_volts
 from mitsuba_taxel.studies.run.training import PARTS, training_set
 
 FORCE = ["fx_N", "fy_N", "fz_N"]
@@ -267,6 +268,24 @@ def test_the_datasheet_says_that_no_noise_was_added(tmp_path):
     training_set(product(), tmp_path / "set")
     sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
     assert "None was added" in sheet and "Gaussian" not in sheet
+
+
+def test_behind_a_circuit_there_are_volts_and_counts(tmp_path):
+    """Of the noisy light of each row, with the circuit's own noise, which makes copies differ without any other."""
+    circuit = Circuit(supply=5.0, load_resistance=1e3, transfer=1e-3, other_noise=2e-3)
+    study = with_volts(product().assign(total_error=0 * product().power), circuit)
+    volts, counts = ([f"{name.format(taxel)}" for taxel in range(1, 10)] for name in ("voltage_{}_V", "counts_{}"))
+    for noise in (0, "2%"):
+        rows = everything(training_set(study, tmp_path / str(noise), noise=noise, copies=30))
+        assert list(rows) == [*FORCE, "cell", *POWER, *volts, *counts, *ERROR]
+        light = np.maximum(rows[POWER].to_numpy(), 0)
+        z = (rows[volts].to_numpy() - respond(circuit, light).voltage) / total_noise(circuit, light)
+        assert stats.kstest(z.ravel(), "norm").pvalue > ALARM
+        np.testing.assert_array_equal(rows[counts], np.floor(rows[volts] / circuit.step).clip(0, 4095))
+    sheet = (tmp_path / "0" / "README.md").read_text(encoding="utf-8")
+    about = ("noise of the circuit", "30 noisy copies", "load_resistance = 1000", "| voltage_3_V | V |", "| counts_3 |")
+    for words in about:
+        assert words in sheet, words
 
 
 @pytest.mark.parametrize(
