@@ -69,7 +69,8 @@ def _show(result) -> None:
         return value / nominal if nominal else math.nan
 
     counts = _counts(result)
-    few = f", {counts['exact']} of them exact, all linear" if counts else ""
+    linear = ", all linear" if result.shares.rate.notna().any() else ""
+    few = f", {counts['exact']} of them exact{linear}" if counts else ""
     print(f"{len(result.samples)} samples{few}; spreads are one standard deviation, relative to the nominal value:")
     print_table(
         ("figure", "taxel", "unit", "nominal", "mean", "spread", "linear", "not linear", "explained"),

@@ -100,7 +100,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     if not len(others):
         table = _samples(plan, found, z)
     else:
-        notes += _notes_of_few(spread, len(z), len(others), len(plan.laws))
+        notes += _notes_of_few(spread, shares, len(z), len(others), len(plan.laws))
         every = np.concatenate([z, others])
         linear = {f"linear_{name}": _linear(plan, at_mean[name], slopes[name], every) for name in found}
         table = _samples(plan, {**found, **linear}, every)
@@ -120,15 +120,21 @@ def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -
     return pandas.DataFrame(columns)
 
 
-def _notes_of_few(spread: pandas.DataFrame, exact: int, others: int, parameters: int) -> list[str]:
+def _notes_of_few(
+    spread: pandas.DataFrame, shares: pandas.DataFrame, exact: int, others: int, parameters: int
+) -> list[str]:
     """What a reader of results of few exact samples should know."""
+    without = [name for name, rates in shares.groupby("parameter", sort=False).rate if rates.isna().all()]
+    if len(without) == parameters:
+        return [f"no parameter has a linear answer: results are of these {exact}, the other {others} add nothing"]
+    but = f", which leaves out {', '.join(without)}," if without else ""
     notes = []
     for name, rows in spread.groupby("figure", sort=False):
         little = rows[rows.linear_explained < LITTLE]
         if len(little):
             worst = little.loc[little.linear_explained.idxmin()]
             notes.append(
-                f"the linear answer explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
+                f"the linear answer{but} explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
                 f"{worst.taxel}) over the exact samples: there the other {others} add little to these {exact}"
             )
     if fewest_of(parameters) > exact:
