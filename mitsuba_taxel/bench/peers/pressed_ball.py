@@ -34,8 +34,9 @@ INCREMENT = 0.1
 """Mm, way of the ball in one increment."""
 CUTS = 6
 """Number of halvings of an icosahedron's edges: sides of 0.045 mm, whose facets lean by half a degree."""
-CAP = 0.85
-"""Radius of the part of the ball that is meshed, relative to the ball's."""
+CAP, LARGEST_CAP = 1.06, 0.95
+"""Radius of the part of the ball that is meshed, relative to that at the height of the undeformed top, and to the
+ball's."""
 SHELL = 0.9
 """Inner radius of its single layer of wedges."""
 
@@ -94,7 +95,7 @@ def press(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -> str:
     """Input of the program. The ball is the lower part of a shell of wedges, all of whose nodes are moved."""
-    points, wedges = _shell(ball, float(mesh.points[:, 2].max()))
+    points, wedges = _shell(ball, float(mesh.points[:, 2].max()), depth)
     first_node, first_element = 1 + len(mesh.points), 1 + len(mesh.tets)
     lines = calculix.pad_lines(mesh, material)
     lines += ["*NODE, NSET=BALL", *calculix.node_lines(points, first_node), "*ELEMENT, TYPE=C3D6, ELSET=BALL"]
@@ -112,12 +113,15 @@ def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -
     return "\n".join(lines)
 
 
-def _shell(ball: Indenter, lowest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, 3) and wedges (W, 6) below a ball whose lowest point is at a height in mm; facets outside enclose the
-    volume of the ball, and are the wedges' last three nodes."""
+def _shell(ball: Indenter, lowest: float, depth: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (N, 3) and wedges (W, 6) below a ball whose lowest point is at a height in mm, as far as it meets what is
+    at that height once it is moved; facets outside enclose the volume of the ball, and are the wedges' last three
+    nodes."""
     assert ball.radius is not None
+    met = math.sqrt(1 - (1 - min(depth / ball.radius, 1.0)) ** 2)
+    cap = min(CAP * met, LARGEST_CAP)
     whole = trimesh.creation.icosphere(CUTS)
-    below = (whole.vertices[whole.faces][:, :, 2] < -math.sqrt(1 - CAP**2)).all(axis=1)
+    below = (whole.vertices[whole.faces][:, :, 2] < -math.sqrt(1 - cap**2)).all(axis=1)
     used, facets = np.unique(whole.faces[below], return_inverse=True)
     facets = facets.reshape(-1, 3)
     swelling = (4 / 3 * math.pi / whole.volume) ** (1 / 3)

@@ -26,7 +26,7 @@ def mesh():
 def blocks(mesh):
     """Lines of the input, without those of the pad's nodes and elements, by keyword and set."""
     found = {}
-    for line in deck(mesh, MATERIAL, BALL, 0.25).splitlines():
+    for line in deck(mesh, MATERIAL, BALL, 1.0).splitlines():
         if line.startswith("*"):
             rows = found.setdefault(line, [])
         else:
