@@ -26,10 +26,9 @@ def cells_of_file(pad: PadFile, mesh_size: float | None) -> int:
     from mitsuba_taxel.pads.imported.regions import FacedSurface, tagged
     from mitsuba_taxel.pads.imported.repair import faces_of, repaired
     from mitsuba_taxel.pads.imported.surfaces import check_mesh_size, read_surface
-    from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
 
     size = mesh_size or pad.default_mesh_size
-    if pad.suffix not in SURFACE_FORMATS:
+    if pad.is_drawn:
         return int(pad.mesh(size).face_cell.max())
     try:
         vertices, triangles = repaired(*read_surface(pad.content(), pad.suffix))

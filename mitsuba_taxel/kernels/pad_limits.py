@@ -7,7 +7,6 @@ import mitsuba as mi
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import is_region
 from mitsuba_taxel.pads import REGIONS, Pad, PadFile
-from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
 
 MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
@@ -48,7 +47,7 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
 
         round_walls = [name for name in ("roof", "side") if is_round(pad, name)]
     else:
-        round_walls = [] if pad.suffix in SURFACE_FORMATS else list(REGIONS)
+        round_walls = list(REGIONS) if pad.is_drawn else []
     names = [name for name in round_walls if REGIONS[name] in codes]
     if names and subdivision < LEAST_OF_MIRRORS:
         raise InputError(

@@ -74,9 +74,14 @@ class PadFile(Displayed):
             raise InputError(f"filename = {self.path} cannot be read ({error.strerror or error}).") from error
 
     @property
+    def is_drawn(self) -> bool:
+        """Whether the file holds curved faces, as a drawing does, and not triangles."""
+        return self.suffix in STEP_FORMATS
+
+    @property
     def identity(self) -> list[object]:
         """Values that identify the pad, fit for JSON."""
-        meshers = ["netgen-mesher", *([] if self.suffix in STEP_FORMATS else ["pytetwild"])]
+        meshers = ["netgen-mesher", *([] if self.is_drawn else ["pytetwild"])]
         versions = [[mesher, version(mesher)] for mesher in meshers]
         return [self.suffix, self.digest, [asdict(rule) for rule in self.regions], versions]
 

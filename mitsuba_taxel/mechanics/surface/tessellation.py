@@ -28,7 +28,7 @@ from mitsuba_taxel.mechanics.surface.finish import (
 from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface, displacement_gradient
 from mitsuba_taxel.pads.imported import round_faces
 from mitsuba_taxel.pads.pad import Pad
-from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS, PadFile
+from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.round_walls import onto_round_walls
 
 CREASE, FACET = 20.0, 1.0
@@ -236,7 +236,7 @@ def _walls(
 
 def knows_walls(pad: Pad | PadFile | None) -> bool:
     """Whether the round walls of a pad are known exactly, which elements approximate by parabolas."""
-    return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.suffix not in SURFACE_FORMATS)
+    return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.is_drawn)
 
 
 def placed(
@@ -263,6 +263,6 @@ def _sheets(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> 
         )
         _, gradient = placed(mesh, chosen, at, pad)
         normals.append(unit(np.cross(*(np.einsum("qij,qj->qi", gradient, tangent) for tangent in along))))
-    crease = FACET if isinstance(pad, PadFile) and pad.suffix in SURFACE_FORMATS else CREASE
+    crease = FACET if isinstance(pad, PadFile) and not pad.is_drawn else CREASE
     region = mesh.face_region[chosen]
     return smooth_sheets(mesh.faces[chosen, :3], np.stack(normals, axis=1), region, crease)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.element_maps import worst_element
@@ -13,8 +14,10 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.imported.local_sizes import default_mesh_size
 from mitsuba_taxel.pads.imported.step import mesh_step, surveyed
 from mitsuba_taxel.pads.imported.surface_meshing import mesh_surface, parts_of
-from mitsuba_taxel.pads.pad_file import STEP_FORMATS, PadFile
 from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.pads.pad_file import PadFile
 
 
 def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
@@ -32,7 +35,7 @@ def mesh_pad_file(pad: PadFile, mesh_size: float) -> VolumeMesh:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: a finite number above 0 is needed.")
     with _named(pad):
         content = pad.content()
-        if pad.suffix in STEP_FORMATS:
+        if pad.is_drawn:
             mesh = mesh_step(pad.path.resolve(), pad.digest, pad.regions, mesh_size)
         else:
             mesh = mesh_surface(content, pad.suffix, pad.regions, mesh_size)
@@ -48,7 +51,7 @@ def default_size_of(pad: PadFile) -> float:
     """Default size of elements in mm; raises as :func:`mesh_pad_file` does."""
     with _named(pad):
         content = pad.content()
-        if pad.suffix in STEP_FORMATS:
+        if pad.is_drawn:
             body = surveyed(pad.path.resolve(), pad.digest, pad.regions)
             surface = (body.patches.vertices, body.patches.triangles, body.patch_region, body.cell[body.face])
         else:
