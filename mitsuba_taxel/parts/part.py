@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,32 @@ class Side(Checked):
             self.x if self.window_x is None else self.window_x,
             self.y if self.window_y is None else self.window_y,
         )
+
+    def moved(self, shift: tuple[float, float, float]) -> Side:
+        """With its die moved by x, y and z in mm; the window stays."""
+        x, y = self.window_centre
+        return replace(
+            self,
+            x=self.x + shift[0],
+            y=self.y + shift[1],
+            die_depth=self.die_depth - shift[2],
+            window_x=x,
+            window_y=y,
+        )
+
+    def check_in(self, body: tuple[float, float, float]) -> None:
+        """Raise `InputError` unless die and window lie within the top of a body, and the die within its height."""
+        window = self.window_centre, (self.window_width, self.window_length)
+        die = (self.x, self.y), (self.die_width, self.die_length)
+        for what, (centres, extents) in (("window", window), ("die", die)):
+            for axis, centre, extent, length in zip("xy", centres, extents, body, strict=False):
+                if 2 * abs(centre) + extent > length * (1 + 1e-9):
+                    raise InputError(f"its {what} lies over the edge of the body along {axis}.")
+        if self.die_depth >= body[2]:
+            raise InputError(
+                f"die_depth = {self.die_depth:g} is not allowed: less than the height of the body, {body[2]:g}, is "
+                "needed."
+            )
 
     def _check(self) -> None:
         if self.window_shape == "obround" and self.window_width > self.window_length:
@@ -127,19 +153,9 @@ def _side(name: str, which: str, content: Mapping[str, Any]) -> Side:
             raise InputError(f"part {name}: {key} of {which} is not known: allowed are {', '.join(allowed)}.")
     try:
         side = Side(**table)
+        side.check_in(content["body"])
     except InputError as error:
         raise InputError(f"part {name}, {which}: {error}") from error
-    window = side.window_centre, (side.window_width, side.window_length)
-    die = (side.x, side.y), (side.die_width, side.die_length)
-    for what, (centres, extents) in (("window", window), ("die", die)):
-        for axis, centre, extent, length in zip("xy", centres, extents, content["body"], strict=False):
-            if 2 * abs(centre) + extent > length * (1 + 1e-9):
-                raise InputError(f"part {name}, {which}: its {what} lies over the edge of the body along {axis}.")
-    if side.die_depth >= content["body"][2]:
-        raise InputError(
-            f"part {name}, {which}: die_depth = {side.die_depth:g} is not allowed: less than the height of the body, "
-            f"{content['body'][2]:g}, is needed."
-        )
     return side
 
 

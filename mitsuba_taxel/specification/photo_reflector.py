@@ -23,6 +23,9 @@ _ROUNDING = 1e-6
 """Relative error of lengths that Mitsuba stores in single precision, such as components of vectors."""
 
 
+Shift = tuple[float, float, float]
+
+
 class Opening(NamedTuple):
     """An area of the top of a package, in mm: a die in it, or the window above one."""
 
@@ -70,10 +73,11 @@ def _bare(x: float, width: float, length: float) -> Side:
     return Side(x=x, window_width=width, window_length=length, die_width=width, die_length=length)
 
 
-def _package_of(name: str) -> Package:
-    """A part as a package; raises `InputError` if a package cannot represent it."""
+def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift | None) -> Package:
+    """A part with its dies shifted, as a package; raises `InputError` if a package cannot represent it."""
     part = read_part(name)
-    emitter, detector = part.emitter, part.detector
+    emitter = _shifted("led_shift", part.emitter, led_shift, part.body)
+    detector = _shifted("phototransistor_shift", part.detector, phototransistor_shift, part.body)
     if emitter.die_width != emitter.die_length:
         raise InputError(f"part = {name!r} is not allowed here: the emitter's die must be a square.")
     led = AnnularLed(size=emitter.die_width, hole=0.0, law="lambertian", wavelength=part.wavelength)
@@ -82,6 +86,18 @@ def _package_of(name: str) -> Package:
     package = Package(part.body, led, phototransistor, emitter, detector, part.resin_index if is_deep else None)
     _check_openings(name, package)
     return package
+
+
+def _shifted(name: str, side: Side, shift: Shift | None, body: tuple[float, float, float]) -> Side:
+    if shift is None:
+        return side
+    try:
+        moved = side.moved(shift)
+        moved.check_in(body)
+    except InputError as error:
+        words = ", ".join(f"{each:g}" for each in shift)
+        raise InputError(f"{name} = {words} is not allowed: {error}") from error
+    return moved
 
 
 def _check_openings(name: str, package: Package) -> None:
@@ -112,6 +128,15 @@ class PhotoReflector(Specification):
         "dies below windows into the resin above them.",
         "the name of a part, or of a TOML file",
         default_words="the paper's sensor, as stated here",
+    )
+    led_shift: Shift | None = vector(
+        (0.0, 0.0, 0.0),
+        "mm",
+        "Of the LED's die off its place in the part, along x, y and z, below its window.",
+        needs="part",
+    )
+    phototransistor_shift: Shift | None = vector(
+        (0.0, 0.0, 0.0), "mm", "Likewise, of the phototransistor's die.", needs="part"
     )
     body: tuple[float, float, float] | None = vector(
         (1.46, 1.06, 0.5), "mm", "Extent of the package along x, y and z.", above=0, common=(0.05, 100), without="part"
@@ -161,7 +186,7 @@ class PhotoReflector(Specification):
     def package(self) -> Package:
         """Body and dies, those of the part if one is named; raises `InputError`."""
         if self.part is not None:
-            return _package_of(self.part)
+            return _package_of(self.part, self.led_shift, self.phototransistor_shift)
         assert self.body is not None and self.spacing is not None and self.led and self.phototransistor
         led, sensor = self.led, self.phototransistor
         emitter = _bare(-0.5 * self.spacing, led.size, led.size)

@@ -14,6 +14,7 @@ from mitsuba_taxel.check import check_scene
 from mitsuba_taxel.parts import edge_positions, leaving_share, mirror_curve, read_part
 from mitsuba_taxel.sensing import energy_audit, sample_paths
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 
 VCNT = read_part("vcnt2020")
 TRACERS = ("taxel_tracer", "taxel_path")
@@ -65,6 +66,39 @@ def test_the_edge_of_a_mirror(agree, llvm_mono):
     (edge,) = edge_positions(VCNT, 1.0, 1, 0.3)
     found = measure(plate("vcnt2020", 1.0, "mirror", half=60, centre=(0, edge - 60)), points=2048, seed=4)
     agree(found.power, found.standard_error, 0.3 * mirror_curve(VCNT, 1.0), 3e-3 * found.power)
+
+
+@pytest.mark.parametrize("shift", [(0.1, -0.05, 0.0), (-0.05, 0.0, -0.1)])
+def test_a_die_off_its_place_below_the_same_window(agree, llvm_mono, shift):
+    """Both dies; the window stays, and bounds what the LED may move."""
+    part = replace(VCNT, emitter=VCNT.emitter.moved(shift), detector=VCNT.detector.moved(shift[::-1]))
+    moved = PhotoReflector(part="vcnt2020", led_shift=shift, phototransistor_shift=shift[::-1]).package
+    assert (moved.emitter, moved.detector) == (part.emitter, part.detector)
+    assert moved.openings == PhotoReflector(part="vcnt2020").package.openings
+    shifts = {"led_shift": list(shift), "phototransistor_shift": list(shift[::-1])}
+    found = measure(plate("vcnt2020", 1.0, "mirror", half=60, **shifts), points=1024, seed=5)
+    right = mirror_curve(part, 1.0)
+    agree(found.power, found.standard_error, right, 2e-3 * right)
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"led_shift": (0.1, 0, 0)}, "led_shift is not allowed without part"),
+        (
+            {"part": "vcnt2020", "led_shift": (0, 0, 0.2)},
+            "led_shift = 0, 0, 0.2 is not allowed: die_depth = -0.1 is not",
+        ),
+        ({"part": "vcnt2020", "led_shift": (-0.6, 0, 0)}, "its die lies over the edge of the body along x"),
+        (
+            {"part": "vcnt2020", "phototransistor_shift": (0, 0, -1)},
+            "phototransistor_shift = 0, 0, -1 .* 0.8, is needed",
+        ),
+    ],
+)
+def test_a_die_stays_in_its_body(given, complaint):
+    with pytest.raises(InputError, match=complaint):
+        PhotoReflector(**given)
 
 
 @pytest.mark.parametrize(
