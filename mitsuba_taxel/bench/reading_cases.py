@@ -8,15 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from mitsuba_taxel import parts
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.bench.reading_row import MOST_DEVIATIONS, RIGHT, ReadingRow
 from mitsuba_taxel.bench.table_case import TimedCase
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.pads.pad import CELL_SHAPES, Pad
+from mitsuba_taxel.parts import mirror_curve, read_part
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.specification.annular_led import AnnularLed
@@ -29,6 +33,19 @@ ROUNDING = 1e-6
 """Relative rounding error of single precision, to which scaling laws hold."""
 OF_TIME_STEPS = 1e-4
 """Relative error of readings by that of steps in time, and by what relaxes during a short rise."""
+OF_QUADRATURE = 2e-3
+"""Relative error of the power under a mirror by quadrature."""
+VCNT2020 = Path(parts.__file__).parent / "catalogue" / "vcnt2020.toml"
+MIRROR = """<scene version="3.9.0">
+    <shape type="photo_reflector">
+        <string name="part" value="part.toml"/>
+        <vector name="led_shift" value="{shift}"/> <vector name="phototransistor_shift" value="{shift}"/>
+    </shape>
+    <shape type="rectangle">
+        <transform name="to_world"> <rotate x="1" angle="180"/> <scale value="500"/> <translate z="{z}"/> </transform>
+        <bsdf type="wall"> <string name="scattering" value="mirror"/> </bsdf>
+    </shape>
+</scene>"""
 POINTS_OF_A_BILLION = 1 << 20
 
 read = partial(measure, mechanics_error=False)
@@ -87,7 +104,7 @@ class ReadingCase(TimedCase):
 
 def reading_cases() -> list[ReadingCase]:
     """The rows of the table, in its order."""
-    return [case for kind in (_gaps, _walls, _little, _loads, _times, _sizes, _numbers) for case in kind()]
+    return [case for kind in (_gaps, _windows, _walls, _little, _loads, _times, _sizes, _numbers) for case in kind()]
 
 
 def _gaps() -> Iterator[ReadingCase]:
@@ -97,6 +114,21 @@ def _gaps() -> Iterator[ReadingCase]:
             yield ReadingCase(f"plate {z:g} mm above the LED, {scattering}", look)
     yield ReadingCase("plate 1e-5 mm above the LED, lambertian", _all_but_closed)
     yield ReadingCase("plate on the LED", _closed)
+
+
+def _windows() -> Iterator[ReadingCase]:
+    for height in (0.02, 0.1, 10.0):
+        yield ReadingCase(f"VCNT2020, {height:g} mm below a mirror", partial(_below_a_mirror, height))
+    for index in (1.0, 3.5):
+        yield ReadingCase(
+            f"VCNT2020 in resin of index {index:g}, 1 mm below a mirror", partial(_below_a_mirror, 1.0, index)
+        )
+    deep, aside = (0.0, 0.0, -0.65), (0.0, 1.05, -0.4)
+    for words, shift in (("0.75 mm deep", deep), ("0.5 mm deep and cut by their windows", aside)):
+        look = partial(_below_a_mirror, 1.0, shift=shift)
+        yield ReadingCase(f"VCNT2020 with dies {words}, 1 mm below a mirror", look)
+    look = partial(_below_a_mirror, 1.0, shift=(0.0, 0.0, -0.75))
+    yield ReadingCase("VCNT2020 with dies as deep as its body", look, refused=True)
 
 
 def _walls() -> Iterator[ReadingCase]:
@@ -168,6 +200,22 @@ def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compa
     ready = prepare(scene())
     counting = ready._replace(integrator=mi.load_dict({"type": "analog_tracer"}))
     return _compared(read(ready, points=4096, seed=1), read(counting, points=points, seed=2), "counted rays")
+
+
+def _below_a_mirror(
+    height: float, index: float = 1.5, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> ComparedReading:
+    """A VCNT2020 in another resin, with both dies shifted, compared with the quadrature of refraction."""
+    with TemporaryDirectory() as folder:
+        file, scene = Path(folder) / "part.toml", Path(folder) / "scene.xml"
+        file.write_text(VCNT2020.read_text().replace("resin_index = 1.5", f"resin_index = {index}"))
+        part = read_part(file)
+        scene.write_text(MIRROR.format(shift=", ".join(map(str, shift)), z=part.body[2] + height))
+        found = read(Scene(scene), points=1 << 13)
+    emitter, detector = (side.moved(shift) for side in (part.emitter, part.detector))
+    (right,) = mirror_curve(replace(part, emitter=emitter, detector=detector), height).tolist()
+    power, error = float(found.power[0]), float(found.standard_error[0])
+    return ComparedReading(power, error, right, OF_QUADRATURE * right, "quadrature of refraction")
 
 
 def _compared(ours: Readings, theirs: Readings, by: str, remark: str = "", rounding: float = 0.0) -> ComparedReading:

@@ -53,6 +53,7 @@ def test_what_becomes_of_a_case(case, verdict, wrong):
     "part",
     [
         "plate 1e-5 mm",
+        "VCNT2020",
         "LED of 1e-7 W",
         "force of 1e-09 N",
         "roof pressed onto",
