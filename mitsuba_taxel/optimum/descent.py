@@ -87,6 +87,10 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once points have failed,
     steps end before a plane between them and all others.
 
+    Where no more is expected, the curvature may be one of far away, such as of a steep slope or a kink, along which
+    steps have become too short to correct it. So the descent begins again from there, without it, and ends where
+    nothing has been gained since it last did.
+
     Parameters
     ----------
     tolerance : float
@@ -94,16 +98,19 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     """
     here = at(start, start).there
     assert here is not None
-    x, radius, penalty, fresh, compared, last = start, FIRST_STEP, 0.0, True, (start, here), JUMP
+    x, radius, penalty, fresh, compared, last, gained = start, FIRST_STEP, 0.0, True, (start, here), JUMP, False
     readable: list[np.ndarray] = [start]
     failed: list[np.ndarray] = []
-    curvature = max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(len(x))
+    curvature = _even_curvature(here)
     for _ in range(STEPS):
         step = best_step(x, off_failures(x, here, readable, failed), curvature, radius)
         size = max(abs(here.worst), TINY)
         better = here.violation - step.violation
         if np.abs(step.d).max() < LEAST_STEP or (step.goal < tolerance * size and better < tolerance):
-            break
+            if not gained:
+                break
+            curvature, radius, compared, gained = _even_curvature(here), FIRST_STEP, (x, here), False
+            continue
         penalty = max(penalty, 2 * float(step.limits[: len(here.limits)].sum()))
         if better > 0:
             penalty = max(penalty, -2 * step.goal / better)
@@ -128,7 +135,7 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
         slack = jump * (size + penalty)
         share = (found + slack) / (expected + slack)
         if share > 0.1:
-            x, here = end, there
+            x, here, gained = end, there, gained or found > tolerance * size + slack
         if share < 0.3:
             radius = 0.4 * length
         elif share > 0.8 and length > 0.9 * radius:
@@ -174,6 +181,11 @@ def _multipliers(
     of_goals, of_limits = np.zeros(len(goals)), np.zeros(len(limits))
     of_goals[worst], of_limits[held] = weights, multipliers
     return of_goals, of_limits
+
+
+def _even_curvature(here: Judged) -> np.ndarray:
+    """That of which the best step is one across the bounds."""
+    return max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(here.goal_rates.shape[1])
 
 
 def _lagrangian_rate(at: Judged, step: Step) -> np.ndarray:

@@ -63,6 +63,8 @@ class Designs:
         Distinct load steps.
     seconds : float
         Time of their jobs, including earlier runs.
+    seconds_of : dict[Design, float]
+        The same of each design.
     failures : dict[Design, str]
         Why a design failed.
     notes : list[str]
@@ -92,6 +94,7 @@ class Designs:
         self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
+        self.seconds_of: dict[Design, float] = {}
         self._rows: set[int] = set()
         self._known: dict[Design, Read] = {}
 
@@ -138,6 +141,8 @@ class Designs:
         failed = Store(self._place).failures()
         for design in designs:
             rows = {each: place[each] for each in (design, *shifted[design].values())}
+            own = sorted({number for numbers in rows.values() for number in numbers})
+            self.seconds_of[design] = float(study.seconds.isel({STEP: own}).sum())
             power = {each: self._power(study, numbers) for each, numbers in rows.items()}
             rates = self._rates(study, design, rows[design], shifted[design], power)
             known = np.isfinite(power[design][:, :-OTHERS]).all() and np.isfinite(rates[..., :-OTHERS]).all()

@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number, is_row, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
-from mitsuba_taxel.optimum.figures import KINDS, Figure
+from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, Figure
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
@@ -419,7 +419,20 @@ class _Asked:
                 raise InputError(f"constraint {one!r} is not allowed: a number for least, most or both is needed.")
             figure = self.figure({name: value for name, value in one.items() if name not in bounds})
             limits += [Limit(figure, -1 if name == "least" else 1, float(value)) for name, value in bounds.items()]
+        for limit in limits:
+            self._refuse_beyond_loads(limit)
         return limits
+
+    def _refuse_beyond_loads(self, limit: Limit) -> None:
+        """Raise if a range is to be larger than any that the loads tell of."""
+        if limit.figure.kind == "range" and limit.sign < 0:
+            along, rows = self.lines[limit.figure.told["along"]]
+            largest = max(abs(float(row[along])) for row in rows)
+            if limit.bound > FURTHEST * largest:
+                raise InputError(
+                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: a range is told up to "
+                    f"{FURTHEST:g} times that, so loads up to {limit.bound / FURTHEST:g} or more are needed."
+                )
 
     def figure(self, given: Any) -> Figure:
         table = {"figure": given} if isinstance(given, str) else given

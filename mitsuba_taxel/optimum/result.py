@@ -57,6 +57,8 @@ class Optimum:
         Computed for all designs, without the finer mesh.
     seconds : float
         Time of their jobs.
+    design_seconds : list[float]
+        The same of each design of the history; 0 for those refused before any job.
     warnings, notes : list[str]
     """
 
@@ -75,6 +77,7 @@ class Optimum:
     gradients: int
     load_steps: int
     seconds: float
+    design_seconds: list[float]
     warnings: list[str]
     notes: list[str]
 
@@ -135,6 +138,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         held.gradients,
         course.designs.loads,
         course.designs.seconds,
+        [course.designs.seconds_of.get(design, 0.0) for design in course.history],
         _doubts(course, held, probability),
         notes,
     )

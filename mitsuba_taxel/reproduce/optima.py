@@ -195,18 +195,19 @@ def _dataset(found: Any) -> xr.Dataset:
 
 
 def _descents(found: Any) -> dict[str, tuple[str, np.ndarray]]:
-    """The numbers of designs of each descent, the initial ones excepted, and of those that failed; the best that is
-    allowed; and how many it took to come within 1 % of the best of all, NaN if it did not."""
+    """The numbers of designs of each descent, the initial ones excepted, and of those that failed; the seconds of all;
+    the best that is allowed; and how many it took to come within 1 % of the best of all, NaN if it did not."""
     history, goal = found.history, found.figures.figure[0].split(" ", 1)[1]
     sign = -1 if found.figures.figure[0].startswith("maximise") else 1
     loss = sign * history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)
     failed = history["failed"].notna() if "failed" in history else False
     close = loss <= loss.min() + NEARLY * abs(loss.min())
-    rows = history.assign(loss=loss, failed=failed, close=close)[history.descent > 0]
-    columns: dict[str, list[float]] = {"designs": [], "failed": [], "best": [], "close": []}
+    rows = history.assign(loss=loss, failed=failed, close=close, seconds=found.design_seconds)[history.descent > 0]
+    columns: dict[str, list[float]] = {"designs": [], "failed": [], "seconds": [], "best": [], "close": []}
     for _, of in rows.groupby("descent"):
         columns["designs"].append(len(of))
         columns["failed"].append(of.failed.sum())
+        columns["seconds"].append(of.seconds.sum())
         columns["best"].append(sign * of.loss.min())
         columns["close"].append(1 + int(of.close.to_numpy().argmax()) if of.close.any() else np.nan)
     return {f"descent_{name}": ("descent", np.array(column, dtype=float)) for name, column in columns.items()}

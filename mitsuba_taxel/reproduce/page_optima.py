@@ -209,13 +209,13 @@ def _descents(purpose: str, cell: str, one: xr.Dataset) -> str:
     """Where each of several descents ended, and whether it could have gone on."""
     scale, unit = SCALES[purpose]
     _, most = EFFORT[purpose, cell]
-    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed", "close"))
+    columns = (one[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
     shown = []
-    for best, count, failed, close in zip(*columns, strict=True):
+    for best, count, failed, seconds, close in zip(*columns, strict=True):
         value = f"{scale * best:.3g} {unit}" if np.isfinite(best) else "no allowed design"
         ended = "as no more was allowed" if count >= most else "as its steps gained no more"
         near = f", within {NEARLY:.0%} of the best of all after {close:.0f}" if np.isfinite(close) else ""
-        shown.append(f"{value} ({count:.0f} designs{near}, {failed:.0f} failed; {ended})")
+        shown.append(f"{value} ({count:.0f} designs in {seconds:.0f} s{near}, {failed:.0f} failed; {ended})")
     return f"its descents ended at {', '.join(shown)}"
 
 

@@ -89,6 +89,11 @@ def test_starts_are_where_a_sensor_is_possible(plan):
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nalong = ["side"]\nmost = 1\n', "two or more"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 0\nmost = 1\n', "noise = 0"),
         (WHOLE + CONSTRAINT + 'figure = "saturation"\nmost = 1\n', "without a table [circuit]"),
+        (
+            WHOLE + CONSTRAINT + 'figure = "range"\nleast = 40\n',
+            "range along normal >= 40 is not allowed with loads of fz up to 2: a range is told up to 10 times that, so "
+            "loads up to 4 or more are needed",
+        ),
         (WHOLE + "[optimise.tolerances]\nhole = 0\n", "tolerance of hole = 0"),
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is no <default>"),
         (WHOLE + '[optimise.front]\nminimise = "rest"\npoints = 2\n', "points, from 3"),
@@ -100,6 +105,11 @@ def test_what_is_no_optimisation_is_refused(plan, text, said):
     with pytest.raises(InputError) as refused:
         plan(text)
     assert said in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_range_may_reach_as_far_as_it_is_told(plan):
+    one = plan(WHOLE + CONSTRAINT + 'figure = "range"\nleast = 20\nmost = 99\n')
+    assert [limit.words for limit in one.limits] == ["range along normal >= 20", "range along normal <= 99"]
 
 
 def test_a_circuit_makes_volts(plan):

@@ -40,7 +40,7 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
     numbers = {"gain": best / before - 1, "gain_error": 0.1, "unbalanced": 0.01, "designs": 9, "failed": 1}
     numbers |= {"unbalanced_error": {"cylindrical": 0.05, "spherical": np.nan}.get(cell, 0.02), "gradients": 3}
     descents = 2 if cell == SQUARE else 1
-    several = {"best": [best, np.nan], "designs": [8, 20], "failed": [0, 5], "close": [6, np.nan]}
+    several = {"best": [best, np.nan], "designs": [8, 20], "failed": [0, 5], "seconds": [90, 200], "close": [6, np.nan]}
     return xr.Dataset(
         {f"descent_{name}": ("descent", values[:descents]) for name, values in several.items()}
         | {f"figures_{name}": ("figures", values) for name, values in figures.items()}
@@ -72,9 +72,9 @@ def test_the_page(tmp_path):
         in text
     )
     assert "a *profile* is any" in text.lower() and (
-        "- square profile: its descents ended at 60 µW/N (8 designs, within 1% of the best of all after 6, "
+        "- square profile: its descents ended at 60 µW/N (8 designs in 90 s, within 1% of the best of all after 6, "
         "0 failed; as its steps gained no more), "
-        "no allowed design (20 designs, 5 failed; as no more was allowed)\n" in text
+        "no allowed design (20 designs in 200 s, 5 failed; as no more was allowed)\n" in text
     )
     assert "- leaning parallelepiped: tops of cells lie 0.25 mm off their axes along x, by" in text
     for cell in PROFILES:
@@ -123,9 +123,12 @@ def test_what_descents_are_told_of():
     figures = pandas.DataFrame({"figure": [f"maximise {goal}"]})
     told = {
         name: values.tolist()
-        for name, (_, values) in _descents(SimpleNamespace(history=history, figures=figures)).items()
+        for name, (_, values) in _descents(
+            SimpleNamespace(history=history, figures=figures, design_seconds=2.0 ** np.arange(6))
+        ).items()
     }
     assert told["descent_designs"] == [3, 2] and told["descent_failed"] == [0, 1]
+    assert told["descent_seconds"] == [14, 48]
     assert told["descent_best"] == [4.0, 2.0] and told["descent_close"][0] == 2 and np.isnan(told["descent_close"][1])
 
 
