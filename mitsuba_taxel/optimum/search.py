@@ -9,7 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 ACTIVE = 0.02
-"""Margin, relative to the limit or to the bounds' width, below which a constraint counts as active."""
+"""Margin, relative to the limit, below which a constraint counts as active."""
+AT_BOUND = 5e-3
+"""Distance from a bound, relative to the bounds' width, below which it counts as active: readings of loaded cells ripple
+by a thousandth over as much, and a slope towards the bound gains at most this share of itself."""
 BALANCED = 0.05
 """Largest remaining slope of an optimum, with its error."""
 ONE_SIGMA = 0.8413
@@ -80,7 +83,7 @@ def stationarity(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) ->
     every = [found, *others]
     worst = np.flatnonzero(found.goals >= found.worst - ACTIVE * abs(found.worst))
     held = np.flatnonzero(found.limits <= ACTIVE)
-    low, high = np.flatnonzero(x <= 1e-3), np.flatnonzero(x >= 1 - 1e-3)
+    low, high = np.flatnonzero(x <= AT_BOUND), np.flatnonzero(x >= 1 - AT_BOUND)
     ends = np.concatenate([-np.eye(len(x))[low], np.eye(len(x))[high]])
     goal_rates = np.stack([each.goal_rates[worst] for each in every])
     limit_rates = np.stack([each.limit_rates[held] for each in every])

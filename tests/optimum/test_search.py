@@ -21,6 +21,16 @@ def test_bounds_that_hold():
     assert stationarity(np.array([0.5, 1.0]), at(x)).left == pytest.approx(1 / 3, rel=1e-3)
 
 
+@pytest.mark.parametrize(("gap", "left"), [(0.004, 0.0), (0.006, 1.0)])
+def test_a_bound_holds_what_is_close_to_it(gap, left):
+    """The slope towards it would gain 0.4 % on the way."""
+    near = Judged(np.ones(1), np.array([[1.0, 0.0]]), *NONE)
+    held = stationarity(np.array([gap, 0.5]), near)
+    assert held.left == pytest.approx(left, abs=1e-6) and held.bounds[0] == pytest.approx(left - 1, abs=1e-6)
+    away = stationarity(np.array([gap, 0.5]), Judged(np.ones(1), np.array([[-1.0, 0.0]]), *NONE))
+    assert away.left == pytest.approx(1) and not away.bounds.any()
+
+
 @pytest.mark.parametrize("count", [2, 5, 20])
 def test_the_scatter_of_what_is_left(count):
     """Bounded by x alone, a slope by y is left. In 84 % of all cases its length is below that plus the error."""
