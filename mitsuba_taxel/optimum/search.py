@@ -11,8 +11,8 @@ import numpy as np
 ACTIVE = 0.02
 """Margin, relative to the limit, below which a constraint counts as active."""
 AT_BOUND = 5e-3
-"""Distance from a bound, relative to the bounds' width, below which it counts as active: readings of loaded cells ripple
-by a thousandth over as much, and a slope towards the bound gains at most this share of itself."""
+"""Distance from a bound, relative to the bounds' width, below which it counts as active: readings of loaded cells
+ripple by a thousandth over as much, and a slope towards the bound gains at most this share of itself."""
 BALANCED = 0.05
 """Largest remaining slope of an optimum, with its error."""
 ONE_SIGMA = 0.8413
