@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from taxel_cli.bench import command
@@ -52,7 +54,7 @@ def made_up(monkeypatch):
     """Rows in place of measured ones; the names of those asked for."""
     asked = []
 
-    def measure(case, seconds):
+    def measure(case, seconds, memory):
         asked.append(case.name)
         if "0.3" in case.name:
             return CoverageRow(case.name, "no", seconds=1.0)
@@ -87,3 +89,14 @@ def test_the_command_prints_the_table(made_up):
     assert done.exit_code == 0, done.output
     assert "12 of 16" in done.output or "9 of 12" in done.output
     assert len(cells(CoverageRow("a"))) == len(headings(CoverageRow))
+
+
+def test_the_page_has_95_percent_within_twice():
+    """Of readings, and of settings in which all are; each truth is on elements of at most 0.4 mm."""
+    lines = (Path(__file__).parents[2] / "docs" / "coverage.md").read_text().splitlines()
+    headings_there, _, *rows = [line.strip("| ").split(" | ") for line in lines if line.startswith("| ")]
+    told = [dict(zip(headings_there, row, strict=True)) for row in rows]
+    assert [row["setting"] for row in told] == [case.name for case in coverage_cases.coverage_cases()]
+    readings, within = (np.array([int(row[name]) for row in told]) for name in ("readings", "within twice"))
+    assert within.sum() >= 0.95 * readings.sum() and np.mean(within == readings) >= 0.95
+    assert max(coverage_cases.FINE, *coverage_cases.FINE_OF_DOMES.values()) <= 0.4
