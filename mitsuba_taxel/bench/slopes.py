@@ -30,11 +30,11 @@ _PAGE = """\
 Written by `{command}`; do not edit by hand.
 
 Derivatives of one cell's reading at the default settings, compared with those on elements of {fine:g} mm. These are
-half as large as those of boxes and cylinders, and their own error is about a third of the deviation given here. Loaded domes
-have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows tell how much slopes scatter from one mesh
-to another of nearly the same size, rather than how far they are off. Roofs scatter isotropically. Both use the same
-patches for the light: their error is not part of the comparison, and is bounded with smaller ones in
-`tests/sensing/test_derivatives.py`.
+half as large as those of boxes and cylinders, and their own error is about a third of the deviation given here.
+Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows tell how much slopes
+scatter from one mesh to another of nearly the same size, rather than how far they are off. Roofs scatter
+isotropically. Both use the same patches for the light: their error is not part of the comparison, and is bounded
+with smaller ones in `tests/sensing/test_derivatives.py`.
 
 {table}
 
