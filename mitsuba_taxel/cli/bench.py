@@ -141,6 +141,26 @@ def slopes_command(markdown: Path | None) -> None:
         click.echo(summary(rows))
 
 
+@command.command("horizon", short_help="Derivatives by the width of the horizon.")
+@markdown_option
+@debug_option
+def horizon_command(markdown: Path | None) -> None:
+    """Compare derivatives along lines of designs with differences of their readings, for several widths over which the
+    step at the horizon is spread."""
+    from mitsuba_taxel.bench.horizon import HorizonRow, horizon, write_page
+    from mitsuba_taxel.bench.row import cells, headings
+    from mitsuba_taxel.studies.plan.files import check_new_file
+
+    from .tables import print_text_table
+
+    if markdown:
+        check_new_file(markdown, ".md")
+    rows = list(horizon(lambda name: click.echo(name, err=True)))
+    print_text_table(headings(HorizonRow), map(cells, rows))
+    if markdown:
+        write_page(rows, markdown, f"taxel bench horizon --markdown {markdown}")
+
+
 @command.command("nominal", short_help="The paper's study of four shapes: errors and seconds.")
 @click.option("--only", metavar="PATTERN", help="Part of the names of the shapes wanted; * and ? for anything.")
 @markdown_option

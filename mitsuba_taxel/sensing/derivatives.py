@@ -42,7 +42,9 @@ APART_SHARE = 0.25
 98 in 100 single cells are off by less than twice what is stated, without it of 88."""
 
 
-def derivatives_by(changes: list[Rates], live: mi.Scene, with_errors: bool = True, degree: int = FINE) -> Derivatives:
+def derivatives_by(
+    changes: list[Rates], live: mi.Scene, with_errors: bool = True, degree: int = FINE, wider: float = 1.0
+) -> Derivatives:
     """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
 
     Parameters
@@ -51,6 +53,8 @@ def derivatives_by(changes: list[Rates], live: mi.Scene, with_errors: bool = Tru
         Whether to compute errors, which take most of the time; else they are NaN.
     degree : int
         Of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the time.
+    wider : float
+        Factor of the width over which the step at the horizon is spread.
 
     Raises
     ------
@@ -64,7 +68,7 @@ def derivatives_by(changes: list[Rates], live: mi.Scene, with_errors: bool = Tru
             cells = DiffuseCells(live)
             begins = not cells.pad.is_loaded and any(change.load.any() for change in changes)
             state = cells.pad.at_onset() if begins else cells.pad.state
-            return _Linearised(cells, degree, state).by(changes, with_errors)
+            return _Linearised(cells, degree, state, wider).by(changes, with_errors)
     except NotDiffuse as reason:
         raise NotDiffuse(f"derivatives are not available: {reason}.") from reason
 
@@ -73,8 +77,8 @@ class _Linearised:
     """A scene of diffuse cells, and the derivatives of its readings by the positions of its walls, in the pad's state
     or another one of the same pad."""
 
-    def __init__(self, cells: DiffuseCells, degree: int, state: State) -> None:
-        self.cells, self.degree, self.state = cells, degree, state
+    def __init__(self, cells: DiffuseCells, degree: int, state: State, wider: float = 1.0) -> None:
+        self.cells, self.degree, self.state, self.wider = cells, degree, state, wider
         self.linear = LinearisedPad(cells.pad, state)
         self.patches = [cells.patches(number, self.state.mesh) for number in range(len(cells.cells))]
 
@@ -187,7 +191,7 @@ class _OfCell:
     def found(self, with_errors: bool, second: _Second | None) -> _Found:
         """Results of the cell, without its pairs of points, which take much memory."""
         fine = self._solved(self._whole.degree)
-        values = self._by_patch(fine, fine.gradient()).sum(axis=1)
+        values = self._by_patch(fine, fine.gradient(self._whole.wider)).sum(axis=1)
         light, against = np.full(1 + len(values), np.nan), _unknown(len(values))
         if with_errors:
             coarse = self._solved(COARSE)

@@ -105,6 +105,12 @@ class DiffuseCells:
 
     Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements.
 
+    Parameters
+    ----------
+    scene : mi.Scene
+    points : int
+        Along a side of each phototransistor.
+
     Raises
     ------
     NotDiffuse
@@ -113,11 +119,12 @@ class DiffuseCells:
         if a cell has too many patches.
     """
 
-    def __init__(self, scene: mi.Scene) -> None:
+    def __init__(self, scene: mi.Scene, points: int = PHOTOTRANSISTOR_POINTS) -> None:
         self.scene = scene
         self.pad = _pad_of(scene)
         self._mesh = _mesh_of(self.pad.pad)
-        self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, self._into_pad, self._scale)]
+        placed = self._into_pad, self._scale
+        self.taxels = [taxel for pair in taxels_of(scene) for taxel in _taxels(pair, *placed, points)]
         self._refuse_other_walls()
         shares = {
             REGIONS[name]: _shares(wall) for name, wall in walls_by_region(self.pad.bsdf()).items() if name in REGIONS
@@ -311,7 +318,7 @@ def _shares(wall: mi.BSDF) -> tuple[float, float]:
     return (reflectance, 0.0) if scattering == "isotropic" else (0.0, reflectance)
 
 
-def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Taxel]:
+def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> list[Taxel]:
     if pair.is_below_windows:
         raise NotDiffuse("LED and phototransistor lie below windows, where light is bent")
     stated = pair.led.specification
@@ -321,7 +328,7 @@ def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Taxel]:
     else:
         emitting = disc_annulus_rule(size, hole, LED_POINTS, 4 * LED_POINTS)
     width, depth = (float(side) for side in np.array(pair.sensor.faces.size, dtype=float).ravel())
-    sensitive = rectangle_rule(width, depth, PHOTOTRANSISTOR_POINTS, PHOTOTRANSISTOR_POINTS)
+    sensitive = rectangle_rule(width, depth, points, points)
     bodies = _bodies(pair, into_pad, scale)
     live = float(pair.led.power[0])  # in single precision, and perhaps changed in the loaded scene
     power = stated.power if math.isclose(live, stated.power, rel_tol=SINGLE) else live

@@ -147,7 +147,7 @@ class Cell:
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
         slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
-        by_start, by_normal = self._reception.gradient(self._adjoint)
+        by_start, by_normal = self._reception.gradient(self._adjoint, wider)
         by_start -= _summed(slopes.by_end, pairs.target, len(mesh.own))
         by_start += 0 if slopes.by_both is None else _summed(slopes.by_both, pairs.target, len(mesh.own))
         by_normal += _summed(slopes.by_normal, pairs.target, len(mesh.own))

@@ -7,6 +7,10 @@ import numpy as np
 from mitsuba_taxel.transport.ends import End
 from mitsuba_taxel.transport.exchange import Exchange, Starts
 
+WIDER = 10.0
+"""Width over which the step at the horizon of a wall is spread, relative to that between walls: the spacing of the
+points of a phototransistor as seen from a wall nearby, whose horizon passes whole rows of them at once."""
+
 
 class Reception:
     """Response to a watt at points (T) of walls."""
@@ -26,9 +30,10 @@ class Reception:
         """(T,) W per W."""
         return (self._bare * self._response).sum(axis=1)
 
-    def gradient(self, adjoint: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives (T, 3) of ``adjoint`` . :attr:`value` by the positions and by the unit normals of the walls."""
-        slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel())
+    def gradient(self, adjoint: np.ndarray, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives (T, 3) of ``adjoint`` . :attr:`value` by the positions and by the unit normals of the walls, with
+        a horizon that is ``wider`` by a factor."""
+        slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel(), WIDER * wider)
         by_end, by_normal = (
             np.stack([part.reshape(self._shape).sum(axis=1) for part in each], axis=1)
             for each in (slopes.by_end, slopes.by_normal)

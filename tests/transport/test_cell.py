@@ -12,7 +12,9 @@ from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport import exchange
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
+from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.patches import LATTICE
+from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import rectangle_rule, square_annulus_rule
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -172,6 +174,29 @@ def test_a_horizon_of_twice_the_width_tells_what_its_derivative_is_off_by(angle)
     found, wider = ((plain.gradient(width) * rate).sum() for width in (1, 2))
     off = found - (bent(0.1).reading - bent(-0.1).reading) / 0.2
     assert abs(off) < 2 * HORIZON_SHARE * abs(wider - found)
+
+
+def visible(end, at, tilt):
+    """What a point of a wall sends to a phototransistor of which it sees all below a plane, and its rate of tilt."""
+    normal, turned = (
+        np.array([[math.sin(tilt), 0.0, math.cos(tilt)]]),
+        np.array([math.cos(tilt), 0.0, -math.sin(tilt)]),
+    )
+    seen = Reception(end, Starts(at, normal, np.ones(1), np.zeros(1)))
+    return seen.value[0], float((seen.gradient(np.ones(1))[1] @ turned)[0])
+
+
+def test_rows_of_a_phototransistor_that_sink_below_a_horizon_at_once():
+    """Its 64 points have the derivative of 128 x 128 points to a fifth of the largest one, though it is of whole rows,
+    or of none, of them."""
+    at = np.array([[-0.45, 0.0, 1.3]])
+    few = phototransistor(0.9)
+    places, weights = rectangle_rule(0.52, 0.3, 128, 128)
+    many = End(np.column_stack([places + (0.45, 0), np.zeros(len(places))]), weights, UP, few.law)
+    tilts = np.linspace(0.8, 1.15, 36)
+    found, exact = (np.array([visible(end, at, tilt)[1] for tilt in tilts]) for end in (few, many))
+    np.testing.assert_allclose(found, exact, atol=0.2 * exact.max())
+    assert np.trapezoid(found, tilts) == pytest.approx(visible(many, at, 1.3)[0], rel=0.01)
 
 
 def test_changes_of_the_ends_to_first_order():
