@@ -52,18 +52,25 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
     return judged & (beyond_strip(mesh) > 0)
 
 
-def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
-    """(E, 3) corners and middle node of singular edges."""
+def shared_edges(mesh: VolumeMesh) -> tuple[np.ndarray, np.ndarray]:
+    """(E, 3) corners and middle node of the edges between two faces of the surface, and (E, 2) numbers of these."""
     sides = mesh.faces[:, [[i, j, k] for k, (i, j) in enumerate(FACE_EDGES, start=3)]].reshape(-1, 3)
     order = np.argsort(sides[:, 2], kind="stable")
     one, other = order[:-1], order[1:]
     pairs = sides[one, 2] == sides[other, 2]
     one, other = one[pairs], other[pairs]
-    glued = mesh.face_region[one // 3] == REGIONS["bottom"], mesh.face_region[other // 3] == REGIONS["bottom"]
+    return sides[one], np.stack([one, other], axis=1) // 3
+
+
+def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
+    """(E, 3) corners and middle node of singular edges."""
+    edges, faces = shared_edges(mesh)
+    one, other = faces.T
+    glued = mesh.face_region[one] == REGIONS["bottom"], mesh.face_region[other] == REGIONS["bottom"]
     a, b, c = np.moveaxis(mesh.points[mesh.faces[:, :3]], 1, 0)
     normal, centre = np.cross(b - a, c - a), (a + b + c) / 3
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    turn = np.rad2deg(np.arccos(np.clip((normal[one // 3] * normal[other // 3]).sum(axis=1), -1, 1)))
-    inner = (normal[one // 3] * (centre[other // 3] - centre[one // 3])).sum(axis=1) > 0
+    turn = np.rad2deg(np.arccos(np.clip((normal[one] * normal[other]).sum(axis=1), -1, 1)))
+    inner = (normal[one] * (centre[other] - centre[one])).sum(axis=1) > 0
     singular = (glued[0] != glued[1]) | (inner & (180 - turn < CREASE))
-    return sides[one[singular]]
+    return edges[singular]

@@ -42,14 +42,21 @@ class Assembly:
     ----------
     like : Assembly, optional
         Another assembly of the same mesh and material, whose elements it shares.
+    linear : (m, q) ndarray, optional
+        Where the law is linear; see `Elements`.
     """
 
     def __init__(
-        self, mesh: VolumeMesh, material: Material, numbering: Numbering, like: Assembly | None = None
+        self,
+        mesh: VolumeMesh,
+        material: Material,
+        numbering: Numbering,
+        like: Assembly | None = None,
+        linear: np.ndarray | None = None,
     ) -> None:
         self.numbering = numbering
         self.unknowns = numbering.displacements + numbering.pressures
-        self.elements: Elements = like.elements if like else Elements(mesh, material)
+        self.elements: Elements = like.elements if like else Elements(mesh, material, linear)
         self._nodes, self._like = len(mesh.points), like
 
     @cached_property

@@ -19,7 +19,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
-from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
+from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
@@ -66,6 +66,24 @@ class ElementState:
     min_jacobian: float
 
 
+@dataclass(frozen=True)
+class SmallStrain:
+    """Points ``at`` (m, q) of some elements where the law is linear, and the displacement's gradient (n, 3, 3) there."""
+
+    at: np.ndarray
+    gradient: np.ndarray
+
+    @property
+    def growth(self) -> np.ndarray:
+        """(n,) relative change of volume."""
+        return np.trace(self.gradient, axis1=1, axis2=2)
+
+    def stress(self, shear_modulus: float) -> np.ndarray:
+        """(n, 3, 3) MPa, isochoric stress 2 mu (e - tr(e) / 3) of the strain e: that of any law to first order."""
+        both = self.gradient + np.swapaxes(self.gradient, 1, 2)
+        return shear_modulus * (both - 2 / 3 * self.growth[:, None, None] * np.eye(3))
+
+
 class Elements:
     """The elements of a mesh, of one material.
 
@@ -76,6 +94,8 @@ class Elements:
         Volume of each quadrature point in mm³.
     gradients : (m, q, 10, 3) ndarray
         Of the shape functions of ``nodes``, 1/mm.
+    linear : (m, q) ndarray or None
+        Whether the law at a quadrature point is that of small strain; None if nowhere.
 
     Raises
     ------
@@ -83,8 +103,8 @@ class Elements:
         if an element is flat.
     """
 
-    def __init__(self, mesh: VolumeMesh, material: Material) -> None:
-        self.material = material
+    def __init__(self, mesh: VolumeMesh, material: Material, linear: np.ndarray | None = None) -> None:
+        self.material, self.linear = material, linear
         order = np.argsort(mesh.tets, axis=1)
         self.nodes, self.corners = np.take_along_axis(mesh.tets, order, axis=1), mesh.tets[:, :4]
         reference, count = shape_gradients(QUADRATURE_POINTS), len(order)
@@ -126,7 +146,7 @@ class Elements:
             here = slice(start, start + ELEMENTS_AT_ONCE)
             weight, p = self.weight[here], self.pressures(here, pressure)
             by_node = self._by_node[here]
-            gradient = self.gradient(here, displacement) + np.eye(3)
+            gradient, small = self._at_rest(here, self.gradient(here, displacement) + np.eye(3))
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             least[here] = determinant.min(axis=1)
@@ -138,11 +158,16 @@ class Elements:
                 kept = tensors(past.stress[here])
                 stress = past.share * stress + gradient @ kept
             stress = stress + p[..., None, None] * cofactor
+            excess = determinant - 1 - self.material.compressibility * p
+            if small is not None:
+                stress[small.at] += small.stress(self.material.shear_modulus)
+                excess[small.at] += small.growth
             forces[here] = self.on_nodes(here, stress)
-            volumes[here] = self.on_corners(here, determinant - 1 - self.material.compressibility * p)
+            volumes[here] = self.on_corners(here, excess)
             if matrices is None:
                 return
-            matrices.blocks[here] = self._stiffness(here, state, p, past, kept)
+            turning = p if small is None else np.where(small.at, 0.0, p)  # its force does not turn with the solid
+            matrices.blocks[here] = self._stiffness(here, state, turning, past, kept)
             normal = _columns(weight, cofactor).reshape(len(p), -1, 3, 1, 3) * _PRESSURE_SHAPES[:, None, :, None]
             mixed = (by_node @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
             matrices.mixed[here] = np.swapaxes(mixed, 1, 2).reshape(len(p), 4, 30)
@@ -152,6 +177,13 @@ class Elements:
         in_turns(fill, count)
         lowest = float(least.min())
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
+
+    def _at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
+        """F (m, q, 3, 3) of some elements, that of rest where the law is linear, and what it leaves out there."""
+        if self.linear is None or not self.linear[here].any():
+            return gradient, None
+        at = self.linear[here]
+        return np.where(at[..., None, None], np.eye(3), gradient), SmallStrain(at, gradient[at] - np.eye(3))
 
     def _stiffness(
         self, here: slice, state: Points, pressure: np.ndarray, past: Past | None, kept: np.ndarray | None
@@ -207,6 +239,11 @@ class Elements:
         """(m, q, 3, 3) gradient of a field (N, 3) at the quadrature points of some elements."""
         gradient = np.swapaxes(field[self.nodes[here]], 1, 2) @ self._by_node[here]
         return np.swapaxes(gradient.reshape(len(gradient), 3, -1, 3), 1, 2)
+
+
+def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
+    """(m, q, 3) mm, quadrature points of the undeformed elements."""
+    return shape_functions(_PRESSURE_SHAPES) @ mesh.points[mesh.tets]
 
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:

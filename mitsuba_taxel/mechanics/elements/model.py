@@ -66,6 +66,8 @@ class Model:
         Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
         Another model of the same part, material and load, whose elements it shares.
+    linear : (m, q) ndarray, optional
+        Where the law is linear; see `Elements`.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Model:
         signs: Mapping[Mirror, int],
         held_plate: bool = False,
         like: Model | None = None,
+        linear: np.ndarray | None = None,
     ) -> None:
         self.part, self.mesh, self.load = part, part.mesh, load
         held = np.zeros(len(self.mesh.points), dtype=bool)
@@ -86,7 +89,8 @@ class Model:
             held[top] |= held_plate
             plate = None if held_plate else top
         self.numbering = number_unknowns(self.mesh, held, signs, plate)
-        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, like.assembly if like else None)
+        shared = like.assembly if like else None
+        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, shared, linear)
 
     def evaluate(
         self,

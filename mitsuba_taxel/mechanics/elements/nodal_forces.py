@@ -19,15 +19,18 @@ def internal_forces(
     displacement: np.ndarray,
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
+    linear: np.ndarray | None = None,
 ) -> np.ndarray:
     """(N, 3) N at each node, for displacements (N, 3) in mm and pressures (corners,) in MPa.
 
-    ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the material.
+    ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the material; the law is linear at
+    the quadrature points ``linear`` (m, q).
     """
     nodes = len(mesh.points)
     nothing_held = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
     past = None if overstress is None else Past(1.0, overstress, part_between(mesh, {}, ()))
-    inside = Assembly(mesh, material, nothing_held).evaluate(displacement, pressure, with_tangent=False, past=past)
+    assembly = Assembly(mesh, material, nothing_held, linear=linear)
+    inside = assembly.evaluate(displacement, pressure, with_tangent=False, past=past)
     return inside.residual[: 3 * nodes].reshape(-1, 3)
 
 

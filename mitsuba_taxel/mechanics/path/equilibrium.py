@@ -122,13 +122,17 @@ class LoadedPad:
         self.whole, self.material, self.load = mesh, material, load
         self.mirrors, self.images, self._solver_name = tuple(mirrors), images or {}, solver
         self.part = part_between(mesh, self.images, mirrors)
-        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1))
+        self.model = Model(self.part, material, self.load, dict.fromkeys(self.part.walls, 1), linear=self._linear())
         self.numbering = self.model.numbering
         self._solver = make_solver(solver)
         self._volume = float(self.model.assembly.elements.weight.sum())
         self.height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
         self.past: Past | None = None
+
+    def _linear(self) -> np.ndarray | None:
+        """(m, q) quadrature points of the part where the law is linear; None for none."""
+        return None
 
     @property
     def unknowns(self) -> int:

@@ -12,6 +12,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.feet import near_feet
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balanced, LoadedPad, Rejected
@@ -37,8 +38,12 @@ class SelfTouchingPad(LoadedPad):
     _pattern: tuple[bytes, ...] = ()
 
     def __init__(self, *parts: Any, bodies: RigidBodies | None = None, share: float = 1.0, **more: Any) -> None:
-        super().__init__(*parts, **more)
         self._bodies, self._share = bodies, share
+        super().__init__(*parts, **more)
+
+    def _linear(self) -> np.ndarray | None:
+        every = near_feet(self.whole)
+        return None if every is None else every[self.part.elements]
 
     @cached_property
     def _contacts(self) -> Contacts:

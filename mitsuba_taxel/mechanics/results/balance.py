@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.contact.feet import near_feet
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -90,7 +91,8 @@ def reactions(state: State) -> Reactions:
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
     overstress = None if state.memory is None else state.memory.overstress
-    internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress)
+    linear = near_feet(mesh) if state.load.goes_on else None
+    internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress, linear)
     applied = _applied_forces(state, places, internal)
     bottom = nodes_of(mesh, "bottom")
     board = np.zeros_like(places)
