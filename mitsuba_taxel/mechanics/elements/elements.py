@@ -68,7 +68,7 @@ class ElementState:
 
 @dataclass(frozen=True)
 class SmallStrain:
-    """Points ``at`` (m, q) of some elements where the law is linear, and the displacement's gradient (n, 3, 3) there."""
+    """Points ``at`` (m, q) of some elements where the law is linear, and the gradient (n, 3, 3) of displacement."""
 
     at: np.ndarray
     gradient: np.ndarray

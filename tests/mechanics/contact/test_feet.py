@@ -66,7 +66,7 @@ def test_small_strains_are_those_of_the_law(mesh):
     """To first order; elsewhere nothing changes."""
     law, some = LAWS[1], near_feet(mesh)
     rng = np.random.default_rng(4)
-    displacement, pressure = 1e-6 * rng.standard_normal(mesh.points.shape), 1e-6 * rng.standard_normal(mesh.corner_count)
+    displacement, pressure = (1e-6 * rng.standard_normal(n) for n in (mesh.points.shape, mesh.corner_count))
     usual, here = (Elements(mesh, law, which).evaluate(displacement, pressure, True) for which in (None, some))
     largest = np.abs(usual.forces).max()
     np.testing.assert_allclose(here.forces, usual.forces, atol=1e-4 * largest)

@@ -82,7 +82,7 @@ def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
 
 
 def test_little_changes_before_it_touches():
-    """The feet of the outside alone, whose law is linear: roofs come down as much within 1e-3, at 20 % of the height."""
+    """Its feet alone, whose law is linear: roofs come down as much within 1e-3, at 20 % of the height."""
     (with_it,), (without,) = pressed(BEFORE), pressed(BEFORE, load=PlateDisplacement())
     roof = np.unique(without.mesh.faces[without.mesh.face_region == REGIONS["roof"]])
     change = np.abs(with_it.displacement - without.displacement)[roof].max()
