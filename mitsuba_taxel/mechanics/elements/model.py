@@ -66,8 +66,8 @@ class Model:
         Whether a bonded plate is fixed, rather than an additional unknown.
     like : Model, optional
         Another model of the same part, material and load, whose elements it shares.
-    linear : (m, q) ndarray, optional
-        Where the law is linear; see `Elements`.
+    linear : (M, q) ndarray, optional
+        Quadrature points of the whole pad where the law is linear.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Model:
         like: Model | None = None,
         linear: np.ndarray | None = None,
     ) -> None:
-        self.part, self.mesh, self.load = part, part.mesh, load
+        self.part, self.mesh, self.load, self.linear = part, part.mesh, load, linear
         held = np.zeros(len(self.mesh.points), dtype=bool)
         held[self._faces("bottom")] = True
         plate = None
@@ -89,8 +89,8 @@ class Model:
             held[top] |= held_plate
             plate = None if held_plate else top
         self.numbering = number_unknowns(self.mesh, held, signs, plate)
-        shared = like.assembly if like else None
-        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, shared, linear)
+        shared, of_part = like.assembly if like else None, None if linear is None else linear[part.elements]
+        self.assembly: Assembly = Assembly(self.mesh, material, self.numbering, shared, of_part)
 
     def evaluate(
         self,

@@ -131,7 +131,7 @@ class LoadedPad:
         self.past: Past | None = None
 
     def _linear(self) -> np.ndarray | None:
-        """(m, q) quadrature points of the part where the law is linear; None for none."""
+        """(M, q) whether the law is linear at the quadrature points of the whole pad; None if at none."""
         return None
 
     @property

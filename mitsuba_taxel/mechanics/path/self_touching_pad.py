@@ -42,8 +42,7 @@ class SelfTouchingPad(LoadedPad):
         super().__init__(*parts, **more)
 
     def _linear(self) -> np.ndarray | None:
-        every = near_feet(self.whole)
-        return None if every is None else every[self.part.elements]
+        return near_feet(self.whole)
 
     @cached_property
     def _contacts(self) -> Contacts:

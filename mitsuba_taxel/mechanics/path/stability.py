@@ -176,7 +176,8 @@ class _Block:
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
     """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate is fixed."""
     held_plate, material = isinstance(model.load, PlateDisplacement), model.assembly.elements.material
-    of_block = Model(part, material, model.load, signs, held_plate, model if part is model.part else None)
+    like = model if part is model.part else None
+    of_block = Model(part, material, model.load, signs, held_plate, like, model.linear)
     return _Block(of_block, make_solver(solver))
 
 

@@ -172,5 +172,5 @@ def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
     if part is not pad.part or any(sign < 0 for _, sign in signs):
         like = pad.model if part is pad.part else None
         at_walls = {mirror: sign for mirror, sign in signs if mirror in part.walls}
-        model = Model(part, pad.material, pad.load, at_walls, like=like)
+        model = Model(part, pad.material, pad.load, at_walls, like=like, linear=pad.model.linear)
     return TangentBlock(pad.whole, model, signs, pad.images)
