@@ -23,9 +23,10 @@ class TaxelPath(mi.CppADIntegrator):
     ----------------------------------------
 
     Paths start at the phototransistor, each reflection is connected to a point of the LED, and paths that hit the LED
-    count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, at lower cost if the
-    phototransistor has a narrow angular response. It refuses scenes with unbounded weights: isotropic walls, which are
-    not reciprocal, and the law :monosp:`uniform_polar_angle`, whose intensity is unbounded on the axis.
+    count as well, combined with the power heuristic. The estimate is that of `taxel_tracer`, at lower cost only if a
+    broad LED and a phototransistor of narrow angular response are under a diffuse plate. It refuses scenes with
+    unbounded weights: isotropic walls, which are not reciprocal, and the law :monosp:`uniform_polar_angle`, whose
+    intensity is unbounded on the axis.
 
     .. tabs::
         .. code-tab:: xml
