@@ -15,6 +15,7 @@ from mitsuba_taxel.bench.table_case import TableCase
 from mitsuba_taxel.geometry.element_maps import map_determinants
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
@@ -192,10 +193,11 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment within the case that inverts an element at a node."""
     pad = path.pad_for(segment.origin, segment.direction)
-    driven = isinstance(case.load, IndenterForce)
+    driven, linear = isinstance(case.load, IndenterForce), where_linear(path.mesh, path.load)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:
-        if node.s <= min(segment.limit, reached) and node_jacobian(path.mesh, pad.split(node.unknowns)[0]) <= 0:
+        moved = pad.split(node.unknowns)[0]
+        if node.s <= min(segment.limit, reached) and node_jacobian(path.mesh, moved, linear) <= 0:
             return f"{_listed(segment.value(node.s))} {path.load.unit}"
     return ""
 
@@ -226,21 +228,25 @@ def _looked_at(state: State | None) -> dict[str, float | str]:
     """Figures of a state computed independently of the solver."""
     if state is None:
         return {}
+    linear = where_linear(state.mesh, state.load)
     roof = float(np.linalg.norm(mean_roof(state.mesh, state.displacement)))
     stated = state.error.displacement / roof if state.error and roof else math.nan
     return {
-        "node_jacobian": node_jacobian(state.mesh, state.displacement),
+        "node_jacobian": node_jacobian(state.mesh, state.displacement, linear),
         "imbalance": reactions(state).imbalance,
         "roof": roof,
         "stated_error": stated,
     }
 
 
-def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray) -> float:
-    """Smallest volume ratio J of any element at a judged node or a corner, at a displacement (N, 3) in mm."""
+def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray | None = None) -> float:
+    """Smallest volume ratio J of any element at a judged node or a corner, at a displacement (N, 3) in mm.
+
+    Those corners are left out that are quadrature points (m, q) where the law is ``linear``.
+    """
     before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
     judged = judged_nodes(mesh)[mesh.tets]
-    judged[:, :4] = True
+    judged[:, :4] = True if linear is None else ~linear[:, :4]  # the first quadrature points
     return float((after / before)[judged].min())
 
 

@@ -198,6 +198,16 @@ def test_jacobian_and_roof_of_a_homogeneous_state():
     assert node_jacobian(mesh, displacement) < 0
 
 
+def test_a_foot_may_be_inverted_where_its_law_is_linear():
+    mesh = ONE_CELL.mesh(2.0)
+    foot = np.argmin(mesh.points.sum(axis=1))
+    displacement = np.zeros_like(mesh.points)
+    displacement[foot] = (1.5, 1.5, 0.5)
+    assert node_jacobian(mesh, displacement) < 0
+    at_foot = np.repeat((mesh.tets == foot).any(axis=1)[:, None], 8, axis=1)
+    assert node_jacobian(mesh, displacement, at_foot) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("cell", ["parallelepiped", "hemispheric"])
 def test_slivers_are_flat_and_not_inverted(cell):
     pad = SliverPad(cell, rows=1, columns=1)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.singular_edges import shared_edges
 from mitsuba_taxel.mechanics.elements.elements import quadrature_places
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.pads.pad import REGIONS
 
 RADIUS = 1 / 15
@@ -20,15 +20,24 @@ SHARP = 30.0
 """Least turn of the glued outer rim at a foot, in degrees."""
 
 
-def near_feet(mesh: VolumeMesh) -> np.ndarray | None:
-    """(m, q) whether the quadrature points of the elements are within :data:`RADIUS` of a foot; None if there is none,
-    as of a round pad."""
-    feet = _feet(mesh)
-    if not len(feet):
+def where_linear(mesh: VolumeMesh, load: Load) -> np.ndarray | None:
+    """(m, q) whether the law is linear at the quadrature points of the elements.
+
+    None if at none: under loads that do not go on where a pad touches itself or the board, and of round pads.
+    """
+    if not load.goes_on:
         return None
-    radius = RADIUS * float(np.ptp(mesh.points[:, 2]))
-    places = quadrature_places(mesh)
-    return (PointTree(feet).query(places.reshape(-1, 3))[0] < radius).reshape(places.shape[:2])
+    near = near_feet(mesh)
+    return near if near.any() else None
+
+
+def near_feet(mesh: VolumeMesh) -> np.ndarray:
+    """(m, q) whether the quadrature points of the elements are within :data:`RADIUS` of a foot."""
+    places, radius = quadrature_places(mesh), RADIUS * float(np.ptp(mesh.points[:, 2]))
+    near = np.zeros(places.shape[:2], dtype=bool)
+    for foot in _feet(mesh):
+        near |= np.linalg.norm(places - foot, axis=-1) < radius
+    return near
 
 
 def _feet(mesh: VolumeMesh) -> np.ndarray:

@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.feet import near_feet
+from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balanced, LoadedPad, Rejected
@@ -42,7 +42,7 @@ class SelfTouchingPad(LoadedPad):
         super().__init__(*parts, **more)
 
     def _linear(self) -> np.ndarray | None:
-        return near_feet(self.whole)
+        return where_linear(self.whole, self.load)
 
     @cached_property
     def _contacts(self) -> Contacts:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.feet import near_feet
+from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -91,7 +91,7 @@ def reactions(state: State) -> Reactions:
     """
     mesh, places = state.mesh, state.mesh.points + state.displacement
     overstress = None if state.memory is None else state.memory.overstress
-    linear = near_feet(mesh) if state.load.goes_on else None
+    linear = where_linear(mesh, state.load)
     internal = internal_forces(mesh, state.material, state.displacement, state.pressure, overstress, linear)
     applied = _applied_forces(state, places, internal)
     bottom = nodes_of(mesh, "bottom")
