@@ -7,11 +7,12 @@ import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.faces import matrix_of
 from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad, traces_taxels
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
 from mitsuba_taxel.sensing.clearance import heed_packages
 from mitsuba_taxel.sensing.foreign_walls import refuse_foreign_walls
-from mitsuba_taxel.sensing.shared_places import refuse_shared_places, refuse_shared_planes
+from mitsuba_taxel.sensing.shared_places import FLAT, refuse_shared_places, refuse_shared_planes
 from mitsuba_taxel.sensing.taxels import refuse_foreign_sensors, taxels_of
 
 OF_MITSUBA = {
@@ -59,6 +60,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
     if getattr(integrator, "hide_emitters", False):
         raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
     _refuse_instances(scene)
+    _refuse_walls_without_area(scene)
     _refuse_media(scene, plugin)
     if ours:
         _refuse_other_windows(scene)
@@ -83,6 +85,14 @@ def _refuse_instances(scene: mi.Scene) -> None:
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
             raise InputError("instance is not allowed: its walls cannot be looked at; put the shape itself there.")
+
+
+def _refuse_walls_without_area(scene: mi.Scene) -> None:
+    """A rectangle or disk that is scaled by 0 along a side reflects nothing, where the other side was meant."""
+    flat = (shape for shape in scene.shapes() if not is_pad(shape) and shape.class_name() in FLAT)
+    for shape in flat:
+        if not np.cross(*matrix_of(shape)[:3, :2].T).any():
+            raise InputError(f"{kind_of(shape)} has no area: its to_world must not scale it by 0.", shape)
 
 
 def _is_mirror(wall: mi.BSDF) -> bool:

@@ -16,7 +16,8 @@ from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
-_FLAT = ("Rectangle", "Disk")
+FLAT = ("Rectangle", "Disk")
+"""Classes of Mitsuba's flat shapes."""
 _ALIKE = 1e-5
 """Largest distance from a plane, relative to the size of what lies in it, and from its normal, in rad."""
 
@@ -45,7 +46,7 @@ def refuse_shared_planes(scene: mi.Scene) -> None:
     Those that carry an LED or a phototransistor are left to `refuse_shared_places`.
     """
     bare = (each for each in scene.shapes() if not (is_pad(each) or each.is_emitter() or each.is_sensor()))
-    flat = [each for each in bare if each.class_name() in _FLAT]
+    flat = [each for each in bare if each.class_name() in FLAT]
     for one, other in combinations(flat, 2):
         if one.bsdf() is not other.bsdf() and _overlap(_outline(one), _outline(other)):
             raise InputError(
@@ -105,7 +106,7 @@ def _separated(axes: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
 def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (N, 3) in the world and triangles (K, 3) of a shape; none of one that is neither flat nor a mesh."""
     kind = shape.class_name()
-    if kind in _FLAT:
+    if kind in FLAT:
         to_world = matrix_of(shape)
         rim = _SQUARE if kind == "Rectangle" else _CIRCLE
         corners = np.concatenate([rim, np.zeros((1, 2))])

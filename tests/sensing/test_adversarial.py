@@ -6,6 +6,7 @@ Right is what quadrature says (`plate_power` and `image_power`), or Mitsuba's ``
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -146,6 +147,9 @@ def _refused():
             yield f"{kind} of {value}, {name}", name, {"wall": wall}, f"{share} = {value} is not allowed"
         bumpy = {"type": "bumpmap", "bumps": {"type": "checkerboard"}, "nested": {"type": "diffuse"}}
         yield f"bumps without slopes, {name}", name, {"wall": bumpy}, "bump_map: .* not implemented"
+    for name in ("taxel_tracer", "path"):
+        line = partial(shape, "rectangle", (0, 0, 3), (0, 1, 1))
+        yield f"a plate of no width, {name}", name, {"more": {"other": line}}, "rectangle has no area: its to_world"
     labels = {
         "label on the plate": lambda: shape("rectangle", (1.8, 0, 1.2), (0.5, 0.5, 1), bsdf=ABSORBING),
         "disk turned to it": lambda: shape("disk", (0, 2.3, 1.2), (0.5, 0.5, -1), bsdf=ABSORBING),
