@@ -6,8 +6,7 @@ from mitsuba_taxel.bench import ramp
 from mitsuba_taxel.pads import Pad
 
 
-def test_what_is_solved_costs_more_than_what_is_interpolated(monkeypatch):
+def test_all_three_ways_are_timed(monkeypatch):
     monkeypatch.setattr(ramp, "ROWS", 10)
     found = ramp.ramp(Pad(rows=1, columns=1))
-    assert found.each > found.elastic > 0
-    assert found.viscoelastic > 0
+    assert min(found.each, found.elastic, found.viscoelastic) > 0

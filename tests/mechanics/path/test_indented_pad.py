@@ -222,7 +222,8 @@ def test_the_length_of_steps_under_friction_is_in_the_stated_error(monkeypatch):
         def force_error(self, force, other):
             return 0.0
 
-        def deviations(self, displacement, other):
+        def deviations(self, displacement, other, of_force):
+            assert of_force == 0
             return np.zeros((2, *displacement.shape))
 
     monkeypatch.setattr(SecondMeshes, "__iter__", lambda meshes: iter([(meshes._path, SameMesh())]))
