@@ -141,8 +141,8 @@ def print_crosstalk(crosstalk) -> None:
     print_table(
         ("LED", *taxels),
         (
-            (led, *(f"{power:.3e} +- {error:.0e}" if power else "0" for power, error in zip(*row, strict=True)))
-            for led, *row in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
+            (led, *(f"{power:.3e} +- {error:.0e}" if error else f"{power:g}" for power, error in zip(*of, strict=True)))
+            for led, *of in zip(taxels, crosstalk.power, crosstalk.standard_error, strict=True)
         ),
     )
 

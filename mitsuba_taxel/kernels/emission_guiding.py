@@ -18,6 +18,8 @@ from mitsuba_taxel.kernels.walls import has_mirrors
 _DEPTH = 10  # levels of the tree: 32 x 32 cells
 _PILOT = 1 << 14
 _DEFENSIVE = 0.2
+LARGEST_WEIGHT = 1 / _DEFENSIVE
+"""Of a ray drawn from the learned density, relative to one drawn from the law."""
 
 
 class GuidedEmission:

@@ -17,6 +17,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
+from mitsuba_taxel.sensing.darkness import dark_errors
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.readings import Crosstalk, Readings
 from mitsuba_taxel.sensing.runs import (
@@ -155,6 +156,7 @@ def measured(
         irradiance=run.image,
         responsivity=_responsivity(live),
         deviation=prepared.mechanics.deviation,
+        dark_error=_dark_error(prepared.ready, powers, run.points),
         facets=_facets(prepared.geometry, powers.shape[1]) if mechanics_error or prepared.power is not None else None,
         mesh_size=prepared.settings.mesh_size,
         roof_errors=roof_errors(live) if mechanics_error else [],
@@ -272,7 +274,15 @@ def crosstalk(
         raise InputError("crosstalk needs all taxels in one photo_reflector.")
     set_wavelength(ready.scene, [pairs[0].led])
     powers, _, points = trace(ready.integrator, ready.scene, pairs[0], points, seed, REPLICATES, crosstalk=True)
-    return Crosstalk(powers, points, seed)
+    dark = dark_errors(ready.scene, ready.integrator, points * REPLICATES, pairs[0].count)
+    return Crosstalk(powers, points, seed, np.broadcast_to(dark, powers.shape[1:]))
+
+
+def _dark_error(ready: Prepared, powers: np.ndarray, points: int) -> np.ndarray | None:
+    """(T,) W, as in `Readings`; None if light came to all taxels, or without random numbers."""
+    if not points or powers.any(axis=0).all():
+        return None
+    return dark_errors(ready.scene, ready.integrator, points * len(powers), powers.shape[1])
 
 
 def _facets(geometry: FacetsEstimate, taxels: int) -> np.ndarray:
@@ -291,15 +301,14 @@ def _responsivity(live: mi.Scene) -> np.ndarray | None:
 
 def _remarks(result: Readings, light_error: float | None, target_error: float | None, points: int | None) -> list[str]:
     notes = []
-    if light_error is not None and result.relative_error > light_error:
+    if light_error is not None and light_error < result.relative_error < math.inf:
         notes.append(
-            f"target error {light_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
+            f"target error {light_error:g} not reached: {_share(result.relative_error)} with {result.points} points"
         )
     if target_error is not None and not result.relative_total_error <= target_error:
-        parts = f"light {result.relative_error:.2g} with {result.points} points" if result.points else "light 0"
+        parts = f"light {_share(result.relative_error)} with {result.points} points" if result.points else "light 0"
         if result.deviation is not None:
-            share = result.error_budget["mechanics"]
-            parts += f", mechanics {'unknown' if math.isnan(share) else f'{share:.2g}'}"
+            parts += f", mechanics {_share(result.error_budget['mechanics'])}"
         if result.geometry_error.any():
             parts += f", geometry {result.error_budget['geometry']:.2g}"
         notes.append(f"target error {target_error:g} not reached: {parts}")
@@ -307,10 +316,23 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
         notes.append(f"finite elements of {result.mesh_size:.3g} mm chosen for the target error")
     if points is not None and result.points < points:
         notes.append(f"time budget used up after {result.points} of {points} points")
-    dark = result.taxel[result.power <= 0]
-    if len(dark):
-        notes.append(f"no light found on taxel {', '.join(map(str, dark))}")
+    dark = result.power <= 0
+    if dark.any():
+        missed = float(np.max(result.standard_error[dark]))
+        notes.append(f"no light found on taxel {', '.join(map(str, result.taxel[dark]))}{_may_receive(missed)}")
     return notes
+
+
+def _share(error: float) -> str:
+    """A relative error in words."""
+    return f"{error:.2g}" if math.isfinite(error) else "unknown"
+
+
+def _may_receive(missed: float) -> str:
+    """How much light may have been missed, in W, in words; empty if none."""
+    if math.isnan(missed):
+        return ": how much was missed is unknown"
+    return f": it may receive {missed:.1e} W (1 sigma)" if missed else ""
 
 
 def check_request(

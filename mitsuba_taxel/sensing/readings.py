@@ -37,9 +37,18 @@ def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
 
 
 def largest_share(error: np.ndarray, power: np.ndarray) -> float:
-    """Largest ratio of an error to its power, over the readings with any power; 0 if there are none."""
-    lit = power > 0
-    return float(np.max(error[lit] / power[lit], initial=0.0))
+    """Largest ratio of an error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    return float(np.max(shares(error, power), initial=0.0))
+
+
+def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """Ratio of each error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    return np.divide(error, power, out=np.where(error == 0, 0.0, math.inf), where=power > 0)
+
+
+def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None) -> np.ndarray:
+    """The error of each power, by the scatter of its replicates or, where all are 0, by what they may have missed."""
+    return error if dark_error is None else np.where(power > 0, error, dark_error)
 
 
 def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
@@ -72,6 +81,9 @@ class Readings(Displayed):
     deviation : (T,) ndarray or None
         Change of the power, in W, with the shape that coarser finite elements give to loaded pads; NaN if unknown; None
         if no pad is loaded or it was not requested: errors are then those of the light alone.
+    dark_error : (T,) ndarray or None
+        Power in W that a taxel may receive though no path brought light to it, one standard deviation; NaN if unknown;
+        None if a reading of 0 is exact.
     facets : (T,) ndarray or None
         Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat; without
         random numbers, what states the error of the light by the same share; None if not requested.
@@ -93,6 +105,7 @@ class Readings(Displayed):
     irradiance: np.ndarray | None = None
     responsivity: np.ndarray | None = None
     deviation: np.ndarray | None = None
+    dark_error: np.ndarray | None = None
     facets: np.ndarray | None = None
     mesh_size: float | None = None
     derivatives: Derivatives | None = None
@@ -116,8 +129,11 @@ class Readings(Displayed):
 
     @property
     def standard_error(self) -> np.ndarray:
-        """(T,) one standard deviation of :attr:`power` due to the light, in W, from the scatter of the replicates."""
-        return standard_error(self.replicates)
+        """(T,) one standard deviation of :attr:`power` due to the light, in W, from the scatter of the replicates.
+
+        Where all of them are 0, it is the :attr:`dark_error`.
+        """
+        return or_dark(standard_error(self.replicates), self.power, self.dark_error)
 
     @property
     def mechanics_error(self) -> np.ndarray:
@@ -152,17 +168,17 @@ class Readings(Displayed):
 
     @property
     def relative_error(self) -> float:
-        """Largest relative standard error of any taxel that receives light; 0 if none does."""
+        """Largest relative standard error of any taxel; infinite if one may receive light and none was found."""
         return largest_share(self.standard_error, self.power)
 
     @property
     def relative_total_error(self) -> float:
-        """Largest relative total error of any taxel that receives light; 0 if none does."""
+        """Largest relative total error of any taxel, as :attr:`relative_error`."""
         return largest_share(self.total_error, self.power)
 
     @property
     def error_budget(self) -> dict[str, float]:
-        """Largest relative error of any taxel that receives light, by its source and in total."""
+        """Largest relative error of any taxel, by its source and in total."""
         return error_budget(self.power, self.standard_error, self.mechanics_error, self.geometry_error)
 
 
@@ -178,11 +194,14 @@ class Crosstalk:
         Light paths for each of them.
     seed : int
         Seed of the random numbers.
+    dark_error : (T, T) ndarray or None
+        As in `Readings`.
     """
 
     replicates: np.ndarray
     points: int
     seed: int
+    dark_error: np.ndarray | None = None
 
     @property
     def power(self) -> np.ndarray:
@@ -192,7 +211,7 @@ class Crosstalk:
     @property
     def standard_error(self) -> np.ndarray:
         """(T, T) one standard deviation of :attr:`power`, in W."""
-        return standard_error(self.replicates)
+        return or_dark(standard_error(self.replicates), self.power, self.dark_error)
 
 
 def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:

@@ -18,6 +18,7 @@ from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.sensing.darkness import may_be_lit
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, largest_share, mechanics_share
@@ -32,6 +33,8 @@ is not resolved, and errors of 15 % are taken for 6 %."""
 MECHANICS_SHARE = 0.85
 """Share of the shape in a target error where light has noise. More points cost little: the error of a scrambled net
 falls nearly as 1/points."""
+DARK_POINTS = 1 << 16
+"""Points per taxel and replicate after which a scene in which no light was found counts as dark."""
 LIGHT_SHARE = 0.5
 """Share of the light in a target error that the mechanics does not reach."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
@@ -333,6 +336,8 @@ def points_for(
         run.extend_to(points)
         first = None
         error = _safety(run.powers) * Readings(run.powers, run.points, seed).relative_error
+        if not run.powers.any() and points < DARK_POINTS and may_be_lit(ready.scene, ready.integrator):
+            error = math.inf
         if error <= target_error or points >= MOST_POINTS:
             break
         if clock and not clock.allows(8 * run.seconds):

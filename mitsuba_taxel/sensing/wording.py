@@ -70,4 +70,4 @@ def budget_line(budget: Mapping[str, float]) -> str:
 
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     """Each source of error with its share of a reading."""
-    return [(source, "unknown" if math.isnan(share) else f"{share:.2%}") for source, share in budget.items()]
+    return [(source, f"{share:.2%}" if math.isfinite(share) else "unknown") for source, share in budget.items()]

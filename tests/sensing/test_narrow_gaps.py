@@ -29,7 +29,7 @@ def test_narrow_gaps_match_quadrature(llvm_mono, agree, law, scattering):
 def test_a_plate_that_touches_lets_nothing_across(llvm_mono, scattering):
     touching = measure(plate(z=0.0, scattering=scattering), points=1 << 12, seed=2)
     assert np.array_equal(touching.replicates, np.zeros((32, 1)))
-    assert "no light found on taxel 1" in touching.notes
+    assert touching.notes[-1].startswith("no light found on taxel 1: it may receive ")
 
 
 @pytest.mark.parametrize("scattering, order", [("lambertian", 2), ("isotropic", 1)])
@@ -40,7 +40,7 @@ def test_a_plate_that_all_but_touches_lets_little_across(llvm_mono, scattering, 
     assert limit < 2e-6 and reading.power[0] == pytest.approx(limit, rel=0.01)
     assert reading.relative_error < 1e-2
     mirrored = measure(plate(z=1e-5, scattering="mirror"), points=1 << 12, seed=2)
-    assert mirrored.power[0] == 0 and "no light found on taxel 1" in mirrored.notes
+    assert mirrored.power[0] == 0 and 0 < mirrored.standard_error[0] < 1e-4
 
 
 @pytest.mark.parametrize(

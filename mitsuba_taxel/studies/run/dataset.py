@@ -12,11 +12,10 @@ import xarray as xr
 
 from mitsuba_taxel.base.arguments import as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.derivative_values import Derivatives
-from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share
+from mitsuba_taxel.sensing.readings import describe_mechanics, error_budget, geometry_share, mechanics_share, shares
 from mitsuba_taxel.studies.plan.histories import HISTORY
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.run.job import MAPS, MESHES, Failure, describe
@@ -52,12 +51,12 @@ def assemble(
     first = next(iter(results.values())).readings
     stages = sorted({stage for result in results.values() for stage in result.seconds})
     replicates = np.full(shape + first.replicates.shape, math.nan)
+    error = np.full(shape + first.power.shape, math.nan)
     seconds = np.zeros((*shape, len(stages)))
     for place, result in results.items():
-        replicates[place] = result.readings.replicates
+        replicates[place], error[place] = result.readings.replicates, result.readings.standard_error
         seconds[place] = [result.seconds.get(stage, 0.0) for stage in stages]
     power = replicates.mean(axis=-2)
-    error = standard_error(np.moveaxis(replicates, -2, 0))
     deviation = _deviation(results, power, dims.index(curve))
     geometry = power * _shares(_facets(results, power, dims.index(curve)), power, geometry_share)
     total = np.hypot(np.hypot(error, power * _shares(deviation, power, mechanics_share)), geometry)
@@ -269,13 +268,12 @@ def _derivatives(results: Mapping[Place, Kept]) -> dict[Place, Derivatives]:
 
 def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
     """Note on readings (..., T) in W whose total error exceeds the target or is unknown; empty if there are none."""
-    read = np.isfinite(power).all(axis=-1)
-    lit = power[read] > 0
-    shares = total[read][lit] / power[read][lit]
-    beyond = ~(shares <= target_error)
+    read = np.isfinite(power)
+    relative = shares(total[read], power[read])
+    beyond = ~(relative <= target_error)
     if not beyond.any():
         return ""
-    worst = "unknown" if np.isnan(shares).any() else f"{shares.max():.2g}"
+    worst = f"{relative.max():.2g}" if np.isfinite(relative).all() else "unknown"
     return f"target error {target_error:g} not reached: {beyond.sum()} of {beyond.size} readings, the worst {worst}"
 
 

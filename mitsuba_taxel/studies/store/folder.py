@@ -239,7 +239,7 @@ def keepable(result: JobResult) -> Kept:
 
 BY = "derivatives_"
 """Prefix of the names of the arrays of `Derivatives`."""
-_OPTIONAL = ("responsivity", "deviation", "facets")
+_OPTIONAL = ("responsivity", "deviation", "dark_error", "facets")
 
 
 def _arrays(kept: Kept) -> dict[str, np.ndarray]:
@@ -291,6 +291,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         seconds=seconds,
         responsivity=arrays.get("responsivity"),
         deviation=arrays.get("deviation"),
+        dark_error=arrays.get("dark_error"),
         facets=arrays.get("facets"),
         derivatives=_derivatives(arrays, replicates.shape[1]),
         roof_errors=errors,
