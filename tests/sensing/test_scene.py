@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import gc
+import os
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
 from one_cell import one_cell
 
-from mitsuba_taxel import ComputationError, InputError, Scene
+from mitsuba_taxel import ComputationError, InputError, Scene, measure
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
@@ -23,6 +25,24 @@ def no_collector():
 
 
 @pytest.mark.usefixtures("llvm_mono", "no_collector")
+def resident() -> int:
+    """Memory of this process in kB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
+def test_readings_of_many_scenes_take_no_memory(llvm_mono):
+    """Caches are full after some hundred; what each scene left behind was 20 to 30 kB."""
+
+    def read(numbers: range) -> int:
+        for number in numbers:
+            measure(Scene.from_file("plate.xml", z=0.3 + 1e-3 * number), points=1)
+        return resident()
+
+    full = read(range(120))
+    assert (read(range(120, 180)) - full) / 60 < 8
+
+
 def test_a_scene_in_a_cycle_is_freed_before_the_next_is_built():
     ring = [Scene.from_file("plate.xml").load()]
     emitter = weakref.ref(ring[0].emitters()[0])
