@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel import Scene, measure
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.bench.peers.cases import CASES
 from mitsuba_taxel.bench.ramp import ROWS, ramp
 from mitsuba_taxel.kernels.wavefronts import trace
@@ -138,8 +139,9 @@ def ray_rates(scene: Any) -> tuple[float, float]:
     rng = np.random.default_rng(0)
     box = scene.bbox()
     low, high = np.array(box.min), np.array(box.max)
-    origin = mi.Point3f(*(mi.Float(c) for c in (low + rng.random((RAYS, 3)) * (high - low)).T.astype(np.float32)))
-    direction = dr.normalize(mi.Vector3f(*(mi.Float(c) for c in rng.standard_normal((RAYS, 3)).T.astype(np.float32))))
+    places, ways = low + rng.random((RAYS, 3)) * (high - low), rng.standard_normal((RAYS, 3))
+    origin, way = (mi.Vector3f(*(mi.Float(in_packets(part)) for part in each.T)) for each in (places, ways))
+    origin, direction = mi.Point3f(origin), dr.normalize(way)
     ray = mi.Ray3f(origin, direction)
     dr.eval(ray)
 

@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.tables import Interpolant, find_cell, read_angular_table, refine
 from mitsuba_taxel.specification.annular_led import AnnularLed
 
@@ -112,7 +113,7 @@ class Tabulated:
         mass = np.diff(nodes) * (intensities[1:] + intensities[:-1]) / 2
         cumulative = np.concatenate([[0.0], np.cumsum(mass)])
         self.density_of_one_minus_cosine = Interpolant(nodes, intensities / cumulative[-1])
-        self.cumulative = mi.Float((cumulative / cumulative[-1]).astype(np.float32))
+        self.cumulative = mi.Float(in_packets(cumulative / cumulative[-1]))
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
         cell = find_cell(self.cumulative, sample.x)

@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
@@ -32,8 +33,8 @@ class GuidedEmission:
     """
 
     def __init__(self, density: np.ndarray) -> None:
-        self.shares = mi.Float(shares_of_grid(density).ravel())
-        self.density = mi.Float(density.astype(np.float32).ravel())
+        self.shares = mi.Float(in_packets(shares_of_grid(density)))
+        self.density = mi.Float(in_packets(density))
 
     def sample(self, taxel: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
         """A point of the unit square, and its density."""

@@ -12,6 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import is_package
 from mitsuba_taxel.parameters.similarity import similarity_scale
@@ -49,7 +50,7 @@ class FaceGrid:
         self.count = rows * columns
         self.scale = scale
         # No kernels are launched here: one of Mitsuba's integrators may call this while it records a kernel.
-        self.centres = mi.Point3f(*(mi.Float(_aligned(c)) for c in world.T))
+        self.centres = mi.Point3f(*(mi.Float(in_packets(c)) for c in world.T))
         axes = matrix[:3, :3].T / scale
         self.frame = mi.Frame3f(*(_opaque(mi.Vector3f, axis) for axis in axes))
         self.origin = _opaque(mi.Point3f, world[0])
@@ -134,12 +135,3 @@ def _face_on_rectangle(matrix: np.ndarray, name: str, size: tuple[float, float])
 def _opaque(kind: type, values) -> Any:
     """A vector whose components are kernel parameters, not literals: other values need no new kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))
-
-
-def _aligned(values: np.ndarray) -> np.ndarray:
-    """Single precision aligned to 64 bytes: Dr.Jit uses the memory as it is, and compiles its alignment into the
-    kernel."""
-    buffer = np.empty(len(values) + 16, np.float32)
-    start = -buffer.ctypes.data % 64 // 4
-    buffer[start : start + len(values)] = values
-    return buffer[start : start + len(values)]

@@ -17,6 +17,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.kernels.cell_surface import CellSurface
 from mitsuba_taxel.kernels.protocols import is_pad, is_region
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave
@@ -73,18 +74,18 @@ class Guide:
         self.corners = _corners(mesh)
         self.near = near
         owner, numbers, trees = members.owner, members.numbers, members.trees
-        a, b, c = self._corners(mi.UInt32(numbers))
+        a, b, c = self._corners(mi.UInt32(in_packets(numbers, np.uint32)))
         areas = np.array(0.5 * dr.norm(dr.cross(b - a, c - a)), dtype=float)
         shares = trees.shares(areas)
         self.depth = dr.opaque(mi.UInt32, trees.depth)
-        self.shares = mi.Float(shares.ravel())
-        self.leaves = mi.UInt32(numbers[trees.leaves].ravel())
-        self.owner = mi.Int32(owner)
-        self.area = mi.Float(np.bincount(owner[numbers], areas, len(shares)))
+        self.shares = mi.Float(in_packets(shares))
+        self.leaves = mi.UInt32(in_packets(numbers[trees.leaves], np.uint32))
+        self.owner = mi.Int32(in_packets(owner, np.int32))
+        self.area = mi.Float(in_packets(np.bincount(owner[numbers], areas, len(shares))))
         if near:
             boxes = np.zeros((len(owner), 4), np.float32)
             boxes[numbers] = trees.boxes(shares)
-            self.boxes = mi.Float(boxes.ravel())
+            self.boxes = mi.Float(in_packets(boxes))
 
     def sample(
         self, index: mi.UInt32, place: mi.Point2f, sample: mi.Point2f, nearness: mi.Float

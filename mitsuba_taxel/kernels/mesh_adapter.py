@@ -7,6 +7,8 @@ from typing import NamedTuple
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
+
 
 class Places(NamedTuple):
     """Vertices of a mesh, with normals.
@@ -41,7 +43,7 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
 def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
     """Set the geometry of a mesh allocated for as many vertices and triangles."""
     parameters = mi.traverse(mesh)
-    parameters["faces"] = np.ascontiguousarray(triangles, dtype=np.uint32).ravel()
+    parameters["faces"] = in_packets(triangles, np.uint32)
     move_vertices(mesh, places)
 
 
@@ -55,10 +57,10 @@ def places_of(mesh: mi.Mesh) -> Places:
 def move_vertices(mesh: mi.Mesh, places: Places) -> None:
     """Set new vertices of an initialised mesh, as many as before; triangles are unchanged."""
     parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.ascontiguousarray(places.vertices, dtype=np.float32).ravel()
+    parameters["vertex_positions"] = in_packets(places.vertices)
     parameters.update()
     if places.normals is not None:  # after the positions, from which Mitsuba computes its own normals
-        parameters["vertex_normals"] = np.ascontiguousarray(places.normals, dtype=np.float32).ravel()
+        parameters["vertex_normals"] = in_packets(places.normals)
         parameters.update()
 
 

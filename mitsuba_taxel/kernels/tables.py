@@ -6,6 +6,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import found
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.text import read_text
@@ -33,8 +34,8 @@ class Interpolant:
     """
 
     def __init__(self, nodes: np.ndarray, values: np.ndarray) -> None:
-        self.nodes = mi.Float(nodes.astype(np.float32))
-        self.values = mi.Float(values.astype(np.float32))
+        self.nodes = mi.Float(in_packets(nodes))
+        self.values = mi.Float(in_packets(values))
 
     def __call__(self, x: mi.Float) -> mi.Float:
         cell = find_cell(self.nodes, x)

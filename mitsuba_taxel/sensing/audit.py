@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
 from mitsuba_taxel.base.arguments import check_progress
 from mitsuba_taxel.base.errors import InputError
@@ -239,8 +240,8 @@ class _Surfaces:
         self.places.append("other shapes")
         self.bsdfs.append(None)
         unlisted = np.array([len(self.places) - 1])
-        self.table = mi.UInt32(np.concatenate([unlisted, *tables]).astype(np.uint32))
-        self.starts, self.strides = mi.UInt32(starts), mi.UInt32(strides)
+        self.table = mi.UInt32(in_packets(np.concatenate([unlisted, *tables]), np.uint32))
+        self.starts, self.strides = (mi.UInt32(in_packets(each, np.uint32)) for each in (starts, strides))
         self.last = dr.opaque(mi.UInt32, len(starts) - 1)
 
     def _add(self, shape: mi.Shape, name: str) -> np.ndarray:
@@ -265,7 +266,7 @@ class _Surfaces:
     def read_reflectances(self) -> None:
         """Read the present reflectance of rough mirrors, which reflect less; 0 for all others."""
         values = [reflectance_of(bsdf) if scatters(bsdf, "rough_mirror") else 0.0 for bsdf in self.bsdfs]
-        self.reflectance = mi.Float(np.array(values, dtype=np.float32))
+        self.reflectance = mi.Float(in_packets(np.array(values)))
 
     def at(self, step: PathStep) -> mi.UInt32:
         """The number of the surface that is hit."""

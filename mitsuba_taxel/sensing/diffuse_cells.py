@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
@@ -195,7 +196,7 @@ class DiffuseCells:
         """Rays in world coordinates, from points and along vectors in the frame of the pad."""
         turn, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
         origin, direction = (
-            mi.Vector3f(*each.T.astype(np.float32)) for each in (start @ turn.T + shift, away @ turn.T)
+            mi.Vector3f(*(in_packets(part) for part in each.T)) for each in (start @ turn.T + shift, away @ turn.T)
         )
         return mi.Ray3f(mi.Point3f(origin), direction)
 

@@ -7,6 +7,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.wavefronts import trace
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
@@ -32,7 +33,7 @@ def render(
     height, width = image.shape
     pixel = dr.arange(mi.UInt32, height * width)
     centre = mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + 0.5
-    block.put(centre, dr.zeros(mi.Color0f), mi.Spectrum(mi.Float(image.ravel())), 1.0, 1.0)
+    block.put(centre, dr.zeros(mi.Color0f), mi.Spectrum(mi.Float(in_packets(image))), 1.0, 1.0)
     film.put_block(block)
     result = film.develop() if develop else None
     if evaluate:
