@@ -14,7 +14,7 @@ from mitsuba_taxel import ComputationError, Scene, Wall, measure
 def test_a_closed_white_cell_agrees_with_counted_rays(llvm_mono, agree):
     """All light ends on the absorbing package; how much of it on the phototransistor, counting rays tells as well."""
     ours = measure(closed_cell(body=ABSORBING), points=1 << 13, seed=1)
-    theirs = measure(closed_cell(body=ABSORBING, integrator="analog_tracer"), points=1 << 15, seed=2)
+    theirs = measure(closed_cell(body=ABSORBING, integrator="analog_tracer"), points=1 << 16, seed=2)
     assert max(ours.relative_error, theirs.relative_error) < 4e-3
     agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
 

@@ -120,9 +120,12 @@ def same_kernels(first, second):
 
 @pytest.mark.parametrize("integrator", [*TRACERS, "path"])
 def test_another_seed_needs_no_new_kernel(llvm_mono, integrator):
-    """Nor do the seeds of the replicates, which `path` gets one by one."""
+    """Nor do the seeds of the replicates, which `path` gets one by one.
+
+    In the first kernel of a loaded scene for a CUDA card, Dr.Jit numbers the registers otherwise than in later ones.
+    """
     live = scene(plate(llvm_mono), integrator).load()
-    known = kernels(live, seed=1)
+    known = kernels(live, seed=1) | kernels(live, seed=1)
     assert known and kernels(live, seed=77) <= known
 
 

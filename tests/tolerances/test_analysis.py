@@ -63,8 +63,8 @@ def test_shares_of_few_are_those_of_all(both):
 
 def test_the_table_of_samples_tells_which_are_exact(both):
     whole, few, folder = both
-    samples = pandas.read_csv(folder / "samples.csv")
-    pandas.testing.assert_frame_equal(samples, few.samples)
+    samples = few.samples
+    pandas.testing.assert_frame_equal(pandas.read_csv(folder / "samples.csv"), samples)
     assert list(samples) == ["led_power", "spacing", "exact", "rest_1", "linear_rest_1"]
     assert list(np.flatnonzero(samples.exact)) == list(range(EXACT))
     np.testing.assert_array_equal(samples.rest_1[:EXACT], whole.samples.rest_1[:EXACT])
