@@ -84,7 +84,8 @@ class _Linearised:
 
     def by(self, changes: list[Rates], with_errors: bool) -> Derivatives:
         nodal = [self.linear.nodal(change) for change in changes]
-        others = [[(weight, DiffuseCells(live)) for weight, live in change.scenes] for change in changes]
+        scenes = [change.scenes() for change in changes]
+        others = [[(weight, DiffuseCells(live)) for weight, live in each] for each in scenes]
         displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
         second = self._second(changes) if with_errors and displaced else None
         first = self._equal(nodal, others, second)
@@ -113,7 +114,6 @@ class _Linearised:
             mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
-        scenes = [change.scenes for change in changes]
         return Derivatives(
             tuple(change.name for change in changes),
             tuple(unit_of(change.unit) for change in changes),

@@ -85,12 +85,12 @@ class MovedScene:
         self._pad = next(iter(deformed_pads(ready.scene)), None)
         if change.pad and self._pad is not None and self._pad.finish is not None:
             raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
-        self._scenes: dict[float, Any] = {0.0: ready.scene}
+        self._moved: tuple[float, Any] = 0.0, ready.scene
 
     def largest_step(self, walls: MovingWalls | None) -> float:
         """Change of the parameter, in its unit, for which the scene may still be read."""
         steps = [] if walls is None else self._steps_of_walls(walls)
-        if self._change.scenes or not steps:
+        if self._change.beside or not steps:
             steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
         return min(steps)
 
@@ -129,14 +129,15 @@ class MovedScene:
 
     def _scene(self, offset: float) -> mi.Scene:
         """The loaded scene with its other parts changed, and with what pilot runs have learned in the present one."""
-        if not self._change.scenes:
+        if not self._change.beside:
             return self._ready.scene
-        if offset not in self._scenes:
+        if offset != self._moved[0]:
+            self._moved = 0.0, self._ready.scene  # of many scenes at once, every kernel would hold all parts
             live = self._change.at(self._change.value + offset)
             refuse_unmodelled(live, self._ready.integrator)
             for own, other in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):
                 other.sensor.guided_emission = own.sensor.guided_emission
                 if own.sensor.guide is not None:
                     other.sensor.guide = (np.empty(0), own.sensor.guide[1])
-            self._scenes[offset] = live
-        return self._scenes[offset]
+            self._moved = offset, live
+        return self._moved[1]

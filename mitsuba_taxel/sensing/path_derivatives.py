@@ -78,7 +78,7 @@ def derivatives_of_paths(
             nodal = [pad.linear.nodal(change) for change in changes]
             found = [_AlongWithPad(effort, pad, *each).found(lit) for each in zip(changes, nodal, strict=True)]
             strain = pad.linear.strain(nodal)
-            clearance = clearances(pad.linear.state, nodal, ready.scene, [change.scenes for change in changes])
+            clearance = clearances(pad.linear.state, nodal, ready.scene, [change.scenes() for change in changes])
         else:
             found = [_Along(effort, change).found(lit) for change in changes]
         values, errors = (np.stack(each, axis=1) for each in zip(*found, strict=True))
@@ -217,9 +217,9 @@ class _AlongWithPad(_Along):
         displacement = self._moving.nodal.displacement
         if not displacement.any():
             return np.zeros_like(near)
-        if not (self._change.pad or self._change.scenes):
+        if not (self._change.pad or self._change.beside):
             return near
-        scene = MovedScene(self._effort.ready, replace(self._change, scenes=[]))
+        scene = MovedScene(self._effort.ready, replace(self._change, beside=[]))
         still = Nodal(displacement, np.zeros_like(displacement), {})
         read = _Differences(scene, STENCILS[0], self._effort.seed, chosen.points)
         return read.over(chosen.step, MovingWalls(self._moving.displacement, still))

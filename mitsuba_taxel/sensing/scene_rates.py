@@ -60,8 +60,8 @@ class Rates:
         Of x and y of a patch or an indenter.
     material, pad : dict[str, float]
         Of the parameters of the material, and of the dimensions of the pad.
-    scenes : list[tuple[float, mi.Scene]]
-        Weights of scenes in a difference, for changes of other parts; empty if they do not change.
+    beside : list[tuple[float, float]]
+        Weights of values of the parameter in a difference, for changes of other parts; empty if they do not change.
     at : Callable[[float], mi.Scene]
         The scene with another value of the parameter, with the pad of the present one, if it has any.
     """
@@ -73,8 +73,12 @@ class Rates:
     place: np.ndarray
     material: dict[str, float]
     pad: dict[str, float]
-    scenes: list[tuple[float, mi.Scene]]
+    beside: list[tuple[float, float]]
     at: Callable[[float], mi.Scene]
+
+    def scenes(self) -> list[tuple[float, mi.Scene]]:
+        """Weights of scenes in a difference, loaded anew: while one is alive, all kernels contain its parts."""
+        return [(weight, self.at(value)) for weight, value in self.beside]
 
 
 def rates(scene: Scene, name: str) -> Rates:
@@ -196,7 +200,8 @@ def _differences(
     scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: mi.parser.ParserConfig
 ) -> Rates:
     base = parameter.at(parameter.value)
-    states = [(weight, parameter.at(parameter.value + offset)) for weight, offset in stencil]
+    values = [(weight, parameter.value + offset) for weight, offset in stencil]
+    states = [(weight, parameter.at(value)) for weight, value in values]
     pad = _pad(base)
     load, place, material, dimensions = np.zeros(0), np.zeros(2), dict[str, float](), dict[str, float]()
     for weight, state in states:
@@ -209,9 +214,9 @@ def _differences(
         place += weight * np.array([getattr(other, name) or 0.0 for name in _PLACES.get(other.load, ())] or [0.0, 0.0])
         _add(material, weight, _numbers(other.build_material()))
         _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
-    scenes = []
-    if any(_others(base) != _others(state) for _, state in states):
-        scenes = [(weight, _with_pad_of(base, state, config)) for weight, state in states]
+    others_change = any(_others(base) != _others(state) for _, state in states)
+    for _, state in states if others_change else []:
+        _with_pad_of(base, state, config)  # refuses values that a part does not allow
 
     def at(value: float) -> mi.Scene:
         with scene.files_beside_it():
@@ -225,7 +230,7 @@ def _differences(
         np.where(np.abs(place) > NOISE, place, 0.0),
         {name: rate for name, rate in material.items() if abs(rate) > NOISE},
         {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
-        scenes,
+        values if others_change else [],
         at,
     )
 

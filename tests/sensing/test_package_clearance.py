@@ -72,7 +72,7 @@ def test_derivatives_are_differences_of_the_whole_chain(scene, height, names):
     (pad,) = deformed_pads(live)
     linear = LinearisedPad(pad, pad.state)
     value, found = clearances(
-        pad.state, [linear.nodal(each) for each in changes], live, [each.scenes for each in changes]
+        pad.state, [linear.nodal(each) for each in changes], live, [each.scenes() for each in changes]
     )
     assert value < clearance(scene(**{**loaded, "fz": 0.0})) - 1e-4
     for name, rate in zip(names, found, strict=True):

@@ -5,6 +5,7 @@ Z-tests at 4 standard errors: of the 13 comparisons of this file, one fails by c
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 
 import numpy as np
@@ -145,6 +146,22 @@ def test_the_scene_is_as_it_was_afterwards():
     derivatives_of_paths([rates(scene, "fz")], ready, np.ones((32, 1)), 1, 64, fixed=True)
     np.testing.assert_array_equal(places_of(pad).vertices, before.vertices)
     np.testing.assert_array_equal(places_of(pad).normals, before.normals)
+
+
+def test_one_moved_scene_is_alive_at_a_time(llvm_mono, monkeypatch):
+    """Kernels contain the parts of all: of many, they would be large, and compiled anew for each."""
+    read, alive = MovedScene.power, []
+
+    def counted(self, *args):
+        powers = read(self, *args)
+        alive.append(sum(isinstance(thing, llvm_mono.Sensor) for thing in gc.get_objects()))
+        return powers
+
+    monkeypatch.setattr(MovedScene, "power", counted)
+    gc.collect()
+    gc.freeze()  # those of other tests
+    by_paths(dome_scene("hemispheric", MIRROR, mesh_size=1.7), "spacing", "annular_led.power", points=64)
+    assert len(alive) > 16 and max(alive) == 2
 
 
 def test_walls_that_move_along_are_those_of_a_changed_pad():
