@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -13,11 +14,12 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.optimum.figures import TINY, Line, Seen
+from mitsuba_taxel.optimum.figures import FURTHEST, TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
 from mitsuba_taxel.sensing.derivable import without_derivative
+from mitsuba_taxel.sensing.first_contact import FirstContact, first_contact
 from mitsuba_taxel.sensing.scene import MESHED_AS, Scene, parser_config
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.studies.plan.batch import Batch
@@ -147,7 +149,13 @@ class Designs:
             rates = self._rates(study, design, rows[design], shifted[design], power)
             known = np.isfinite(power[design][:, :-OTHERS]).all() and np.isfinite(rates[..., :-OTHERS]).all()
             if known:
-                self._known[design] = self._seen(design, power[design], rates, self._off(study, rows[design], rates))
+                off = self._off(study, rows[design], rates)
+                try:
+                    contacts = self._contacts(design, shifted[design])
+                except (InputError, ComputationError) as reason:
+                    self.failures[design] = str(reason)
+                else:
+                    self._known[design] = self._seen(design, power[design], rates, off, contacts)
             else:
                 why = [failed[number].message for numbers in rows.values() for number in numbers if number in failed]
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
@@ -219,24 +227,63 @@ class Designs:
         given = self._plan.tolerances.items()
         return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
 
-    def _seen(self, design: Design, power: np.ndarray, rates: np.ndarray, off: list[np.ndarray]) -> Read:
+    def _contacts(self, design: Design, shifted: dict[tuple[int, int], Design]) -> list[dict[str, complex]]:
+        """First contacts by line, with derivatives with respect to no variable, each variable, and each tolerance."""
+        widths = {one.name: one.high - one.low for one in self._plan.variables}
+        found: list[dict[str, complex]] = [{} for _ in range(1 + len(widths) + len(self._plan.tolerances))]
+        for line in self._plan.to_contact:
+            own = self._contact(design, line, self._by)
+            rates = dict(zip(self._by, own.rates, strict=True))
+            for number, (name, width) in enumerate(widths.items()):
+                if (number, 1) in shifted:
+                    ahead, behind = (shifted[number, sign] for sign in (1, -1))
+                    apart = width * (ahead.x[number] - behind.x[number])
+                    change = self._contact(ahead, line).value - self._contact(behind, line).value
+                    rates[name] = change / apart if apart else np.nan
+            has = dict(zip(widths, self._has(design), strict=True))
+            by = [has[name] and width * rates[name] for name, width in widths.items()]
+            off = [sd * rates[name] for name, sd in self._plan.tolerances.items()]
+            for each, rate in zip(found, [0.0, *by, *off], strict=True):
+                each[line] = complex(own.value, TINY * rate)
+        return found
+
+    def _contact(self, design: Design, line: str, names: Sequence[str] = ()) -> FirstContact:
+        along, rows = self._plan.lines[line]
+        first, last = float(rows[0][along]), float(rows[-1][along])
+        furthest = math.copysign(FURTHEST * max(abs(first), abs(last)), last - first)
+
+        def at(value: float) -> Scene:
+            return self._batch.scene(self._plan.told(design) | rows[-1] | {along: repr(value)})
+
+        return first_contact(at, along, last, furthest, names)
+
+    def _seen(
+        self,
+        design: Design,
+        power: np.ndarray,
+        rates: np.ndarray,
+        off: list[np.ndarray],
+        contacts: list[dict[str, complex]],
+    ) -> Read:
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
-        def seen(power: np.ndarray, rate: dict[str, np.ndarray] | None = None) -> Seen:
+        def seen(power: np.ndarray, contact: dict[str, complex], rate: dict[str, np.ndarray] | None = None) -> Seen:
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
-                lines[name] = Line(values, of_line[:, :-OTHERS], *of_line[:, -OTHERS:].T)
+                strain, clearance = of_line[:, -OTHERS:].T
+                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, contact.get(name, np.nan))
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
             found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
             return Seen(lines, found, self._plan.circuit)
 
+        still, by, varied = contacts[0], contacts[1 : 1 + len(rates)], contacts[1 + len(rates) :]
         return Read(
-            seen(power + 0j),
-            [seen(power + 1j * TINY * rate, of) for rate, of in zip(rates, shape_rates, strict=True)],
-            [seen(power + 1j * TINY * each) for each in off],
+            seen(power + 0j, still),
+            [seen(power + 1j * TINY * each, to, of) for each, to, of in zip(rates, by, shape_rates, strict=True)],
+            [seen(power + 1j * TINY * each, contact) for each, contact in zip(off, varied, strict=True)],
         )
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:

@@ -18,7 +18,8 @@ from mitsuba_taxel.electronics import Circuit, respond, saturating_power, total_
 SMALL = 1e-6
 """Relative step of differences of the noise, which is smooth in the power."""
 FURTHEST = 10.0
-"""Largest range that is told, relative to the last load of its line: it is not reached where light fades."""
+"""Largest range or contact that is told, relative to the last load of its line: some are not reached."""
+FIRST_CONTACT = "first_contact"
 TINY = 1e-150
 """Complex step: factor of derivatives, whose squares vanish."""
 
@@ -37,12 +38,15 @@ class Line:
         Largest strain of the silicone; NaN if unknown.
     clearance : (K,) ndarray of complex
         Least distance between cells and packages in mm; NaN if unknown.
+    contact : complex
+        The value at which pads first touch anything, as far as it is told; NaN if unknown.
     """
 
     values: np.ndarray
     power: np.ndarray
     strain: np.ndarray
     clearance: np.ndarray
+    contact: complex = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +165,11 @@ def clearance(seen: Seen, along: str) -> np.ndarray:
     return seen.lines[along].clearance
 
 
+def first_contact(seen: Seen, along: str) -> np.ndarray:
+    """Magnitude of the load at which the pad first touches itself, the board or a package."""
+    return _magnitude(np.atleast_1d(seen.lines[along].contact))
+
+
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Magnitude of the load at which each of T columns of ``missing`` (K, T) falls to 0 along ``values`` (K,)."""
     reached = missing.real[1:] <= 0
@@ -250,6 +259,7 @@ KINDS: dict[str, Kind] = {
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
     "largest_strain": Kind(largest_strain, "1", steps=1),
+    FIRST_CONTACT: Kind(first_contact, "{f}"),
     "clearance": Kind(clearance, "mm", steps=1),
     "least_wall": Kind(least_wall, "mm", steps=0, lines=0),
     "draft_angle": Kind(draft_angle, "degrees", steps=0, lines=0),

@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number, is_row, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
-from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, Figure
+from mitsuba_taxel.optimum.figures import FIRST_CONTACT, FURTHEST, KINDS, Figure
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
@@ -174,6 +174,12 @@ class Plan:
         return [dict(row) for row in dict.fromkeys(rows)]
 
     @property
+    def to_contact(self) -> list[str]:
+        """The lines along which the first contact is a figure."""
+        told = [one.figure for one in (*self.asked, *([self.front[0]] if self.front else []))]
+        return list(dict.fromkeys(one.told["along"] for one in told if one.kind == FIRST_CONTACT))
+
+    @property
     def before(self) -> Design:
         """The original scene, or the first choices if its own are not among them."""
         base = self.base
@@ -212,10 +218,13 @@ class Plan:
         origin = self.parameters(replace(design, x=design.origin))
         return ", ".join(f"{name}={word}" for name, word in origin.items() if word != NONE)
 
+    def told(self, design: Design) -> dict[str, str]:
+        """Parameters of the scene of a design, with those of its mesh."""
+        return self.parameters(design) | ({} if design.origin is None else {MESHED_AS: self.mesh_of(design)})
+
     def scene(self, design: Design) -> Scene:
         """The scene of a design."""
-        moved = {} if design.origin is None else {MESHED_AS: self.mesh_of(design)}
-        return self.batch.scene(self.parameters(design) | moved)
+        return self.batch.scene(self.told(design))
 
     def begun(self) -> list[Design]:
         """Initial designs for each choice: the scene's own values if valid, and points of a Sobol' set.
@@ -424,13 +433,13 @@ class _Asked:
         return limits
 
     def _refuse_beyond_loads(self, limit: Limit) -> None:
-        """Raise if a range is to be larger than any that the loads tell of."""
-        if limit.figure.kind == "range" and limit.sign < 0:
+        """Raise if a range or a contact is to be further than any that the loads tell of."""
+        if limit.figure.kind in ("range", FIRST_CONTACT) and limit.sign < 0:
             along, rows = self.lines[limit.figure.told["along"]]
             largest = max(abs(float(row[along])) for row in rows)
             if limit.bound > FURTHEST * largest:
                 raise InputError(
-                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: a range is told up to "
+                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: it is told up to "
                     f"{FURTHEST:g} times that, so loads up to {limit.bound / FURTHEST:g} or more are needed."
                 )
 

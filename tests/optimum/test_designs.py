@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from one_cell import one_cell
 
+from mitsuba_taxel import ComputationError
 from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
-from mitsuba_taxel.optimum.figures import KINDS
+from mitsuba_taxel.optimum.figures import KINDS, TINY
 from mitsuba_taxel.optimum.plan import read_plan
 from mitsuba_taxel.studies.run.pool import open_pool
 
@@ -65,3 +66,30 @@ def test_gradients_through_the_whole_chain(along, kind):
     ends = [figures[kind].components(read.values).real for read in (behind, ahead)]
     difference = (ends[1] - ends[0]) / (2 * STEP)
     np.testing.assert_allclose(rates @ [1, -1], difference, rtol=1e-3, atol=1e-3 * np.abs(difference).max())
+
+
+def test_first_contact_of_a_design(tmp_path, monkeypatch):
+    """That of a low pad, which is proportional to its modulus; a design without one fails."""
+    low = '<float name="height" value="3"/> <float name="wall" value="2"/> <vector'
+    (tmp_path / "low.xml").write_text(one_cell(mesh_size=3, youngs_modulus=4, fz=0).replace("<vector", low, 1))
+    (tmp_path / "study.toml").write_text(
+        'scene = "low.xml"\n[optimise]\nmaximise = "first_contact"\n[optimise.variables]\nyoungs_modulus = [3, 6]\n'
+        "[optimise.loads]\nnormal = { fz = [0, -4] }\n[optimise.tolerances]\nyoungs_modulus = 0.1\n"
+    )
+    plan = read_plan(tmp_path / "study.toml")
+    assert plan.goal.figure.unit == "N"
+    with open_pool() as pool:
+        designs = Designs(plan, pool, tmp_path / "designs", False)
+        (read,) = designs.read([plan.before])
+        found, rates = with_rates(plan.goal.figure, read)
+        assert 10 < found[0] < 40
+        assert rates.ravel() == pytest.approx(found / 4 * (6 - 3), rel=1e-3)
+        assert plan.goal.figure.components(read.off[0]).imag / TINY == pytest.approx(found / 4 * 0.1, rel=1e-3)
+
+        def unstable(*_):
+            raise ComputationError("it cannot be loaded further")
+
+        monkeypatch.setattr("mitsuba_taxel.optimum.designs.first_contact", unstable)
+        softer = plan.design((), [0.0])
+        assert designs.read([softer]) == [None]
+        assert designs.failures[softer] == "it cannot be loaded further"

@@ -29,7 +29,8 @@ def seen(shift, circuit=CIRCUIT, imaginary=0.0):
     for name, values in (("normal", [0, -1, -2.5, -4]), ("side", [0, 0.5])):
         power, rate = 1e-3 * (2 + random.random((2, len(values), 4)))
         changed = power + shift * rate + 1j * imaginary * rate
-        lines[name] = Line(np.array(values, dtype=float), changed, changed[:, 0], 500 * changed[::-1, 1])
+        others = changed[:, 0], 500 * changed[::-1, 1], -changed[0, 2]
+        lines[name] = Line(np.array(values, dtype=float), changed, *others)
     shape = np.array([1.0, 0.7]) + (shift + 1j * imaginary) * np.array([0.3, -0.2])
     return Seen(lines, dict.fromkeys(SHAPE, shape), circuit)
 
@@ -55,7 +56,7 @@ def test_values():
     """Of readings 1, 2 and 4 along 0, 1 and 2 N, and of twice as much: slopes, half a unit off the line."""
     power = np.array([[1.0, 2.0], [2.0, 4.0], [4.0, 8.0]]) + 0j
     strain = np.array([0.0, 0.2, 0.5])
-    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain, 1 - strain)}
+    lines = {"z": Line(np.array([0.0, 1.0, 2.0]), power, strain, 1 - strain, -7.0)}
     lines["x"] = Line(np.array([0.0, 1.0]), power[:2] * [1, -1], strain[:2], 1 - strain[:2])
     one = Seen(lines, {}, None)
 
@@ -70,6 +71,7 @@ def test_values():
     np.testing.assert_allclose(of("rest"), [1, 2])
     assert of("largest_reading").max() == 8
     np.testing.assert_allclose(of("clearance"), [1, 0.8, 0.5])
+    assert of("first_contact") == [7.0]
     np.testing.assert_allclose(of("noise_equivalent_force", noise=0.3).max(), 0.2)
     slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))

@@ -89,10 +89,13 @@ def test_starts_are_where_a_sensor_is_possible(plan):
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nalong = ["side"]\nmost = 1\n', "two or more"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 0\nmost = 1\n', "noise = 0"),
         (WHOLE + CONSTRAINT + 'figure = "saturation"\nmost = 1\n', "without a table [circuit]"),
-        (
-            WHOLE + CONSTRAINT + 'figure = "range"\nleast = 40\n',
-            "range along normal >= 40 is not allowed with loads of fz up to 2: a range is told up to 10 times that, so "
-            "loads up to 4 or more are needed",
+        *(
+            (
+                WHOLE + CONSTRAINT + f'figure = "{name}"\nleast = 40\n',
+                f"{name.replace('_', ' ')} along normal >= 40 is not allowed with loads of fz up to 2: it is told up "
+                "to 10 times that, so loads up to 4 or more are needed",
+            )
+            for name in ("range", "first_contact")
         ),
         (WHOLE + "[optimise.tolerances]\nhole = 0\n", "tolerance of hole = 0"),
         (WHOLE + "[optimise.tolerances]\nwall = 1\n", "wall is no <default>"),

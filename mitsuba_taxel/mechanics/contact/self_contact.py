@@ -15,7 +15,6 @@ from mitsuba_taxel.geometry.box_tree import BoxTree, Level
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import body_of_each
 from mitsuba_taxel.mechanics.contact.singular_edges import STRIP, beyond_strip
-from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.pads.pad import REGIONS
 
 FRINGE = 0.05
@@ -23,6 +22,8 @@ FRINGE = 0.05
 
 TOUCHING = 1e-10
 """Distance that counts as contact, relative to the pad's longest side: more than rounding."""
+
+PACKAGE = "a package"
 
 _ASKEW = Rotation.from_rotvec([0.31, 0.53, 0.71]).as_matrix()
 """Rotation of rays, which run along z, to avoid edges and corners of geometry aligned with x, y and z."""
@@ -56,9 +57,9 @@ class ContactTest:
     ----------
     obstacles : (K, 3, 3) ndarray, optional
         Corners of the triangles of closed surfaces, in mm: the packages in the cells.
-    part : SymmetricPart, optional
-        Part of the mesh of which the displacements are images: one of each pair of faces that may touch each other, and
-        each that may touch the board, is then of the part. Obstacles need not be symmetric.
+    nodes : (n,) ndarray, optional
+        Nodes to which the test is limited: one of each pair of faces that may touch each other, and each that may touch
+        the board, has these alone. Obstacles are looked for everywhere.
 
     Raises
     ------
@@ -66,15 +67,13 @@ class ContactTest:
         if ``obstacles`` are not triangles of finite numbers.
     """
 
-    def __init__(
-        self, mesh: VolumeMesh, obstacles: np.ndarray | None = None, part: SymmetricPart | None = None
-    ) -> None:
+    def __init__(self, mesh: VolumeMesh, obstacles: np.ndarray | None = None, nodes: np.ndarray | None = None) -> None:
         self._points, self._faces = mesh.points, mesh.faces
         self._tolerance = TOUCHING * float(np.ptp(mesh.points, axis=0).max())
         self._tree = BoxTree(mesh.points[mesh.faces[:, :3]].mean(axis=1))
         self._obstacles = None if obstacles is None else _Obstacles(obstacles)
 
-        chosen = np.isin(mesh.faces, np.arange(len(mesh.points)) if part is None else part.nodes)
+        chosen = np.isin(mesh.faces, np.arange(len(mesh.points)) if nodes is None else nodes)
         self._chosen = np.asarray(chosen.all(axis=1))
         self._over_board = mesh.faces[self._chosen & (mesh.face_region != REGIONS["bottom"])]
         self._beyond = control_points(beyond_strip(mesh)[:, None], mesh.faces)
@@ -98,7 +97,7 @@ class ContactTest:
             return None
         patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
         place = self._on_obstacle(self._obstacles, patches, self._levels(patches))
-        return Contact("a package", place) if place else None
+        return Contact(PACKAGE, place) if place else None
 
     @cached_property
     def at_rest(self) -> Contact | None:

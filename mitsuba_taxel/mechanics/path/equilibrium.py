@@ -350,7 +350,7 @@ class LoadedPad:
     @cached_property
     def contact(self) -> ContactTest:
         """Test of states of the whole pad, which the part determines."""
-        return ContactTest(self.whole, part=self.part)
+        return ContactTest(self.whole, nodes=self.part.nodes)
 
     @cached_property
     def _judged_nodes(self) -> np.ndarray:

@@ -23,6 +23,7 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, Rejected, natural_step
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
+from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
@@ -250,19 +251,16 @@ class PadPath:
             if touched and touched[0] < min(s, segment.limit):
                 free, contact = touched
                 end = segment.value(free), f"touches {contact.what}", np.array(contact.place)
-                raise ComputationError(_end(*end, self.load, mirrors))
+                raise _end(*end, self.load, mirrors)
             if not segment.reaches(s):
-                raise ComputationError(
-                    _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
-                )
+                raise _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
             at = segment.at(s)
             if pad.solves_between:
                 try:
                     node = self._solved(segment, s, pad)
                 except Rejected as rejection:
                     reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
-                    words = _end(segment.value(s), reason, nowhere, self.load, mirrors)
-                    raise ComputationError(words) from rejection
+                    raise _end(segment.value(s), reason, nowhere, self.load, mirrors) from rejection
                 at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
             seconds += at.seconds
             found = pad.split(at.unknowns)
@@ -402,8 +400,8 @@ def _nothing(segment: LoadSegment, pad: LoadedPad) -> None:
     """What a path touches that nothing stands in the way of."""
 
 
-def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> str:
-    """What to say of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
+def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> LoadPathEnds:
+    """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
     for mirror in reversed(mirrors):
         value, place = mirror.image(value), mirror.image(place)
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
@@ -413,7 +411,9 @@ def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors:
         further = " It may go on with smaller elements."
     elif reason.startswith("touches") and not isinstance(load, IndenterDisplacement | IndenterForce):
         further = " With self_contact = true it goes on."
-    return f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
+    words = f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
+    contact = Contact(reason.removeprefix("touches "), tuple(place.tolist())) if reason.startswith("touches") else None
+    return LoadPathEnds(words, load, value, contact)
 
 
 def _name_of(part: object) -> str:

@@ -260,7 +260,7 @@ def test_a_part_gives_the_verdict_of_the_whole(mirrors, lift):
     mesh = mesh_pad(Pad("hemispheric", rows=1, columns=1), 3.0)
     mesh = replace(mesh, points=mesh.points + (0, 0, lift))
     part = part_between(mesh, node_images(mesh), mirrors)
-    whole, of_part, verdicts = ContactTest(mesh), ContactTest(mesh, part=part), []
+    whole, of_part, verdicts = ContactTest(mesh), ContactTest(mesh, nodes=part.nodes), []
     for seed, amplitude in enumerate((0.005, 0.02, 0.04, 0.12)):
         noise = amplitude * np.random.default_rng(seed).normal(size=part.mesh.points.shape)
         for wall in (*part.walls, *part.walls):  # nodes on a plane stay there

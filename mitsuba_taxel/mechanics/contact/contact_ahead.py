@@ -1,0 +1,64 @@
+"""How much further a pad may go before it first touches itself, the board or a package."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mitsuba_taxel.geometry.bezier_patches import Place
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
+
+NEAR = 0.2
+"""Distance from the place of contact within which faces are tested, relative to the height of the pad."""
+FIRST = 1e-4
+"""Largest movement of a node in the first step of the search, relative to the same."""
+DOUBLINGS, HALVINGS = 12, 12
+"""Steps of the search for an interval, and within it: contact nearby is found to 2.5e-8 of the height."""
+
+
+class ContactAhead:
+    """First contacts of a displaced pad near a place, as its nodes move straight on.
+
+    Parameters
+    ----------
+    displacement, rate : (N, 3) ndarray
+        Of the nodes, in mm, and its rate with a load.
+    place : Place
+        In mm, where the deformed pad is to touch something.
+    """
+
+    def __init__(self, mesh: VolumeMesh, displacement: np.ndarray, rate: np.ndarray, place: Place) -> None:
+        self._mesh, self._displacement, self._rate = mesh, displacement, rate
+        self.height = float(np.ptp(mesh.points[:, 2]))
+        away = np.linalg.norm((mesh.points + displacement)[mesh.faces] - place, axis=2).min(axis=1)
+        self._near = np.unique(mesh.faces[away < NEAR * self.height])
+
+    def after(self, moved: np.ndarray, displaced: np.ndarray, packages: np.ndarray | None) -> float:
+        """How much more of the load, or less, there may be if undeformed nodes are ``moved`` by that many mm, and
+        ``displaced`` further; infinite if there is no contact nearby.
+
+        That with ``packages`` (K, 3, 3) is looked for if any are given, else that with the pad itself and the board.
+        """
+        test = ContactTest(replace(self._mesh, points=self._mesh.points + moved), packages, self._near)
+        find = test.find if packages is None else test.find_package
+
+        def touches(further: float) -> bool:
+            return find(self._displacement + displaced + further * self._rate) is not None
+
+        step = FIRST * self.height / float(np.linalg.norm(self._rate, axis=1).max())
+        free, touching = -step, step
+        for _ in range(DOUBLINGS):
+            if touches(free):
+                free, touching = 2 * free, free
+            elif not touches(touching):
+                free, touching = touching, 2 * touching
+            else:
+                break
+        else:
+            return float("inf")
+        for _ in range(HALVINGS):
+            middle = 0.5 * (free + touching)
+            free, touching = (free, middle) if touches(middle) else (middle, touching)
+        return 0.5 * (free + touching)

@@ -1,0 +1,73 @@
+"""The load at which a pad first touches something: its derivatives against a closed form and against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from one_cell import one_cell
+
+from mitsuba_taxel import InputError, Scene
+from mitsuba_taxel.sensing.first_contact import first_contact
+
+pytestmark = pytest.mark.usefixtures("llvm_mono")
+NUMBERS = {"cell_size": 2.55, "cell_height": 1.75, "youngs_modulus": 4.0, "z": 0.02, "fx": 0.0, "fz": -1.0}
+STEPS = {"cell_height": 0.002, "z": 0.002}
+
+
+@pytest.fixture(scope="module")
+def contact(tmp_path_factory):
+    """First contact of one cell in a low and wide pad, whose package lies above the board."""
+    file = tmp_path_factory.mktemp("contact") / "cell.xml"
+    given = "".join(f'<float name="{name}" value="${name}"/> ' for name in ("cell_size", "cell_height"))
+    low = '<float name="height" value="3"/> <float name="wall" value="2"/> '
+    text = one_cell(mesh_size=3, **NUMBERS).replace("<vector", given + low + "<vector", 1)
+    place = '<shape type="photo_reflector"> <transform name="to_world"><translate z="$z"/></transform>'
+    file.write_text(text.replace('<shape type="photo_reflector">', place))
+
+    def found(along="fz", last=-1.0, furthest=-100.0, names=(), cell_height=1.75, **changed):
+        origin = {"meshed_as": f"cell_size={NUMBERS['cell_size']}, cell_height={cell_height}"}
+        values = NUMBERS | {"cell_height": cell_height} | changed
+
+        def at(value):
+            given = {name: repr(float(number)) for name, number in {**values, along: value}.items()}
+            return Scene(file, given | origin)
+
+        return first_contact(at, along, last, furthest, names)
+
+    return found
+
+
+def test_loads_are_proportional_to_the_modulus(contact):
+    """As of all neo-Hookean pads, whose other dimensions are the same: here one that touches itself."""
+    found = contact(names=("youngs_modulus",))
+    assert found.value < -10
+    assert found.rates == pytest.approx([found.value / NUMBERS["youngs_modulus"]], rel=1e-3)
+
+
+def test_derivatives_are_differences_of_the_whole_chain(contact):
+    """A roof that meets the package, on one mesh."""
+    found = contact(names=tuple(STEPS), cell_height=0.7)
+    assert found.value < -10
+    for (name, step), rate in zip(STEPS.items(), found.rates, strict=True):
+        base = {**NUMBERS, "cell_height": 0.7}[name]
+        ends = (contact(**{"cell_height": 0.7, name: base + sign * step}).value for sign in (1, -1))
+        assert rate == pytest.approx(np.subtract(*ends) / (2 * step), rel=3e-3), name
+
+
+def test_a_load_beyond_which_nothing_is_asked(contact):
+    found = contact(furthest=-2.0, names=("youngs_modulus",))
+    assert (found.value, found.rates.tolist()) == (-2.0, [0.0])
+
+
+@pytest.mark.parametrize(
+    ("along", "last", "furthest", "said"),
+    [
+        ("youngs_modulus", 4.0, 40.0, "along youngs_modulus cannot be told: it is no load of a pad"),
+        ("fz", -1.0, -100.0, "along fz cannot be told: its values are not one load path"),
+    ],
+)
+def test_what_is_no_line_of_a_path_is_refused(contact, along, last, furthest, said):
+    """Such as pressing harder beside a force to the side."""
+    with pytest.raises(InputError) as refused:
+        contact(along, last, furthest, fx=0.01)
+    assert said in str(refused.value)
