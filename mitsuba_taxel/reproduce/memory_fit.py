@@ -156,6 +156,13 @@ def slow_term() -> tuple[float, float]:
     return float(SLOW[least]), float(left[least])
 
 
+def linear_loop(terms: Prony) -> float:
+    """Width of the loop of the force of a linear solid with this series, in percent of the largest force."""
+    shares = np.array([share for share, _ in terms])
+    widths, relaxed = np.array([_loop_per_share(time) for _, time in terms]).T
+    return float(100 * (shares @ widths) / (1 - shares @ relaxed))
+
+
 def _loop_per_share(time: float) -> tuple[float, float]:
     """Width of the loop of a linear solid with one term of this time, and what has relaxed at the turn, relative to the
     largest force without it, per share."""

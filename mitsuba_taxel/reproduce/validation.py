@@ -23,7 +23,7 @@ from mitsuba_taxel.reproduce.rest_spread import spread
 from mitsuba_taxel.studies.plan.files import make_folder
 
 EDGE_HEIGHT = 1.0
-MINUTES = 21
+MINUTES = 28
 """CPU time of the command, rounded up."""
 _FINE = np.linspace(0.25, 6.5, 626)
 

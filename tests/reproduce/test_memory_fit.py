@@ -60,7 +60,9 @@ def test_a_further_term_opens_the_loop_of_a_linear_solid():
     force = strain - share * creep
     width, relaxed = memory_fit._loop_per_share(time)
     assert force[count] == pytest.approx(1 - share * relaxed, rel=1e-6)
-    assert np.abs(force[: count + 1] - force[count:][::-1]).max() == pytest.approx(share * width, rel=1e-4)
+    widest = np.abs(force[: count + 1] - force[count:][::-1]).max()
+    assert widest == pytest.approx(share * width, rel=1e-4)
+    assert memory_fit.linear_loop(((share, time),)) == pytest.approx(100 * widest / force[count], rel=1e-4)
 
 
 def test_errors_of_a_hold_are_those_of_elements_steps_and_light():
