@@ -107,7 +107,7 @@ class _Touching:
         """The derivative of the value by a parameter."""
         change = rates(self._scene, name)
         nodal = self._linear.nodal(change)
-        others = change.scenes if self._of_package else []
+        others = change.scenes() if self._of_package else []
         total = sum(weight * self._shift(0.0, nodal, _in_the_way(live)) for weight, live in others)
         largest = float(np.linalg.norm(nodal.displacement + nodal.velocity, axis=1).max())
         if largest:
