@@ -6,6 +6,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_SECOND_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, PlateForce, Pressure, SpreadForce, load_path
@@ -146,3 +147,67 @@ def test_a_path_may_be_judged_on_larger_elements(fresh, monkeypatch):
     monkeypatch.setattr(PadPath, "bears", lambda path, value: False)
     (again,) = load_path(pad, LAW, judged_on=2.5, **asked)
     np.testing.assert_array_equal(again.displacement, by_itself.displacement)
+
+
+def test_a_sharp_edge_is_unstable_under_a_force_of_constant_direction_at_all_lengths():
+    """In plane strain, a finite-element computation of its own: the smaller the elements, the less is needed, and with
+    an end, since the shape of the mode repeats itself in the logarithm of the distance from the edge."""
+    least = [_critical_traction(levels) for levels in (6, 12, 20, 30)]
+    assert np.all(np.diff(least) < 0) and 0.92 < least[-1] < 0.96
+    assert least[0] == pytest.approx(1.18, abs=0.02)
+    lengths = np.array([6, 12, 20, 30]) * np.log(1 / 0.6)
+    end, slope = np.polynomial.polynomial.polyfit((np.pi / lengths[1:]) ** 2, least[1:], 1)
+    assert 0.9 < end < least[-1] and slope > 0
+
+
+def _critical_traction(levels: int) -> float:
+    """Nominal pressure, in shear moduli, at which the free edge of an incompressible quarter-space is unstable.
+
+    It is a square clamped at its far sides, in elements that shrink towards the edge by 0.6 from one to the next.
+    """
+    places = -np.concatenate([[0.0], 0.6 ** np.arange(levels, -1, -1)])
+    count = len(places)
+    corner = np.arange(count**2).reshape(count, count)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    corners = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
+    sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, number = np.unique(sides, axis=0, return_inverse=True)
+    points = np.concatenate([corners, corners[edges].mean(axis=1)])
+    nodes = np.concatenate([triangles, len(corners) + number.reshape(-1, 3)], axis=1)
+    unstable, stable = 0.5, 1.0
+    for _ in range(12):
+        stretch = 0.5 * (unstable + stable)
+        unstable, stable = (stretch, stable) if _surplus(points, nodes, stretch) else (unstable, stretch)
+    return 1 / stable**3 - stable
+
+
+def _surplus(points: np.ndarray, nodes: np.ndarray, stretch: float) -> int:
+    """Number of negative eigenvalues of the second variation of int |F|^2 / 2 - q (J - 1) beyond those of q, where the
+    square is stretched along its second axis: the force's own is zero."""
+    inverse, q = np.array([stretch, 1 / stretch]), stretch**-2  # no traction on the side
+    p = points[nodes[:, :3]]
+    along = np.stack([p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]], axis=2)
+    area, back = np.abs(np.linalg.det(along)) / 2, np.linalg.inv(along)
+    slope = np.array([[-1.0, -1], [1, 0], [0, 1]])
+    corners, dofs = int(nodes[:, :3].max()) + 1, (2 * nodes[:, :, None] + [0, 1]).reshape(-1, 12)
+    stiffness, volumes = np.zeros((len(nodes), 12, 12)), np.zeros((len(nodes), 3, 12))
+    for share in np.full((3, 3), 1 / 6) + np.eye(3) / 2:
+        on_sides = [share[i] * slope[j] + share[j] * slope[i] for i, j in ((0, 1), (1, 2), (2, 0))]
+        shapes = np.concatenate([(4 * share - 1)[:, None] * slope, 4 * np.array(on_sides)]) @ back
+        gradient = np.einsum("maj,ic->mijac", shapes, np.eye(2)).reshape(len(nodes), 2, 2, 12)
+        pulled = gradient * inverse[:, None]
+        both = np.einsum("mijk,mijl->mkl", gradient, gradient) + q * np.einsum("mijk,mjil->mkl", pulled, pulled)
+        stiffness += area[:, None, None] / 3 * both
+        volumes += area[:, None, None] / 3 * share[:, None] * np.einsum("miik->mk", pulled)[:, None]
+    free = np.flatnonzero(np.repeat((points > -1 + 1e-12).all(axis=1), 2))
+    rows, columns = dofs.repeat(12, axis=1).ravel(), np.tile(dofs, (1, 12)).ravel()
+    upper = sparse.csr_array((stiffness.ravel(), (rows, columns)))[free][:, free]
+    rows, columns = nodes[:, :3].repeat(12, axis=1).ravel(), np.tile(dofs, (1, 3)).ravel()
+    lower = sparse.csr_array((volumes.ravel(), (rows, columns)), shape=(corners, 2 * len(points)))[:, free]
+    scale = sparse.diags_array(upper.diagonal() ** -0.5)
+    upper, lower = scale @ upper @ scale, lower @ scale
+    lower = sparse.diags_array(1 / sparse.linalg.norm(lower, axis=1)) @ lower
+    matrix = sparse.block_array([[upper, lower.T], [lower, -1e-7 * sparse.eye_array(corners)]])
+    factor = solvers.make_solver().factor(sparse.csc_matrix(sparse.tril(matrix)))
+    return factor.negative_pivots - corners
