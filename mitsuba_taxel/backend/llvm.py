@@ -39,14 +39,16 @@ def choose_llvm() -> None:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
 
 
-def check_llvm() -> None:
-    """Refuse an LLVM that would abort the process at the first render.
+def check_llvm(variant: str) -> None:
+    """Refuse an LLVM that would abort the process at the first render, for a variant of Mitsuba's that uses it.
 
     Raises
     ------
     ImportError
         if Dr.Jit has loaded an LLVM older than :data:`OLDEST_LLVM`, or ``DRJIT_LIBLLVM_PATH`` is not an LLVM.
     """
+    if not variant.startswith("llvm"):
+        return
     import drjit as dr
 
     version = dr.detail.llvm_version()

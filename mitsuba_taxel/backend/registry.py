@@ -14,6 +14,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+from mitsuba_taxel.backend.llvm import check_llvm
 from mitsuba_taxel.base.errors import InputError
 
 DEFAULT_VARIANT = "llvm_ad_mono"
@@ -86,6 +87,7 @@ def _on_variant_change(old: str | None, new: str) -> None:
 def _register_plugins(variant: str) -> None:
     import mitsuba as mi
 
+    check_llvm(variant)
     for name, file in plugin_files().items():
         kind = file.parent.name
         plugin = _load_class(kind, name) if variant in SUPPORTED_VARIANTS else _refusal(name, variant)
