@@ -393,9 +393,10 @@ def _one_line(error: RuntimeError, scene: Scene) -> InputError | ComputationErro
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines[-1].startswith("KeyboardInterrupt"):
         raise KeyboardInterrupt
+    name, _, message = lines[-1].partition(": ")
     for kind in (ComputationError, InputError):
-        if lines[-1].startswith(f"{kind.__name__}: "):
-            return kind(lines[-1].removeprefix(f"{kind.__name__}: "))
+        if name in (kind.__name__, *(special.__name__ for special in kind.__subclasses__())):
+            return kind(message)
     if lines[-1].startswith("MemoryError"):
         return ComputationError(f"{scene.name}: there is not enough memory for it ({lines[-1]}).")
     head = re.sub(r"^\[[^\]]*\] ", "", lines[0]).split(": Traceback")[0]
