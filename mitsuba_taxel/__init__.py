@@ -8,15 +8,13 @@ Units everywhere: mm, N, MPa, W, s; angles in degrees.
 
 from __future__ import annotations
 
-import os
-
 import lazy_loader
 
-from mitsuba_taxel.backend import DEFAULT_VARIANT, check_llvm, choose_llvm, register_for_every_variant
+from mitsuba_taxel.backend import check_llvm, choose_llvm, register_for_every_variant, wanted_variant
 from mitsuba_taxel.base.display import Displayed
 
 choose_llvm()
-check_llvm(os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT)
+check_llvm(wanted_variant())
 register_for_every_variant()
 
 

@@ -11,6 +11,7 @@ from mitsuba_taxel.backend.registry import (
     plugin_files,
     plugin_kind,
     register_for_every_variant,
+    wanted_variant,
 )
 from mitsuba_taxel.backend.turns import in_turn
 
@@ -26,6 +27,7 @@ __all__ = [
     "plugin_kind",
     "register_for_every_variant",
     "report",
+    "wanted_variant",
 ]
 
 

@@ -61,9 +61,14 @@ def register_for_every_variant() -> None:
         _register_plugins(mi.variant())
 
 
+def wanted_variant() -> str:
+    """The variant that ``MITSUBA_TAXEL_VARIANT`` names, whether it exists or not, or else :data:`DEFAULT_VARIANT`."""
+    return os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
+
+
 def default_variant() -> str:
     """The variant used unless the user sets one: ``MITSUBA_TAXEL_VARIANT``, or else :data:`DEFAULT_VARIANT`."""
-    variant = os.environ.get("MITSUBA_TAXEL_VARIANT") or DEFAULT_VARIANT
+    variant = wanted_variant()
     if variant not in SUPPORTED_VARIANTS:
         allowed = ", ".join(SUPPORTED_VARIANTS)
         raise InputError(f"MITSUBA_TAXEL_VARIANT = {variant!r} is not allowed: one of {allowed} is needed.")

@@ -21,3 +21,8 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
         return 1.0, unit
     power = min(max(3 * math.floor(math.log10(largest * (1 + 1e-9)) / 3), min(PREFIXES)), max(PREFIXES))
     return 10.0**power, PREFIXES[power] + unit
+
+
+def in_percent(share: float) -> str:
+    """A share, such as a relative error, in words: ``0.30%``, or ``unknown`` if it is not finite."""
+    return f"{share:.2%}" if math.isfinite(share) else "unknown"

@@ -15,15 +15,16 @@ from .options import debug_option, json_option
 @debug_option
 def command(folder: Path, as_json: bool) -> None:
     """Show the progress of the study in DIR, while it runs or afterwards."""
+    from mitsuba_taxel.base.units import in_percent
     from mitsuba_taxel.studies.store.status import study_status
 
-    from .tables import print_table
+    from .tables import known, print_table
 
     states = study_status(folder)
     if as_json:
         import json
 
-        click.echo(json.dumps({"scenes": [state._asdict() for state in states]}))
+        click.echo(json.dumps({"scenes": [state._asdict() | {"error": known(state.error)} for state in states]}))
         return
     print_table(
         ("scene", "done", "failed", "of", "error", "running", "time left"),
@@ -33,7 +34,7 @@ def command(folder: Path, as_json: bool) -> None:
                 str(state.done),
                 str(state.failed),
                 str(state.total),
-                f"{state.error:.2%}",
+                in_percent(state.error),
                 "yes" if state.running else "no",
                 "-" if state.seconds_left is None else f"{state.seconds_left:.0f} s",
             )

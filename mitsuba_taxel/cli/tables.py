@@ -225,6 +225,8 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 @contextmanager
 def study_bar() -> Iterator[Callable]:
     """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
+    from mitsuba_taxel.base.units import in_percent
+
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -232,7 +234,7 @@ def study_bar() -> Iterator[Callable]:
 
         def show(progress) -> None:
             failed = f", {progress.failed} failed" if progress.failed else ""
-            words = f"readings (error {progress.error:.2%}{failed})"
+            words = f"readings (error {in_percent(progress.error)}{failed})"
             bar.update(task, completed=progress.done, total=progress.total, description=words)
 
         yield show

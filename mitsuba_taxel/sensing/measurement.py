@@ -303,7 +303,7 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
     notes = []
     if light_error is not None and light_error < result.relative_error < math.inf:
         notes.append(
-            f"target error {light_error:g} not reached: {_share(result.relative_error)} with {result.points} points"
+            f"target error {light_error:g} not reached: {result.relative_error:.2g} with {result.points} points"
         )
     if target_error is not None and not result.relative_total_error <= target_error:
         parts = f"light {_share(result.relative_error)} with {result.points} points" if result.points else "light 0"

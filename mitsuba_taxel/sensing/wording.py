@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from mitsuba_taxel.base.units import in_percent
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -70,4 +72,4 @@ def budget_line(budget: Mapping[str, float]) -> str:
 
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     """Each source of error with its share of a reading."""
-    return [(source, f"{share:.2%}" if math.isfinite(share) else "unknown") for source, share in budget.items()]
+    return [(source, in_percent(share)) for source, share in budget.items()]

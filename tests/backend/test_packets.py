@@ -12,7 +12,7 @@ import pytest
 from mitsuba_taxel.backend.packets import PACKET, in_packets
 
 AT_THE_END_OF_MEMORY = dedent("""
-    import ctypes, mmap, signal, sys
+    import ctypes, mmap, sys
     import numpy as np, mitsuba as mi, drjit as dr
     from mitsuba_taxel.backend.packets import in_packets
     mi.set_variant("llvm_ad_mono")

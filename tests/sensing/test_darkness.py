@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from plate_reference import image_power
 from plate_scenes import plate
 
 from mitsuba_taxel import crosstalk, measure, open_study, sweep
+from mitsuba_taxel.cli.status import command as status
 from mitsuba_taxel.studies.run.dataset import missed_target, study_error_budget
 
 LAW = "uniform_solid_angle"
@@ -88,8 +91,21 @@ def test_a_study_keeps_what_its_dark_readings_may_have_missed(llvm_mono, tmp_pat
     study = sweep("plate.xml", {"z": "1e-5,0.7"}, output=tmp_path, points=256)
     assert study.power[0, 0] == 0 and study.standard_error[0, 0] == pytest.approx(5 * 1.841 / (32 * 256))
     assert study_error_budget(open_study(tmp_path))["total"] == math.inf
+    told = CliRunner().invoke(status, [str(tmp_path)])
+    assert told.exit_code == 0 and "unknown" in told.output and "inf" not in told.output
+    (scene,) = json.loads(CliRunner().invoke(status, [str(tmp_path), "--json"]).output)["scenes"]
+    assert scene["error"] is None
     again = sweep("plate.xml", {"z": "1e-5,0.7"}, output=tmp_path, points=256)
     assert again.standard_error.equals(study.standard_error)
+
+
+def test_a_failed_reading_leaves_the_budget_of_a_study_alone(llvm_mono):
+    lit = sweep("plate.xml", {"z": "0.6,0.7"}, points=256)
+    failed = lit.copy(deep=True)
+    for name in ("power", "standard_error", "total_error", "replicate_power"):
+        failed[name][1] = math.nan
+    assert study_error_budget(failed) == pytest.approx(study_error_budget(lit.isel(z=[0])))
+    assert 0 < study_error_budget(failed)["total"] < 0.1
 
 
 def test_a_study_counts_taxels_on_which_no_light_was_found():

@@ -284,15 +284,15 @@ def missed_slope(target: float, rates: Mapping[str, Any], results: Mapping[Place
     if not names:
         return f"target slope {target:g} not reached: there are no derivatives"
     by_force = [number for number, name in enumerate(names) if name in FORCES]
-    shares = []
+    relative = []
     for place in results:
         values, errors = (
             np.asarray(each)[place][:, by_force] for each in (rates["derivative"][1], rates["derivative_error"].values)
         )
         steepest = np.abs(values).max(axis=0)
-        shares.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
-    worst = "unknown" if np.isnan(shares).any() else f"{np.max(shares):.2g}"
-    reached = np.all(np.array(shares) <= target)
+        relative.append(errors.max(axis=0) / np.where(steepest > 0, steepest, np.inf))
+    worst = "unknown" if np.isnan(relative).any() else f"{np.max(relative):.2g}"
+    reached = np.all(np.array(relative) <= target)
     return "" if reached else f"target slope {target:g} not reached: the worst error is {worst}"
 
 
@@ -303,10 +303,11 @@ def _geometry(dims: list[str], geometry: np.ndarray) -> dict[str, tuple]:
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """The error budget of `Readings`, for the worst reading of a study."""
-    power, light = study.power.values, study.standard_error.values
-    geometry = study.geometry_error.values if "geometry_error" in study else np.zeros_like(light)
-    mechanics = np.sqrt(np.maximum(study.total_error.values**2 - light**2 - geometry**2, 0))
+    """The error budget of `Readings`, for the worst reading of a study; those that failed are left out."""
+    read = np.isfinite(study.power.values)
+    power, light, total = (each.values[read] for each in (study.power, study.standard_error, study.total_error))
+    geometry = study.geometry_error.values[read] if "geometry_error" in study else np.zeros_like(light)
+    mechanics = np.sqrt(np.maximum(total**2 - light**2 - geometry**2, 0))
     return error_budget(power, light, mechanics, geometry)
 
 
