@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from plate_reference import image_power
 from plate_scenes import plate
+from taxel_program import run_program
 
 from mitsuba_taxel import crosstalk, measure, open_study, sweep
-from mitsuba_taxel.cli.status import command as status
 from mitsuba_taxel.studies.run.dataset import missed_target, study_error_budget
 
 LAW = "uniform_solid_angle"
@@ -91,9 +90,9 @@ def test_a_study_keeps_what_its_dark_readings_may_have_missed(llvm_mono, tmp_pat
     study = sweep("plate.xml", {"z": "1e-5,0.7"}, output=tmp_path, points=256)
     assert study.power[0, 0] == 0 and study.standard_error[0, 0] == pytest.approx(5 * 1.841 / (32 * 256))
     assert study_error_budget(open_study(tmp_path))["total"] == math.inf
-    told = CliRunner().invoke(status, [str(tmp_path)])
-    assert told.exit_code == 0 and "unknown" in told.output and "inf" not in told.output
-    (scene,) = json.loads(CliRunner().invoke(status, [str(tmp_path), "--json"]).output)["scenes"]
+    told = run_program(tmp_path, "status", tmp_path)
+    assert told.returncode == 0 and "unknown" in told.stdout and "inf" not in told.stdout
+    (scene,) = json.loads(run_program(tmp_path, "status", tmp_path, "--json").stdout)["scenes"]
     assert scene["error"] is None
     again = sweep("plate.xml", {"z": "1e-5,0.7"}, output=tmp_path, points=256)
     assert again.standard_error.equals(study.standard_error)
