@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -14,15 +14,17 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.optimum.figures import FURTHEST, TINY, Line, Seen
+from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold
+from mitsuba_taxel.optimum.figures import TINY, TO_THE_END, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
 from mitsuba_taxel.sensing.derivable import without_derivative
-from mitsuba_taxel.sensing.first_contact import FirstContact, first_contact
+from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.scene import MESHED_AS, Scene, parser_config
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 from mitsuba_taxel.studies.plan.batch import Batch
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 from mitsuba_taxel.studies.plan.vary import STEP, Axis
 from mitsuba_taxel.studies.run.pool import Pool
 from mitsuba_taxel.studies.run.study import run_batch
@@ -56,6 +58,17 @@ class Read:
     off: list[Seen]
 
 
+class _Rows(NamedTuple):
+    """Rows of a design in the study: of its loads, and by line those that go on to its first contact."""
+
+    loads: list[int]
+    contacts: dict[str, int]
+
+    @property
+    def all(self) -> list[int]:
+        return [*self.loads, *self.contacts.values()]
+
+
 class Designs:
     """Evaluates designs, in ``folder``, by derivatives where available, else by differences.
 
@@ -70,6 +83,8 @@ class Designs:
     failures : dict[Design, str]
         Why a design failed.
     notes : list[str]
+    untold : dict[str, str]
+        Why no first contact is told along a line.
     """
 
     def __init__(self, plan: Plan, pool: Pool, folder: Path, retry_failed: bool, batch: Batch | None = None) -> None:
@@ -94,10 +109,13 @@ class Designs:
                 raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
         self._by = [name for name in [*self._names, *others] if name not in refused]
         self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
+        self._may_touch = any(parts_of(plan.scene(design)) for design in first.values())
+        self.untold = lines_untold(plan, self._batch, list(first.values()))
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
         self.seconds_of: dict[Design, float] = {}
         self._rows: set[int] = set()
+        self._ways: set[int] = set()
         self._known: dict[Design, Read] = {}
 
     def can_move(self, design: Design) -> bool:
@@ -137,27 +155,30 @@ class Designs:
             self._by = []
             self._read(designs)
             return
-        self._rows |= {number for each in needed for number in place[each]}
+        self._rows |= {number for each in needed for number in place[each].loads}
+        self._ways |= {number for each in needed for number in place[each].contacts.values()}
         self.loads = len(self._rows)
-        self.seconds = float(study.seconds.isel({STEP: sorted(self._rows)}).sum())
+        self.seconds = float(study.seconds.isel({STEP: sorted(self._rows | self._ways)}).sum())
         failed = Store(self._place).failures()
         for design in designs:
             rows = {each: place[each] for each in (design, *shifted[design].values())}
-            own = sorted({number for numbers in rows.values() for number in numbers})
+            own = sorted({number for each in rows.values() for number in each.all})
             self.seconds_of[design] = float(study.seconds.isel({STEP: own}).sum())
-            power = {each: self._power(study, numbers) for each, numbers in rows.items()}
-            rates = self._rates(study, design, rows[design], shifted[design], power)
-            known = np.isfinite(power[design][:, :-OTHERS]).all() and np.isfinite(rates[..., :-OTHERS]).all()
-            if known:
-                off = self._off(study, rows[design], rates)
-                try:
-                    contacts = self._contacts(design, shifted[design])
-                except (InputError, ComputationError) as reason:
-                    self.failures[design] = str(reason)
+            power = {each: self._power(study, of.loads) for each, of in rows.items()}
+            rates = self._rates(study, design, rows[design].loads, shifted[design], power)
+            contacts = self._contacts(study, design, rows, shifted[design])
+            needs = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
+            needs += [np.array([each.value, *(() if each.ended else each.by)]) for each in contacts.values()]
+            if all(np.isfinite(each).all() for each in needs):
+                off = self._off(study, rows[design].loads, rates)
+                read = self._seen(design, power[design], rates, off, contacts)
+                ended = self._ended(read.values)
+                if ended:
+                    self.failures[design] = ended
                 else:
-                    self._known[design] = self._seen(design, power[design], rates, off, contacts)
+                    self._known[design] = read
             else:
-                why = [failed[number].message for numbers in rows.values() for number in numbers if number in failed]
+                why = [failed[number].message for each in rows.values() for number in each.all if number in failed]
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
                 self.failures[design] = next(iter([*why, *notes]), "a reading or a derivative is missing")
 
@@ -179,24 +200,31 @@ class Designs:
     def _has(self, design: Design) -> list[bool]:
         return self._plan.has(design.choice)
 
-    def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, list[int]]]:
-        """The study with these designs, and the rows of each design's loads."""
+    def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, _Rows]]:
+        """The study with these designs, and the rows of each."""
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
-        names += [MESHED_AS] if self._has_pads else []
+        names += [*([MESHED_AS] if self._has_pads else []), *([TO_CONTACT] if self._may_touch else [])]
+        ways = {line: load for line, load in self._plan.to_contact.items() if line not in self.untold}
         base = self._plan.base
         stored = stored_study(self._place).get("together", {})
         rows = dict.fromkeys(zip(*(stored[name] for name in names), strict=True)) if set(names) == set(stored) else {}
         wanted: dict[Design, list[tuple[str, ...]]] = {}
         for design in designs:
-            told = {**base, **self._plan.parameters(design), MESHED_AS: self._plan.mesh_of(design)}
-            wanted[design] = [tuple({**told, **load}[name] for name in names) for load in self._plan.loads]
+            about = {MESHED_AS: self._plan.mesh_of(design), TO_CONTACT: NONE}
+            told = {**base, **self._plan.parameters(design), **about}
+            loads = [*self._plan.loads, *ways.values()]
+            wanted[design] = [tuple({**told, **load}[name] for name in names) for load in loads]
             rows |= dict.fromkeys(wanted[design])
         columns = {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
         batch = replace(self._batch, axes=(Axis(STEP, columns),), derivatives=tuple(self._by))
         study = run_batch(batch, self._pool, self._place, self._retry)
         self._retry = False
         number = {row: place for place, row in enumerate(rows)}
-        return study, {design: [number[row] for row in needed] for design, needed in wanted.items()}
+        count, found = len(self._plan.loads), {}
+        for design, needed in wanted.items():
+            places = [number[row] for row in needed]
+            found[design] = _Rows(places[:count], dict(zip(ways, places[count:], strict=True)))
+        return study, found
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
         """(loads, taxels + 2), readings, and the largest strain and the clearance, NaN if unknown."""
@@ -227,35 +255,30 @@ class Designs:
         given = self._plan.tolerances.items()
         return [sd * (own[name] if name in own else _derivative(study, name, rows)) for name, sd in given]
 
-    def _contacts(self, design: Design, shifted: dict[tuple[int, int], Design]) -> list[dict[str, complex]]:
-        """First contacts by line, with derivatives with respect to no variable, each variable, and each tolerance."""
-        widths = {one.name: one.high - one.low for one in self._plan.variables}
-        found: list[dict[str, complex]] = [{} for _ in range(1 + len(widths) + len(self._plan.tolerances))]
-        for line in self._plan.to_contact:
-            own = self._contact(design, line, self._by)
-            rates = dict(zip(self._by, own.rates, strict=True))
-            for number, (name, width) in enumerate(widths.items()):
+    def _contacts(
+        self, study: xr.Dataset, design: Design, rows: dict[Design, _Rows], shifted: dict[tuple[int, int], Design]
+    ) -> dict[str, Contact]:
+        """First contacts by line; NaN if unknown."""
+        found = {}
+        for line, row in rows[design].contacts.items():
+            slopes = {name: first_contact_in(study.sel(parameter=name), row, "_derivative") for name in self._by}
+            for number, one in enumerate(self._plan.variables):
                 if (number, 1) in shifted:
                     ahead, behind = (shifted[number, sign] for sign in (1, -1))
-                    apart = width * (ahead.x[number] - behind.x[number])
-                    change = self._contact(ahead, line).value - self._contact(behind, line).value
-                    rates[name] = change / apart if apart else np.nan
-            has = dict(zip(widths, self._has(design), strict=True))
-            by = [has[name] and width * rates[name] for name, width in widths.items()]
-            off = [sd * rates[name] for name, sd in self._plan.tolerances.items()]
-            for each, rate in zip(found, [0.0, *by, *off], strict=True):
-                each[line] = complex(own.value, TINY * rate)
+                    apart = (one.high - one.low) * (ahead.x[number] - behind.x[number])
+                    ends = [first_contact_in(study, rows[each].contacts[line]) for each in (ahead, behind)]
+                    slopes[one.name] = (ends[0] - ends[1]) / apart if apart else np.nan
+            has = zip(self._plan.variables, self._has(design), strict=True)
+            by = [(one.high - one.low) * slopes[one.name] if there else 0.0 for one, there in has]
+            off = [sd * slopes[name] for name, sd in self._plan.tolerances.items()]
+            found[line] = Contact.told(study, row, by, off)
         return found
 
-    def _contact(self, design: Design, line: str, names: Sequence[str] = ()) -> FirstContact:
-        along, rows = self._plan.lines[line]
-        first, last = float(rows[0][along]), float(rows[-1][along])
-        furthest = math.copysign(FURTHEST * max(abs(first), abs(last)), last - first)
-
-        def at(value: float) -> Scene:
-            return self._batch.scene(self._plan.told(design) | rows[-1] | {along: repr(value)})
-
-        return first_contact(at, along, last, furthest, names)
+    def _ended(self, seen: Seen) -> str:
+        """Why the load path of a design ends before a figure is told; empty if all are."""
+        asked = (one for one in self._plan.figures if one.kind in TO_THE_END)
+        untold = (one.told["along"] for one in asked if np.isnan(one.components(seen).real).any())
+        return next((seen.lines[line].ended for line in untold), "")
 
     def _seen(
         self,
@@ -263,27 +286,30 @@ class Designs:
         power: np.ndarray,
         rates: np.ndarray,
         off: list[np.ndarray],
-        contacts: list[dict[str, complex]],
+        contacts: dict[str, Contact],
     ) -> Read:
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
-        def seen(power: np.ndarray, contact: dict[str, complex], rate: dict[str, np.ndarray] | None = None) -> Seen:
+        def seen(power: np.ndarray, moved: dict[str, float], rate: dict[str, np.ndarray] | None = None) -> Seen:
             lines = {}
             for name, (along, rows) in self._plan.lines.items():
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
                 strain, clearance = of_line[:, -OTHERS:].T
-                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, contact.get(name, np.nan))
+                contact = contacts.get(name, Contact(np.nan, "", "", [], []))
+                at = complex(contact.value, TINY * moved.get(name, 0.0))
+                lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, at, contact.touched, contact.ended)
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}
             found = {name: values + imaginary.get(name, 0j) for name, values in shape.items()}
             return Seen(lines, found, self._plan.circuit)
 
-        still, by, varied = contacts[0], contacts[1 : 1 + len(rates)], contacts[1 + len(rates) :]
+        by = [{line: each.by[number] for line, each in contacts.items()} for number in range(len(rates))]
+        varied = [{line: each.off[number] for line, each in contacts.items()} for number in range(len(off))]
         return Read(
-            seen(power + 0j, still),
+            seen(power + 0j, {}),
             [seen(power + 1j * TINY * each, to, of) for each, to, of in zip(rates, by, shape_rates, strict=True)],
-            [seen(power + 1j * TINY * each, contact) for each, contact in zip(off, varied, strict=True)],
+            [seen(power + 1j * TINY * each, to) for each, to in zip(off, varied, strict=True)],
         )
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:

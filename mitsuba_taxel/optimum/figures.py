@@ -19,7 +19,9 @@ SMALL = 1e-6
 """Relative step of differences of the noise, which is smooth in the power."""
 FURTHEST = 10.0
 """Largest range or contact that is told, relative to the last load of its line: some are not reached."""
-FIRST_CONTACT = "first_contact"
+FIRST_CONTACT, RANGE = "first_contact", "range"
+TO_THE_END = (RANGE, FIRST_CONTACT)
+"""Figures that depend on where pads first touch anything."""
 TINY = 1e-150
 """Complex step: factor of derivatives, whose squares vanish."""
 
@@ -40,6 +42,10 @@ class Line:
         Least distance between cells and packages in mm; NaN if unknown.
     contact : complex
         The value at which pads first touch anything, as far as it is told; NaN if unknown.
+    touched : str
+        What they touch there; empty if there is no contact up to there.
+    ended : str
+        Why the load path ends there without contact; empty if it does not.
     """
 
     values: np.ndarray
@@ -47,6 +53,8 @@ class Line:
     strain: np.ndarray
     clearance: np.ndarray
     contact: complex = np.nan
+    touched: str = ""
+    ended: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +159,32 @@ def saturation(seen: Seen, along: str) -> np.ndarray:
 
 
 def measuring_range(seen: Seen, along: str) -> np.ndarray:
-    """Magnitudes of the loads at which cells meet their packages, and, with a circuit, at which each taxel saturates;
-    by linear interpolation of clearance and light between loads, beyond the last one as between the last two."""
-    line = seen.lines[along]
-    ends = [] if np.isnan(line.clearance.real).any() else [_used_up(line.clearance[:, None], line.values)]
+    """Magnitudes of the loads at which the pad first touches anything, if that is known, and, with a circuit, at which
+    each taxel saturates; by linear interpolation of light between loads, beyond the last one as between the last
+    two."""
+    return np.concatenate(_ends(seen, along))
+
+
+def end_of_range(seen: Seen, along: str) -> str:
+    """What ends the range along a line, in words."""
+    with np.errstate(invalid="ignore"):
+        contact, saturated = (each.real for each in _ends(seen, along))
+    line, end = seen.lines[along], np.concatenate([contact, saturated]).min()
+    if end >= FURTHEST * np.abs(line.values).max():
+        return "which nothing ends as far as it is told"
+    if end in contact:
+        return f"where the pad touches {line.touched}"
+    return f"where taxel {saturated.argmin() + 1} saturates"
+
+
+def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
+    """The first contact, empty if it is unknown or the load path ends without, but after saturation; and magnitudes of
+    the loads at which taxels saturate, empty without a circuit."""
+    line, saturated = seen.lines[along], np.zeros(0)
     if seen.circuit is not None:
-        ends.append(_used_up(saturating_power(seen.circuit) - line.power, line.values))
-    return np.concatenate([np.zeros(0), *ends])
+        saturated = _used_up(saturating_power(seen.circuit) - line.power, line.values)
+    later = line.ended and saturated.size and saturated.real.min() <= abs(line.contact.real)
+    return np.zeros(0) if later or np.isnan(line.contact.real) else first_contact(seen, along), saturated
 
 
 def clearance(seen: Seen, along: str) -> np.ndarray:
@@ -166,8 +193,10 @@ def clearance(seen: Seen, along: str) -> np.ndarray:
 
 
 def first_contact(seen: Seen, along: str) -> np.ndarray:
-    """Magnitude of the load at which the pad first touches itself, the board or a package."""
-    return _magnitude(np.atleast_1d(seen.lines[along].contact))
+    """Magnitude of the load at which the pad first touches itself, the board or a package; NaN if its path ends
+    before."""
+    line = seen.lines[along]
+    return _magnitude(np.atleast_1d(np.nan if line.ended else line.contact))
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -255,7 +284,7 @@ KINDS: dict[str, Kind] = {
     "rest": Kind(rest, "{u}", steps=1),
     "largest_reading": Kind(largest_reading, "{u}", steps=1),
     "saturation": Kind(saturation, "1", steps=1),
-    "range": Kind(measuring_range, "{f}"),
+    RANGE: Kind(measuring_range, "{f}"),
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
     "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
     "largest_strain": Kind(largest_strain, "1", steps=1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product
@@ -13,13 +14,14 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number, is_row, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
-from mitsuba_taxel.optimum.figures import FIRST_CONTACT, FURTHEST, KINDS, Figure
+from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, TO_THE_END, Figure
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
 from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.studies.plan.batch import Batch, make_batch, read_study_of
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 
 POINTS = 16
 """Points of the random readings that accompany those without random numbers."""
@@ -174,10 +176,20 @@ class Plan:
         return [dict(row) for row in dict.fromkeys(rows)]
 
     @property
-    def to_contact(self) -> list[str]:
-        """The lines along which the first contact is a figure."""
-        told = [one.figure for one in (*self.asked, *([self.front[0]] if self.front else []))]
-        return list(dict.fromkeys(one.told["along"] for one in told if one.kind == FIRST_CONTACT))
+    def figures(self) -> list[Figure]:
+        """All figures."""
+        return [one.figure for one in (*self.asked, *([self.front[0]] if self.front else []))]
+
+    @property
+    def to_contact(self) -> dict[str, dict[str, str]]:
+        """The last load of each line along which the first contact counts, to be followed to there."""
+        found = {}
+        for line in dict.fromkeys(one.told["along"] for one in self.figures if one.kind in TO_THE_END):
+            along, rows = self.lines[line]
+            first, last = float(rows[0][along]), float(rows[-1][along])
+            furthest = math.copysign(FURTHEST * max(abs(first), abs(last)), last - first)
+            found[line] = {**rows[-1], TO_CONTACT: f"{along}={furthest:.12g}"}
+        return found
 
     @property
     def before(self) -> Design:
@@ -434,7 +446,7 @@ class _Asked:
 
     def _refuse_beyond_loads(self, limit: Limit) -> None:
         """Raise if a range or a contact is to be further than any that the loads tell of."""
-        if limit.figure.kind in ("range", FIRST_CONTACT) and limit.sign < 0:
+        if limit.figure.kind in TO_THE_END and limit.sign < 0:
             along, rows = self.lines[limit.figure.told["along"]]
             largest = max(abs(float(row[along])) for row in rows)
             if limit.bound > FURTHEST * largest:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from mitsuba_taxel.electronics import saturation_force
 from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
-from mitsuba_taxel.optimum.designs import Designs
-from mitsuba_taxel.optimum.figures import Seen, noise_equivalent_force
-from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
+from mitsuba_taxel.optimum.designs import Designs, Read
+from mitsuba_taxel.optimum.figures import RANGE, Seen, end_of_range, noise_equivalent_force
+from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
 if TYPE_CHECKING:
@@ -100,12 +100,12 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     else:
         notes += [note for note in again.notes if note not in notes]
     asked = plan.asked
-    notes += _unknown_contacts(asked, course.read(best).values)
     reads = {"before": course.read(before), "best": course.read(best)}
     if again is not None:
         pair = again.read([before.alone, best.alone])
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
+    notes += _ranges(course, again, reads)
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
     held = course.stationarity(
         best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else [])
@@ -144,13 +144,21 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     )
 
 
-def _unknown_contacts(asked: Sequence[Goal | Limit], seen: Seen) -> list[str]:
-    """Which ranges do not know where cells meet packages."""
-    ranges = dict.fromkeys(one.figure.told["along"] for one in asked if one.figure.kind == "range")
-    unknown = [line for line in ranges if np.isnan(seen.lines[line].clearance.real).any()]
-    return [
-        f"range along {line} ends with saturation alone: where cells meet packages is not known" for line in unknown
-    ]
+def _ranges(course: Course, again: Designs | None, reads: Mapping[str, Read]) -> list[str]:
+    """The range of the best design along each line where it is a figure, with its error, and what ends it."""
+    notes = []
+    told = again is not None and SAME_MESH not in again.notes and "best_finer" in reads
+    for figure in {one.told["along"]: one for one in course.plan.figures if one.kind == RANGE}.values():
+        along = figure.told["along"]
+        best, finer = (
+            figure.components(reads[name].values).real.min() for name in ("best", "best_finer" if told else "best")
+        )
+        error = f" ± {abs(finer - best):.2g} (by the finer mesh)" if told else ""
+        end = end_of_range(reads["best"].values, along)
+        notes.append(f"{figure.words}: {best:.4g}{error} {figure.unit}, {end}")
+        if along in course.designs.untold:
+            notes.append(f"{figure.words} ends with saturation alone: {course.designs.untold[along]}")
+    return notes
 
 
 def circuit_notes(seen: Seen, along: Mapping[str, str]) -> list[str]:

@@ -8,44 +8,59 @@ whether there is contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import mitsuba as mi
 import numpy as np
 
-from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.contact.contact_ahead import ContactAhead
 from mitsuba_taxel.mechanics.contact.self_contact import PACKAGE, Contact
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.sensing.clearance import packages
+from mitsuba_taxel.sensing.contact_value import FirstContact
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.sensing.scene_rates import rates
+from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 BEFORE = 1e-9
 """How far before the end of the path the walls are looked at, relative to the way there."""
-BESIDE = 1e-6
-"""Distance of the end of a path from the line of loads that is due to rounding, relative to the load."""
+PARALLEL = 1e-9
+"""Sine of the angle between two loads below which it is due to rounding."""
 MOVED = 1e-4
 """Largest movement of a node for a difference, relative to the height of the pad."""
 
 
-@dataclass(frozen=True, eq=False)
-class FirstContact:
-    """A first contact.
+@in_turn
+def why_no_contact(scene: Scene, along: str) -> str | None:
+    """Why no first contact can be told along a parameter of a scene, in words; None if it can."""
+    try:
+        change = rates(scene, along).load
+    except InputError as reason:
+        return str(reason)
+    if not change.any():
+        return f"first contact along {along} cannot be told: it is no load of a pad."
+    config = parser_config(activate_variant())
+    with scene.files_beside_it():
+        nodes = [node.props for node in scene.parsed(config).nodes]
+    (pad,) = (DeformablePad.read(props) for props in nodes if props.plugin_name() == DeformablePad.plugin)
+    if pad.load == "indenter_force":
+        return f"first contact along {along} cannot be told: paths of an indenter follow its displacement, no force."
+    if not _on_one_path(np.array(pad.load_value), change):
+        return f"first contact along {along} cannot be told: its values are not one load path."
+    return None
 
-    Attributes
-    ----------
-    value : float
-        Of the parameter that changes with the load; if there is no contact, the furthest one asked for.
-    rates : (P,) ndarray
-        Its derivatives by other parameters; 0 if there is no contact.
-    """
 
-    value: float
-    rates: np.ndarray
+def _on_one_path(value: np.ndarray, change: np.ndarray) -> bool:
+    """Whether a load that changes stays on one path: the normal component comes first, then the tangential ones."""
+    if len(value) == 1:
+        return True
+    aside, turned = value[:2], change[:2]
+    across = abs(aside[0] * turned[1] - aside[1] * turned[0])
+    parallel = across <= PARALLEL * np.linalg.norm(aside) * np.linalg.norm(turned)
+    return bool(parallel if not change[2] else not aside.any() and not turned.any())
 
 
 @in_turn
@@ -64,29 +79,28 @@ def first_contact(
     Raises
     ------
     InputError
-        if ``along`` does not load a pad, or not along one path, or there is no derivative.
+        if there is none, as :func:`why_no_contact` says, or no derivative.
     ComputationError
-        if the path ends without contact, or the contact is not found again.
+        if the pad does not bear the last value, or the contact is not found again.
     """
+    refused = why_no_contact(at(last), along)
+    if refused is not None:
+        raise InputError(refused)
     live, change = at(last).load(), rates(at(last), along)
-    if not change.load.any():
-        raise InputError(f"first contact along {along} cannot be told: it is no load of a pad.")
     (pad,) = deformed_pads(live)
     value = np.array(pad.value)
     try:
         pad.state_under((value + (furthest - last) * change.load).tolist(), _in_the_way(live))
     except LoadPathEnds as end:
-        if end.contact is None or end.value is None:
-            raise
+        assert end.value is not None
         further = float((end.value - value) @ change.load / (change.load @ change.load))
-        beside = end.value - value - further * change.load
-        if end.load != pad.load or np.linalg.norm(beside) > BESIDE * np.linalg.norm(end.value):
-            raise InputError(f"first contact along {along} cannot be told: its values are not one load path.") from None
+        if end.contact is None:
+            return FirstContact(last + further, np.full(len(names), np.nan), "", str(end))
         contact, ends = end.contact, at(last + (1 - BEFORE) * further)
     else:
-        return FirstContact(furthest, np.zeros(len(names)))
+        return FirstContact(furthest, np.zeros(len(names)), "")
     found = _Touching(ends, along, furthest > last, contact)
-    return FirstContact(found.value, np.array([found.rate(name) for name in names]))
+    return FirstContact(found.value, np.array([found.rate(name) for name in names]), contact.what)
 
 
 class _Touching:

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.replicates import standard_error
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import RoofError
+    from mitsuba_taxel.sensing.contact_value import FirstContact
     from mitsuba_taxel.sensing.derivative_values import Derivatives
 
 
@@ -91,6 +92,8 @@ class Readings(Displayed):
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
         With respect to the requested parameters.
+    contact : FirstContact or None
+        Where a pad loaded further first touches anything; None if not requested.
     roof_errors : list[RoofError | None]
         Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
     remarks : list of str
@@ -109,6 +112,7 @@ class Readings(Displayed):
     facets: np.ndarray | None = None
     mesh_size: float | None = None
     derivatives: Derivatives | None = None
+    contact: FirstContact | None = None
     roof_errors: list[RoofError | None] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 

@@ -9,7 +9,7 @@ from one_cell import one_cell
 from mitsuba_taxel import ComputationError
 from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
-from mitsuba_taxel.optimum.figures import KINDS, TINY
+from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of_range
 from mitsuba_taxel.optimum.plan import read_plan
 from mitsuba_taxel.studies.run.pool import open_pool
 
@@ -69,12 +69,14 @@ def test_gradients_through_the_whole_chain(along, kind):
 
 
 def test_first_contact_of_a_design(tmp_path, monkeypatch):
-    """That of a low pad, which is proportional to its modulus; a design without one fails."""
-    low = '<float name="height" value="3"/> <float name="wall" value="2"/> <vector'
-    (tmp_path / "low.xml").write_text(one_cell(mesh_size=3, youngs_modulus=4, fz=0).replace("<vector", low, 1))
+    """That of a low pad, which is proportional to its modulus, and is kept; a design without one fails."""
+    low = '<float name="height" value="2.5"/> <float name="cell_height" value="0.6"/> <float name="wall" value="2"/> '
+    (tmp_path / "low.xml").write_text(
+        one_cell(mesh_size=3, youngs_modulus=4, fz=0).replace("<vector", low + "<vector", 1)
+    )
     (tmp_path / "study.toml").write_text(
         'scene = "low.xml"\n[optimise]\nmaximise = "first_contact"\n[optimise.variables]\nyoungs_modulus = [3, 6]\n'
-        "[optimise.loads]\nnormal = { fz = [0, -4] }\n[optimise.tolerances]\nyoungs_modulus = 0.1\n"
+        "[optimise.loads]\nnormal = { fz = [0, -2] }\n[optimise.tolerances]\nyoungs_modulus = 0.1\n"
     )
     plan = read_plan(tmp_path / "study.toml")
     assert plan.goal.figure.unit == "N"
@@ -82,14 +84,47 @@ def test_first_contact_of_a_design(tmp_path, monkeypatch):
         designs = Designs(plan, pool, tmp_path / "designs", False)
         (read,) = designs.read([plan.before])
         found, rates = with_rates(plan.goal.figure, read)
-        assert 10 < found[0] < 40
+        assert 5 < found[0] < 20 and read.values.lines["normal"].touched == "a package"
         assert rates.ravel() == pytest.approx(found / 4 * (6 - 3), rel=1e-3)
         assert plan.goal.figure.components(read.off[0]).imag / TINY == pytest.approx(found / 4 * 0.1, rel=1e-3)
+        assert designs.loads == 2
 
-        def unstable(*_):
-            raise ComputationError("it cannot be loaded further")
+        def refused(*_):
+            raise ComputationError("the contact was not found again")
 
-        monkeypatch.setattr("mitsuba_taxel.optimum.designs.first_contact", unstable)
+        monkeypatch.setattr("mitsuba_taxel.sensing.first_contact.first_contact", refused)
         softer = plan.design((), [0.0])
         assert designs.read([softer]) == [None]
-        assert designs.failures[softer] == "it cannot be loaded further"
+        assert designs.failures[softer] == "the contact was not found again"
+        (kept,) = Designs(plan, pool, tmp_path / "designs", False).read([plan.before])
+        assert kept is not None and plan.goal.figure.components(kept.values) == found
+
+
+UNSTABLE = """
+scene = "high.xml"
+[circuit]
+supply = 3.3
+load_resistance = 1e4
+transfer = {transfer}
+[optimise]
+maximise = "range"
+[optimise.variables]
+youngs_modulus = {{ low = 3, high = 6, start = 4 }}
+[optimise.loads]
+normal = {{ fz = [0, -2] }}
+"""
+
+
+def test_range_of_a_cell_that_becomes_unstable(tmp_path):
+    """It is told where a taxel saturates before; else the design fails."""
+    (tmp_path / "high.xml").write_text(one_cell(youngs_modulus=4, fz=0))
+    reads = []
+    for transfer in (0.09, 0.02):
+        (tmp_path / "study.toml").write_text(UNSTABLE.format(transfer=transfer))
+        plan = read_plan(tmp_path / "study.toml")
+        with open_pool() as pool:
+            designs = Designs(plan, pool, tmp_path / "designs", False)
+            reads += designs.read([plan.before])
+    (ends,) = plan.goal.figure.components(reads[0].values).real
+    assert 2 < ends < 10 and end_of_range(reads[0].values, "normal") == "where taxel 1 saturates"
+    assert reads[1] is None and "the equilibrium is unstable" in designs.failures[plan.before]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen
+from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen, end_of_range
 from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
@@ -79,20 +79,28 @@ def test_values():
 
 
 def test_range():
-    """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start; and cells that meet
-    their packages beyond the last load."""
+    """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start; and pads that touch
+    something, nothing, or are not known to."""
     circuit = Circuit(supply=4.0, load_resistance=1.0, transfer=1.0, saturation_voltage=0.0)
-    power = np.array([[1.0, 1.0, 2.0, 5.0], [2.0, 1.5, 1.0, 6.0], [5.0, 3.0, 0.5, 3.0]]) + 0j
-    line = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0], np.full(3, np.nan))
+    power = np.array([[1.0, 1.0, 2.0], [2.0, 1.5, 1.0], [5.0, 3.0, 0.5]]) + 0j
+    dark = Line(np.array([0.0, -1.0, -2.0]), power, power[:, 0], np.full(3, np.nan))
+    lit = replace(dark, power=np.array([[5.0], [6.0], [3.0]]) + 0j)
 
     def of(line, circuit):
-        return Figure("range", {"along": "z"}, "N").components(Seen({"z": line}, {}, circuit)).real
+        seen = Seen({"z": line}, {}, circuit)
+        ends = Figure("range", {"along": "z"}, "N").components(seen)
+        return ends.real.tolist(), end_of_range(seen, "z") if ends.size and np.isfinite(ends).all() else ""
 
-    np.testing.assert_allclose(of(line, circuit), [5 / 3, 8 / 3, 20.0, 0.0])
-    closing = replace(line, clearance=np.array([1.0, 0.8, 0.5]) + 0j)
-    np.testing.assert_allclose(of(closing, None), 2 + 0.5 / 0.3)
-    np.testing.assert_allclose(of(closing, circuit), [2 + 0.5 / 0.3, 5 / 3, 8 / 3, 20.0, 0.0])
-    assert of(line, None).size == 0
+    saturated = [pytest.approx(5 / 3), pytest.approx(8 / 3), 20.0]
+    assert of(dark, circuit) == (saturated, "where taxel 1 saturates") and of(dark, None) == ([], "")
+    assert of(lit, circuit) == ([0.0], "where taxel 1 saturates")
+    touching = replace(dark, contact=-1.5 + 0j, touched="the board")
+    assert of(touching, circuit) == ([1.5, *saturated], "where the pad touches the board")
+    assert of(replace(touching, contact=-1.7 + 0j), circuit) == ([1.7, *saturated], "where taxel 1 saturates")
+    assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], "which nothing ends as far as it is told")
+    unstable = replace(dark, contact=-1.7 + 0j, ended="it is unstable")
+    assert of(unstable, circuit) == (saturated, "where taxel 1 saturates")
+    assert np.isnan(of(replace(unstable, contact=-1.6 + 0j), circuit)[0][0])
 
 
 def test_what_a_circuit_shows_of_a_design():

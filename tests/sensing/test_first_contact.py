@@ -40,14 +40,14 @@ def contact(tmp_path_factory):
 def test_loads_are_proportional_to_the_modulus(contact):
     """As of all neo-Hookean pads, whose other dimensions are the same: here one that touches itself."""
     found = contact(names=("youngs_modulus",))
-    assert found.value < -10
+    assert found.value < -10 and found.touched == "itself"
     assert found.rates == pytest.approx([found.value / NUMBERS["youngs_modulus"]], rel=1e-3)
 
 
 def test_derivatives_are_differences_of_the_whole_chain(contact):
     """A roof that meets the package, on one mesh."""
     found = contact(names=tuple(STEPS), cell_height=0.7)
-    assert found.value < -10
+    assert found.value < -10 and found.touched == "a package"
     for (name, step), rate in zip(STEPS.items(), found.rates, strict=True):
         base = {**NUMBERS, "cell_height": 0.7}[name]
         ends = (contact(**{"cell_height": 0.7, name: base + sign * step}).value for sign in (1, -1))
@@ -56,7 +56,14 @@ def test_derivatives_are_differences_of_the_whole_chain(contact):
 
 def test_a_load_beyond_which_nothing_is_asked(contact):
     found = contact(furthest=-2.0, names=("youngs_modulus",))
-    assert (found.value, found.rates.tolist()) == (-2.0, [0.0])
+    assert (found.value, found.rates.tolist(), found.touched) == (-2.0, [0.0], "")
+
+
+def test_a_path_that_ends_before(tmp_path):
+    """Of a single high cell, which becomes unstable: the last load of which there is a state, without derivatives."""
+    (tmp_path / "high.xml").write_text(one_cell(youngs_modulus=4, fz=0))
+    found = first_contact(lambda fz: Scene(tmp_path / "high.xml", {"fz": fz}), "fz", -1.0, -40.0, ["youngs_modulus"])
+    assert -40 < found.value < -1 and np.isnan(found.rates).all() and "is unstable" in found.ended
 
 
 @pytest.mark.parametrize(
@@ -71,3 +78,13 @@ def test_what_is_no_line_of_a_path_is_refused(contact, along, last, furthest, sa
     with pytest.raises(InputError) as refused:
         contact(along, last, furthest, fx=0.01)
     assert said in str(refused.value)
+
+
+def test_a_force_on_an_indenter_is_refused(tmp_path):
+    """Its paths are those of the displacement."""
+    text = one_cell(fz=-1).replace(
+        "<vector", '<string name="load" value="indenter_force"/> <float name="indenter_radius" value="4"/> <vector', 1
+    )
+    (tmp_path / "pressed.xml").write_text(text)
+    with pytest.raises(InputError, match="along fz cannot be told: paths of an indenter follow its displacement"):
+        first_contact(lambda fz: Scene(tmp_path / "pressed.xml", {"fz": fz}), "fz", -1.0, -10.0)

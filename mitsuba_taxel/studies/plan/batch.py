@@ -18,6 +18,7 @@ from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.scene import is_file, shipped_scenes
 from mitsuba_taxel.studies.plan.histories import HISTORY, histories
 from mitsuba_taxel.studies.plan.steps import read_steps
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, make_axes
 
 TABLES = ("define", "vary", "together")
@@ -83,7 +84,13 @@ class Batch:
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene with these values of the varied parameters."""
-        return Scene(self.file, {**self.defines, **values}, self.mesh_size)
+        told = {**self.defines, **values}
+        return Scene(self.file, {name: word for name, word in told.items() if name != TO_CONTACT}, self.mesh_size)
+
+    def parameters(self, values: Mapping[str, str]) -> dict[str, str]:
+        """All parameters of that scene, and `TO_CONTACT` if it is given."""
+        told = {**self.defines, **values}
+        return {**self.scene(values).parameters, **{name: told[name] for name in (TO_CONTACT,) if name in told}}
 
     @property
     def varied_forces(self) -> tuple[str, ...]:

@@ -25,7 +25,8 @@ STEP = "step"
 TAKEN = frozenset(
     "step taxel replicate stage parameter derivative_unit power standard_error total_error replicate_power seconds "
     "responsivity deviation roof_error slope_error geometry_error smooth_power smooth_power_error derivative "
-    "derivative_error largest_strain largest_strain_derivative clearance clearance_derivative mesh map "
+    "derivative_error largest_strain largest_strain_derivative clearance clearance_derivative first_contact "
+    "first_contact_derivative touched ended mesh map "
     "voltage voltage_error counts noise".split()
 )
 """Names of dimensions and variables of the results, which no varied parameter may have."""

@@ -78,6 +78,7 @@ def assemble(
             **_mechanics(dims, deviation, results),
             **_geometry(dims, geometry),
             **rates,
+            **_contacts(dims, results, shape),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -251,6 +252,25 @@ def _of_derivatives(
         "largest_strain_derivative": ([*dims, "parameter"], strain_rates, {"long_name": "derivative of strain"}),
         "clearance": (dims, clearance, {"units": "mm", "long_name": "least distance between cells and packages"}),
         "clearance_derivative": ([*dims, "parameter"], clearance_rates, {"long_name": "derivative of clearance"}),
+    }
+
+
+def _contacts(dims: list[str], results: Mapping[Place, Kept], shape: tuple[int, ...]) -> dict[str, tuple]:
+    """First contacts, what is touched, and derivatives; empty if none were asked for."""
+    found = {place: each for place, result in results.items() if (each := result.readings.contact) is not None}
+    if not found:
+        return {}
+    count = max(len(each.rates) for each in found.values())
+    value, rates = np.full(shape, math.nan), np.full((*shape, count), math.nan)
+    touched, ended = np.full((2, *shape), "", dtype=object)
+    for place, each in found.items():
+        value[place], rates[place], touched[place], ended[place] = each.value, each.rates, each.touched, each.ended
+    by = {"first_contact_derivative": ([*dims, "parameter"], rates, {"long_name": "derivative of first_contact"})}
+    return {
+        "first_contact": (dims, value, {"long_name": "load at which the pad first touches anything"}),
+        "touched": (dims, touched.astype(str), {"long_name": "what it touches there"}),
+        "ended": (dims, ended.astype(str), {"long_name": "why its load path ends there without contact"}),
+        **(by if count else {}),
     }
 
 

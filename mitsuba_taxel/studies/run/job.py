@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
@@ -15,12 +15,17 @@ from mitsuba_taxel.base.errors import ComputationError, InputError, comes_from_i
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.irradiance_file import write_irradiance
+from mitsuba_taxel.sensing.left_out import NONE
 from mitsuba_taxel.sensing.mechanics_error import roof_errors
 from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.histories import HISTORY
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, way_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.sensing.contact_value import FirstContact
 
 MESHES, MAPS = "meshes", "maps"
 ELSEWHERE = (
@@ -41,7 +46,7 @@ class Job:
     file : Path
         The scene.
     parameters : dict[str, str]
-        Values of its parameters.
+        Values of its parameters, and of `TO_CONTACT`, with which derivatives are those of the first contact instead.
     varied : dict[str, str]
         Those of them that the batch varies.
     points, seed : int
@@ -131,14 +136,15 @@ def failure_of(error: BaseException) -> Failure:
 
 def describe(values: Mapping[str, str]) -> str:
     """Values of parameters, in words, without the load history, and what meshes are moved from."""
-    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS)}
+    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS, TO_CONTACT)}
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
 
 @in_turn
 def _read(job: Job) -> JobResult:
     with stages.record() as seconds:
-        scene = Scene(job.file, job.parameters, job.mesh_size)
+        own = {name: word for name, word in job.parameters.items() if name != TO_CONTACT}
+        scene = Scene(job.file, own, job.mesh_size)
         ready = prepare(scene)
         readings = measure(
             ready,
@@ -148,7 +154,11 @@ def _read(job: Job) -> JobResult:
             mechanics_error=job.mechanics_error,
             continued=job.continued,
         )
-        readings = _with_derivatives(readings, job, scene, ready.scene)
+        way = way_to_contact(job.parameters.get(TO_CONTACT, NONE))
+        if way is None:
+            readings = _with_derivatives(readings, job, scene, ready.scene)
+        else:
+            readings = replace(readings, contact=_contact(job, scene, *way))
         errors: list[Any] = [None for _ in loaded_pads(ready.scene)] if job.bare else roof_errors(ready.scene)
         files = {}
         with stages.stage("files"):
@@ -156,7 +166,8 @@ def _read(job: Job) -> JobResult:
                 files = {_name(pad): _content(".ply", partial(write_mesh, pad)) for pad in deformed_pads(ready.scene)}
             if job.maps:
                 files[f"{MAPS}/{job.number:06d}.exr"] = _content(".exr", partial(write_irradiance, readings))
-    return JobResult(replace(readings, irradiance=None, mesh_size=job.mesh_size, roof_errors=errors), seconds, files)
+    readings = replace(readings, irradiance=None, parameters=job.parameters, mesh_size=job.mesh_size)
+    return JobResult(replace(readings, roof_errors=errors), seconds, files)
 
 
 def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> Readings:
@@ -177,6 +188,20 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
             raise
         elsewhere = ELSEWHERE if isinstance(reason, (NotDiffuse, NotFollowed)) else ""
         return replace(readings, remarks=[*readings.remarks, f"{reason}{elsewhere}"])
+
+
+def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContact:
+    from mitsuba_taxel.sensing.first_contact import first_contact
+
+    if along not in scene.parameters:
+        raise InputError(f"{TO_CONTACT} = '{along}={furthest:g}' is not allowed: a parameter of the scene is needed.")
+
+    def at(value: float) -> Scene:
+        return Scene(job.file, {**scene.parameters, along: repr(value)}, job.mesh_size)
+
+    names = () if job.where_smooth else job.derivatives
+    with stages.stage("first contact"):
+        return first_contact(at, along, float(scene.parameters[along]), furthest, names)
 
 
 def _name(pad: PadShape) -> str:

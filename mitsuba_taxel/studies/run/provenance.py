@@ -32,7 +32,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
     parameters, as far as known.
     """
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
-    parameters = batch.scene(first).parameters
+    parameters = batch.parameters(first)
     words = [*parameters.values(), *(word for axis in batch.axes for words in axis.values.values() for word in words)]
     return {
         "scene_content": _digest(_files_of(batch.file, set(words))),

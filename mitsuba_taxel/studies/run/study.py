@@ -283,7 +283,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
         job = Job(
             number=number,
             file=batch.file,
-            parameters=batch.scene(values).parameters,
+            parameters=batch.parameters(values),
             varied=values,
             points=settings.points,
             seed=batch.seed,

@@ -28,6 +28,7 @@ from mitsuba_taxel.base.atomic import WriteError, reason_of, replacing, write_te
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import RoofError
 from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.contact_value import FirstContact
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES
 from mitsuba_taxel.sensing.targets import Settings
@@ -237,8 +238,8 @@ def keepable(result: JobResult) -> Kept:
     return Kept(result.readings, result.seconds, list(result.files))
 
 
-BY = "derivatives_"
-"""Prefix of the names of the arrays of `Derivatives`."""
+BY, CONTACT = "derivatives_", "contact_"
+"""Prefixes of the names of the arrays of `Derivatives` and `FirstContact`."""
 _OPTIONAL = ("responsivity", "deviation", "dark_error", "facets")
 
 
@@ -257,11 +258,24 @@ def _arrays(kept: Kept) -> dict[str, np.ndarray]:
     optional = {name: getattr(readings, name) for name in _OPTIONAL}
     arrays = {"replicates": readings.replicates, **_of_derivatives(readings.derivatives)}
     arrays |= {name: array for name, array in optional.items() if array is not None}
+    arrays |= _of_contact(readings.contact)
     return {**arrays, "words": np.array(json.dumps(words))}
 
 
 def _of_derivatives(derivatives: Derivatives | None) -> dict[str, np.ndarray]:
     return {} if derivatives is None else {f"{BY}{name}": np.array(each) for name, each in vars(derivatives).items()}
+
+
+def _of_contact(contact: FirstContact | None) -> dict[str, np.ndarray]:
+    return {} if contact is None else {f"{CONTACT}{name}": np.array(each) for name, each in vars(contact).items()}
+
+
+def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
+    found = {name.removeprefix(CONTACT): array for name, array in arrays.items() if name.startswith(CONTACT)}
+    if not found:
+        return None
+    _require(found["rates"].ndim == 1 and found["rates"].dtype == float)
+    return FirstContact(float(found["value"]), found["rates"], str(found["touched"]), str(found["ended"]))
 
 
 def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives | None:
@@ -294,6 +308,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> Kept:
         dark_error=arrays.get("dark_error"),
         facets=arrays.get("facets"),
         derivatives=_derivatives(arrays, replicates.shape[1]),
+        contact=_contact(arrays),
         roof_errors=errors,
         **words,
     )

@@ -1,0 +1,30 @@
+"""A first contact as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class FirstContact:
+    """A first contact.
+
+    Attributes
+    ----------
+    value : float
+        Of the parameter that changes with the load; if there is no contact, the furthest one asked for, or the last one
+        at which there is a state.
+    rates : (P,) ndarray
+        Its derivatives by other parameters; 0 if there is no contact, NaN if the path ends without.
+    touched : str
+        What the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
+    ended : str
+        Why the path ends without contact, as where the pad becomes unstable; empty if it does not.
+    """
+
+    value: float
+    rates: np.ndarray
+    touched: str
+    ended: str = ""

@@ -1,0 +1,27 @@
+"""First contacts in studies: a parameter beside those of a scene asks for one."""
+
+from __future__ import annotations
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.sensing.left_out import NONE
+
+TO_CONTACT = "to_contact"
+"""Parameter of all studies, such as 'fz=-40': the load path of the scene is followed along fz to where its pad first
+touches anything, or to there; 'none' leaves it where it is."""
+
+
+def way_to_contact(word: str) -> tuple[str, float] | None:
+    """The parameter along which a path is followed, and the furthest value; None if it is not followed.
+
+    Raises
+    ------
+    InputError
+        if the word is no value of `TO_CONTACT`.
+    """
+    if word == NONE:
+        return None
+    along, _, furthest = word.partition("=")
+    try:
+        return along.strip(), float(furthest)
+    except ValueError:
+        raise InputError(f"{TO_CONTACT} = {word!r} is not allowed: such as 'fz=-40' is needed, or {NONE}.") from None

@@ -1,0 +1,14 @@
+"""Words of studies that ask for first contacts."""
+
+from __future__ import annotations
+
+import pytest
+
+from mitsuba_taxel import InputError
+from mitsuba_taxel.studies.plan.to_contact import way_to_contact
+
+
+def test_ways_to_contacts():
+    assert way_to_contact("fz=-40") == ("fz", -40.0) and way_to_contact("none") is None
+    with pytest.raises(InputError, match="to_contact = 'fz' is not allowed: such as 'fz=-40' is needed, or none"):
+        way_to_contact("fz")
