@@ -14,8 +14,8 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold
-from mitsuba_taxel.optimum.figures import TINY, TO_THE_END, Line, Seen
+from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold, why_untold
+from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.mould import SHAPE
@@ -168,11 +168,11 @@ class Designs:
             rates = self._rates(study, design, rows[design].loads, shifted[design], power)
             contacts = self._contacts(study, design, rows, shifted[design])
             needs = [power[design][:, :-OTHERS], rates[..., :-OTHERS]]
-            needs += [np.array([each.value, *(() if each.ended else each.by)]) for each in contacts.values()]
+            needs += [np.array([each.value, *each.by]) for each in contacts.values()]
             if all(np.isfinite(each).all() for each in needs):
                 off = self._off(study, rows[design].loads, rates)
                 read = self._seen(design, power[design], rates, off, contacts)
-                ended = self._ended(read.values)
+                ended = why_untold(self._plan, read.values)
                 if ended:
                     self.failures[design] = ended
                 else:
@@ -273,12 +273,6 @@ class Designs:
             off = [sd * slopes[name] for name, sd in self._plan.tolerances.items()]
             found[line] = Contact.told(study, row, by, off)
         return found
-
-    def _ended(self, seen: Seen) -> str:
-        """Why the load path of a design ends before a figure is told; empty if all are."""
-        asked = (one for one in self._plan.figures if one.kind in TO_THE_END)
-        untold = (one.told["along"] for one in asked if np.isnan(one.components(seen).real).any())
-        return next((seen.lines[line].ended for line in untold), "")
 
     def _seen(
         self,

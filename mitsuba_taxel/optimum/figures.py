@@ -173,12 +173,12 @@ def end_of_range(seen: Seen, along: str) -> str:
     if end >= FURTHEST * np.abs(line.values).max():
         return "which nothing ends as far as it is told"
     if end in contact:
-        return f"where the pad touches {line.touched}"
+        return f"where the pad touches {line.touched}" if line.touched else f"as {line.ended}"
     return f"where taxel {saturated.argmin() + 1} saturates"
 
 
 def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """The first contact, empty if it is unknown or the load path ends without, but after saturation; and magnitudes of
+    """The first contact, empty if it is unknown or the load path ends before, but after saturation; and magnitudes of
     the loads at which taxels saturate, empty without a circuit."""
     line, saturated = seen.lines[along], np.zeros(0)
     if seen.circuit is not None:
@@ -193,10 +193,8 @@ def clearance(seen: Seen, along: str) -> np.ndarray:
 
 
 def first_contact(seen: Seen, along: str) -> np.ndarray:
-    """Magnitude of the load at which the pad first touches itself, the board or a package; NaN if its path ends
-    before."""
-    line = seen.lines[along]
-    return _magnitude(np.atleast_1d(np.nan if line.ended else line.contact))
+    """Magnitude of the load at which the pad first touches itself, the board or a package, or its path ends before."""
+    return _magnitude(np.atleast_1d(seen.lines[along].contact))
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ class FirstContact:
         Of the parameter that changes with the load; if there is no contact, the furthest one asked for, or the last one
         at which there is a state.
     rates : (P,) ndarray
-        Its derivatives by other parameters; 0 if there is no contact, NaN if the path ends without.
+        Its derivatives by other parameters; 0 if there is no contact.
     touched : str
         What the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
     ended : str

@@ -95,7 +95,7 @@ def first_contact(
         assert end.value is not None
         further = float((end.value - value) @ change.load / (change.load @ change.load))
         if end.contact is None:
-            return FirstContact(last + further, np.full(len(names), np.nan), "", str(end))
+            return FirstContact(last + further, np.zeros(len(names)), "", str(end))
         contact, ends = end.contact, at(last + (1 - BEFORE) * further)
     else:
         return FirstContact(furthest, np.zeros(len(names)), "")

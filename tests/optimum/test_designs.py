@@ -107,24 +107,30 @@ supply = 3.3
 load_resistance = 1e4
 transfer = {transfer}
 [optimise]
-maximise = "range"
+maximise = "{goal}"
 [optimise.variables]
 youngs_modulus = {{ low = 3, high = 6, start = 4 }}
 [optimise.loads]
 normal = {{ fz = [0, -2] }}
+[[optimise.constraints]]
+figure = "range"
+least = {least}
 """
 
 
 def test_range_of_a_cell_that_becomes_unstable(tmp_path):
-    """It is told where a taxel saturates before; else the design fails."""
+    """It is told where a taxel saturates before, and not asked for where the cell bears enough; else designs fail."""
     (tmp_path / "high.xml").write_text(one_cell(youngs_modulus=4, fz=0))
-    reads = []
-    for transfer in (0.09, 0.02):
-        (tmp_path / "study.toml").write_text(UNSTABLE.format(transfer=transfer))
+    found = []
+    for transfer, goal, least in ((0.09, "range", 1), (0.02, "range", 1), (0.02, "rest", 8), (0.02, "rest", 19)):
+        (tmp_path / "study.toml").write_text(UNSTABLE.format(transfer=transfer, goal=goal, least=least))
         plan = read_plan(tmp_path / "study.toml")
         with open_pool() as pool:
             designs = Designs(plan, pool, tmp_path / "designs", False)
-            reads += designs.read([plan.before])
-    (ends,) = plan.goal.figure.components(reads[0].values).real
-    assert 2 < ends < 10 and end_of_range(reads[0].values, "normal") == "where taxel 1 saturates"
-    assert reads[1] is None and "the equilibrium is unstable" in designs.failures[plan.before]
+            (read,) = designs.read([plan.before])
+        ends = None if read is None else plan.limits[0].figure.components(read.values).real.min()
+        found.append((ends, designs.failures.get(plan.before) if read is None else end_of_range(read.values, "normal")))
+    (light, said), (no, why), (bears, enough), (less, again) = found
+    assert 2 < light < 10 and said == "where taxel 1 saturates"
+    assert no is less is None and why == again and "the equilibrium is unstable" in why
+    assert 10 < bears < 19 and enough == f"as {why}"
