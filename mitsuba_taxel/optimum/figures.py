@@ -22,6 +22,8 @@ FURTHEST = 10.0
 FIRST_CONTACT, RANGE = "first_contact", "range"
 TO_THE_END = (RANGE, FIRST_CONTACT)
 """Figures that depend on where pads first touch anything."""
+ALIKE = 1e-6
+"""Sine of the angle between changes of all readings with two forces below which these cannot be told apart."""
 TINY = 1e-150
 """Complex step: factor of derivatives, whose squares vanish."""
 
@@ -178,13 +180,12 @@ def end_of_range(seen: Seen, along: str) -> str:
 
 
 def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """The first contact, empty if it is unknown or the load path ends before, but after saturation; and magnitudes of
-    the loads at which taxels saturate, empty without a circuit."""
+    """The first contact, empty if it is unknown, and magnitudes of the loads at which taxels saturate, empty without a
+    circuit."""
     line, saturated = seen.lines[along], np.zeros(0)
     if seen.circuit is not None:
         saturated = _used_up(saturating_power(seen.circuit) - line.power, line.values)
-    later = line.ended and saturated.size and saturated.real.min() <= abs(line.contact.real)
-    return np.zeros(0) if later or np.isnan(line.contact.real) else first_contact(seen, along), saturated
+    return np.zeros(0) if np.isnan(line.contact.real) else first_contact(seen, along), saturated
 
 
 def clearance(seen: Seen, along: str) -> np.ndarray:
@@ -219,9 +220,13 @@ def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -
     """One standard deviation of each force if all are estimated from all readings at once.
 
     They are the roots of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
-    readings.
+    readings; NaN if these do not tell all forces.
     """
     slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
+    sizes = np.linalg.norm(slopes.real, axis=0)
+    alike = slopes.real / np.where(sizes > 0, sizes, 1.0)
+    if np.linalg.eigvalsh(alike.T @ alike)[0] < ALIKE**2:
+        return np.full(len(along), np.nan + 0j)
     return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.electronics import saturation_force
-from mitsuba_taxel.optimum.course import Course, with_rates, worst_of
+from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import RANGE, Seen, end_of_range, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
@@ -139,7 +139,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         course.designs.loads,
         course.designs.seconds,
         [course.designs.seconds_of.get(design, 0.0) for design in course.history],
-        _doubts(course, held, probability),
+        _doubts(course, held, probability, reads),
         notes,
     )
 
@@ -227,8 +227,17 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=["figure", "variable", "slope", "over_the_bounds"])
 
 
-def _doubts(course: Course, held: Stationarity, probability: float) -> list[str]:
+def _broken(course: Course, read: Read) -> str:
+    """The constraints that a design does not keep, in words; empty if it keeps all."""
+    worst = [(limit, worst_of(limit, read)) for limit in course.plan.limits]
+    beyond = [(limit, at) for limit, at in worst if limit.sign * (at - limit.bound) > HELD * (abs(limit.bound) or 1.0)]
+    return " and ".join(f"{limit.words} ({at:.4g})" for limit, at in beyond)
+
+
+def _doubts(course: Course, held: Stationarity, probability: float, reads: Mapping[str, Read]) -> list[str]:
     warnings = []
+    if "best_finer" in reads and (broken := _broken(course, reads["best_finer"])):
+        warnings.append(f"on the finer mesh the best design does not keep {broken}")
     if math.isnan(held.error):
         warnings.append("a local optimum is not certain: its slope is known from one mesh only")
     elif held.left + held.error > BALANCED:
@@ -236,7 +245,9 @@ def _doubts(course: Course, held: Stationarity, probability: float) -> list[str]
             f"a local optimum is not certain: a slope of the objective of {held.left + held.error:.0%} over the width "
             "of the bounds may be left; more evaluations may find better, or readings are too coarse to tell"
         )
-    if probability < 0.95:
+    if probability < 0.95 and (broken := _broken(course, reads["before"])):
+        warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")
+    elif probability < 0.95:
         warnings.append(f"that the best design is better is certain by {probability:.0%} only")
     failures = course.designs.failures
     if failures:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -121,8 +120,6 @@ def _refuse_what_cannot_be_told(course: Course, starts: list[Design]) -> None:
             found = [asked.figure.components(read.values) for read in reads]
         except IndexError:
             raise InputError(f"{asked.figure.words} cannot be told: there is no such taxel.") from None
-        except np.linalg.LinAlgError:
-            found = [np.array([math.nan])]
         there = [each.size > 0 for each in found]  # a constraint may apply to some choices only
         needed = all(there) if isinstance(asked, Goal) else any(there)
         if not (needed and all(np.isfinite(each).all() for each in found)):
@@ -136,12 +133,17 @@ def _no_design(course: Course) -> InputError:
     x = np.array(nearest.x)
     _, _, weights = least_violation(judged, -x, 1 - x)
     sizes = [len(limit.figure.components(course.read(nearest).values)) for limit in plan.limits]
-    of_limits = [float(part.sum()) for part in np.split(weights, np.cumsum(sizes)[:-1])]
+    ends = np.cumsum(sizes)[:-1]
+    of_limits = [float(part.sum()) for part in np.split(weights, ends)]
     order = np.argsort(of_limits)[::-1]
     guilty = [plan.limits[place] for place in order[:2] if of_limits[place] > 1e-6]
-    said = " and ".join(f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in guilty)
     what = "in conflict within the bounds" if len(guilty) > 1 else "beyond reach within the bounds"
-    return InputError(f"constraints {what}: {said or plan.limits[0].words}; {len(course.history)} designs looked at.")
+    if not guilty:
+        broken = [part.min(initial=0.0) for part in np.split(judged.limits, ends)]
+        guilty = [plan.limits[int(np.argmin(broken))]]
+        what = "met by no design yet, but more evaluations or starts may find one"
+    said = " and ".join(f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in guilty)
+    return InputError(f"constraints {what}: {said}; {len(course.history)} designs looked at.")
 
 
 def _default_size(scene: Scene) -> float | None:

@@ -78,6 +78,17 @@ def test_values():
     np.testing.assert_allclose(of("resolution", along=("z", "x"), noise=0.1), expected)
 
 
+@pytest.mark.parametrize("readings", [[[2.0], [1.0]], [[2.0, 1.0], [4.0, 2.0]], [[2.0, 1.0], [0.0, 0.0]]])
+def test_resolution_of_forces_that_readings_do_not_tell_apart(readings):
+    """One reading, changes that are alike, and none."""
+    lines = {
+        name: Line(np.array([0.0, 1.0]), np.array([np.zeros(len(each)), each]) + 0j, np.zeros(2), np.zeros(2))
+        for name, each in zip("zx", readings, strict=True)
+    }
+    told = {"along": ("z", "x"), "noise": 0.1}
+    assert np.isnan(Figure("resolution", told, "N").components(Seen(lines, {}, None)).real).all()
+
+
 def test_range():
     """Light that saturates at 4 W: between loads, beyond the last one, never, and from the start; and pads that touch
     something, nothing, or are not known to."""
@@ -99,7 +110,7 @@ def test_range():
     assert of(replace(touching, contact=-1.7 + 0j), circuit) == ([1.7, *saturated], "where taxel 1 saturates")
     assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], "which nothing ends as far as it is told")
     unstable = replace(dark, contact=-1.7 + 0j, ended="it is unstable")
-    assert of(unstable, circuit) == (saturated, "where taxel 1 saturates")
+    assert of(unstable, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
     assert of(replace(unstable, contact=-1.6 + 0j), circuit) == ([1.6, *saturated], "as it is unstable")
 
 
