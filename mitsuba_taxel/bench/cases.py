@@ -139,12 +139,13 @@ def _large_forces() -> Iterator[Case]:
 
 
 def _self_contacts() -> Iterator[Case]:
-    """Beyond the first touch, where neither the end of a path nor its reason may depend on the mesh; domes that are
-    pushed take too long."""
-    load = SpreadForce(self_contact=True)
-    for words, value, shapes in (
-        ("-200 N", (0.0, 0.0, -200.0), CELL_SHAPES),
-        ("40 N along x at -8 N", (40.0, 0.0, -8.0), ("parallelepiped", "cylindrical")),
+    """Beyond the first touch, where neither the end of a path nor its reason may depend on the mesh."""
+    spread, plate = SpreadForce(self_contact=True), PlateForce(self_contact=True)
+    for words, value, load, shapes in (
+        ("-200 N", (0.0, 0.0, -200.0), spread, CELL_SHAPES),
+        ("-200 N by a plate", (0.0, 0.0, -200.0), plate, CELL_SHAPES),
+        ("40 N along x at -8 N", (40.0, 0.0, -8.0), spread, ("parallelepiped", "cylindrical")),
+        ("40 N along x at -8 N by a plate", (40.0, 0.0, -8.0), plate, CELL_SHAPES),
     ):
         for shape in shapes:
             for size in (MESH_SIZE, DEFAULT_MESH_SIZE):

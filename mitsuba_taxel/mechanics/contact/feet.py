@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.contact.singular_edges import shared_edges
+from mitsuba_taxel.mechanics.contact.rim_corners import rim_corners
 from mitsuba_taxel.mechanics.elements.elements import quadrature_places
 from mitsuba_taxel.mechanics.elements.loads import Load
-from mitsuba_taxel.pads.pad import REGIONS
 
 RADIUS = 1 / 15
 """Distance from a foot, relative to the pad's height, within which the law of a pad that goes on is linear."""
@@ -32,22 +31,13 @@ def where_linear(mesh: VolumeMesh, load: Load) -> np.ndarray | None:
 
 
 def near_feet(mesh: VolumeMesh) -> np.ndarray:
-    """(m, q) whether the quadrature points of the elements are within :data:`RADIUS` of a foot."""
-    places, radius = quadrature_places(mesh), RADIUS * float(np.ptp(mesh.points[:, 2]))
-    near = np.zeros(places.shape[:2], dtype=bool)
-    for foot in _feet(mesh):
+    """(m, q) whether the quadrature points of the elements are near a foot."""
+    return are_at_feet(mesh, quadrature_places(mesh))
+
+
+def are_at_feet(mesh: VolumeMesh, places: np.ndarray) -> np.ndarray:
+    """(...) whether places (..., 3) in mm are within :data:`RADIUS` of a foot."""
+    near, radius = np.zeros(places.shape[:-1], dtype=bool), RADIUS * float(np.ptp(mesh.points[:, 2]))
+    for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
         near |= np.linalg.norm(places - foot, axis=-1) < radius
     return near
-
-
-def _feet(mesh: VolumeMesh) -> np.ndarray:
-    """(k, 3) mm, corners of the undeformed rim between bottom and outside."""
-    edges, faces = shared_edges(mesh)
-    regions = np.sort(mesh.face_region[faces], axis=1)
-    rim = edges[(regions == sorted((REGIONS["bottom"], REGIONS["outer"]))).all(axis=1), :2]
-    ends, away = rim.ravel(), np.diff(mesh.points[rim], axis=1)[:, 0]
-    away = np.stack([away, -away], axis=1).reshape(-1, 3) / np.linalg.norm(away, axis=1).repeat(2)[:, None]
-    total = np.zeros((len(mesh.points), 3))
-    np.add.at(total, ends, away)  # of two unit vectors, 2 sin(turn / 2) long
-    sharp = np.linalg.norm(total, axis=1) > 2 * np.sin(np.deg2rad(SHARP / 2))
-    return mesh.points[sharp]

@@ -30,6 +30,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.linearised import Linearised, Steps
 from mitsuba_taxel.mechanics.path.stability import Stability
+from mitsuba_taxel.mechanics.path.top_corners import gives_way
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest out-of-balance force accepted, relative to the load."""
@@ -336,10 +337,20 @@ class LoadedPad:
         """Error of equilibrium; raises Rejected if the iteration should not continue."""
         if not state.min_jacobian > 0:
             raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
+        if not first and self.past is None:
+            self._refuse_beyond_corners(value)
         error = self._error(state, unknowns, value)
         if not error < 1e6 * max(first or error, 1.0):
             raise Rejected("Newton's method diverges")
         return error
+
+    def _refuse_beyond_corners(self, value: np.ndarray) -> None:
+        limit = gives_way(-value[-1], self.whole, self.material, self.load)
+        if math.isfinite(limit):
+            raise Rejected(
+                f"corners of its top give way beyond {limit:.3g} MPa of constant direction, whatever the elements: a "
+                "plate, load = plate_force, keeps their shape"
+            )
 
     def _least_nodal_jacobian(self, unknowns: np.ndarray) -> float:
         least = self.model.least_nodal_jacobian(self.numbering.split(unknowns)[0], self._judged_nodes)

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.feet import are_at_feet
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
@@ -251,16 +252,16 @@ class PadPath:
             if touched and touched[0] < min(s, segment.limit):
                 free, contact = touched
                 end = segment.value(free), f"touches {contact.what}", np.array(contact.place)
-                raise _end(*end, self.load, mirrors)
+                raise self._end(*end, mirrors)
             if not segment.reaches(s):
-                raise _end(segment.value(segment.limit), segment.reason, segment.place, self.load, mirrors)
+                raise self._end(segment.value(segment.limit), segment.reason, segment.place, mirrors)
             at = segment.at(s)
             if pad.solves_between:
                 try:
                     node = self._solved(segment, s, pad)
                 except Rejected as rejection:
                     reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
-                    raise _end(segment.value(s), reason, nowhere, self.load, mirrors) from rejection
+                    raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection
                 at = replace(at, unknowns=node.unknowns, residual=node.residual, iterations=node.iterations)
             seconds += at.seconds
             found = pad.split(at.unknowns)
@@ -379,6 +380,25 @@ class PadPath:
         ends = segment.origin.tolist(), segment.direction.tolist()
         return cache.key("segment", *self.key_parts, numerics, *ends)
 
+    def _end(self, value: np.ndarray, reason: str, place: np.ndarray, mirrors: list[Mirror]) -> LoadPathEnds:
+        """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
+        for mirror in reversed(mirrors):
+            value, place = mirror.image(value), mirror.image(place)
+        where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+        shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+        further = ""
+        if reason.startswith("touches") and self.load.goes_on:
+            further = " It may go on with smaller elements."
+        elif reason.startswith("touches") and not isinstance(self.load, IndenterDisplacement | IndenterForce):
+            further = " With self_contact = true it goes on."
+        if reason == "touches the board" and are_at_feet(self.mesh, place):
+            further = f" That is the foot of an upright edge, which rolls over earlier on smaller elements.{further}"
+        at = f"{self.load.quantity} = {shown} {self.load.unit}"
+        words = f"the pad {reason}{where}: the load path ends at {at}.{further}"
+        touched = reason.startswith("touches")
+        contact = Contact(reason.removeprefix("touches "), tuple(place.tolist())) if touched else None
+        return LoadPathEnds(words, self.load, value, contact)
+
     @property
     def key_parts(self) -> list[Any]:
         """Pad, material, load and bodies, for keys of the cache."""
@@ -398,22 +418,6 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
 
 def _nothing(segment: LoadSegment, pad: LoadedPad) -> None:
     """What a path touches that nothing stands in the way of."""
-
-
-def _end(value: np.ndarray, reason: str, place: np.ndarray, load: Load, mirrors: list[Mirror]) -> LoadPathEnds:
-    """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
-    for mirror in reversed(mirrors):
-        value, place = mirror.image(value), mirror.image(place)
-    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
-    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-    further = ""
-    if reason.startswith("touches") and load.goes_on:
-        further = " It may go on with smaller elements."
-    elif reason.startswith("touches") and not isinstance(load, IndenterDisplacement | IndenterForce):
-        further = " With self_contact = true it goes on."
-    words = f"the pad {reason}{where}: the load path ends at {load.quantity} = {shown} {load.unit}.{further}"
-    contact = Contact(reason.removeprefix("touches "), tuple(place.tolist())) if reason.startswith("touches") else None
-    return LoadPathEnds(words, load, value, contact)
 
 
 def _name_of(part: object) -> str:

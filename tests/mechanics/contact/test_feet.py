@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean
+from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, SpreadForce
 from mitsuba_taxel.mechanics.contact.feet import near_feet
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import Elements, quadrature_places
+from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.pads import Pad
 
 LAWS = [NeoHookean(2.0, 0.45), MooneyRivlin(0.3, 0.1, 0.49)]
@@ -73,3 +74,14 @@ def test_small_strains_are_those_of_the_law(mesh):
     apart = ~some.any(axis=1)
     np.testing.assert_array_equal(here.forces[apart], usual.forces[apart])
     np.testing.assert_array_equal(here.matrices.blocks[apart], usual.matrices.blocks[apart])
+
+
+@pytest.mark.parametrize(("place", "said"), [((1.0, -1.0), True), ((-0.98, 0.98), True), ((1.0, 0.2), False)])
+def test_a_path_that_ends_at_a_foot_says_so(mesh, place, said):
+    """At a place that is told relative to the corner of the bottom."""
+    pad = Pad("cylindrical", rows=1, columns=2)
+    at = np.array([place[0] * pad.extent[0] / 2, place[1] * pad.extent[1] / 2, 0.0])
+    path = pad_path(pad, LAWS[0], SpreadForce(), 2.5)
+    (message,) = path._end(np.array([0.0, 0.0, -3.0]), "touches the board", at, []).args
+    assert message.endswith("-3) N. " * (not said) + "With self_contact = true it goes on.")
+    assert ("the foot of an upright edge, which rolls over earlier on smaller elements" in message) is said
