@@ -47,11 +47,12 @@ class PatchPoints:
 
     def _evaluated(self, places: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
         """(K, P, 3) values of K polynomials (K, 15, 15) of the positions of the patches."""
-        factors = np.einsum("kmc,fcx->fkxm", polynomials, places).reshape(len(places), -1, len(LATTICE))
+        factors = np.swapaxes(places, 1, 2) @ polynomials.reshape(-1, len(LATTICE)).T
+        factors = factors.reshape(len(places), -1, len(LATTICE))
         result = np.empty((factors.shape[1], len(self.face)))
         for face, points in self._of_faces:
             np.matmul(factors[face], self._monomials[:, points], out=result[:, points])
-        return result.reshape(len(polynomials), 3, -1).transpose(0, 2, 1)
+        return result.reshape(3, len(polynomials), -1).transpose(1, 2, 0)
 
     def places(self, places: np.ndarray) -> np.ndarray:
         """(P, 3) positions on patches with ``places`` (F, 15, 3)."""

@@ -23,38 +23,38 @@ CUT = 0
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
     """The mirrors that map a mesh onto itself exactly, each with the image (N,) of each node."""
+    order, parts = _by_place(mesh.points), _parts(mesh, np.arange(len(mesh.points)))
     images = {}
     for mirror in MIRRORS:
-        image = _matched(mesh.points, mirror.image(mesh.points))
-        if image is not None and _maps(mesh, image):
+        moved = mirror.image(mesh.points)
+        other = _by_place(moved)
+        if not np.array_equal(mesh.points[order], moved[other]):
+            continue
+        image = np.empty(len(order), dtype=np.int64)
+        image[other] = order
+        if all(map(np.array_equal, parts, _parts(mesh, image))):
             images[mirror] = image
     return images
 
 
-def _matched(points: np.ndarray, moved: np.ndarray) -> np.ndarray | None:
-    """(N,) the point that each moved point coincides with, or None if one has none."""
-    order, other = (np.lexsort((p + 0.0).T) for p in (points, moved))
-    if not np.array_equal(points[order], moved[other]):
-        return None
-    image = np.empty(len(points), dtype=np.int64)
-    image[other] = order
-    return image
+def _by_place(points: np.ndarray) -> np.ndarray:
+    return np.lexsort((points + 0.0).T)  # no negative zeros
 
 
-def _maps(mesh: VolumeMesh, image: np.ndarray) -> bool:
-    """Whether elements and tagged faces map to elements and faces of the same region."""
-    own, moved = (_rows(nodes) for nodes in (mesh.tets[:, :4], image[mesh.tets[:, :4]]))
-    if not np.array_equal(own, moved):
-        return False
-    region = mesh.face_region[:, None]
-    faces = (np.concatenate([np.sort(nodes, axis=1), region], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
-    own, moved = (f[np.lexsort(f.T)] for f in faces)
-    return np.array_equal(own, moved)
+def _parts(mesh: VolumeMesh, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Images of elements and of faces with their regions, as rows of numbers in ascending order."""
+    elements, faces = (_paired(image[nodes], len(image)) for nodes in (mesh.tets[:, :4], mesh.faces))
+    return _ordered(elements), _ordered(np.column_stack([faces, mesh.face_region]))
 
 
-def _rows(nodes: np.ndarray) -> np.ndarray:
+def _paired(nodes: np.ndarray, count: int) -> np.ndarray:
+    """One number for every two of the ascending nodes of each row: there is less to sort."""
     nodes = np.sort(nodes, axis=1)
-    return nodes[np.lexsort(nodes.T)]
+    return nodes[:, ::2] * count + nodes[:, 1::2]
+
+
+def _ordered(rows: np.ndarray) -> np.ndarray:
+    return rows[np.lexsort(rows.T)]
 
 
 @dataclass(frozen=True, eq=False)

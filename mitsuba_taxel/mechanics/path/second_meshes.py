@@ -79,16 +79,15 @@ class SecondMeshes:
 
         def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
-            shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
-            glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
-            forces = [glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes]
-            of_force = comparison.force_error(*forces) if path.load.gives_displacement else 0.0
-            return StateComparison(
-                comparison.error(displacement, other),
-                partial(comparison.deviations, displacement, other, share_of(of_force, forces[0])),
-                of_force,
-                at.seconds,
-            )
+            of_force = share = 0.0
+            if path.load.gives_displacement:
+                shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
+                glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
+                forces = [glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes]
+                of_force = comparison.force_error(*forces)
+                share = of_force / float(np.linalg.norm(forces[0])) if of_force else 0.0
+            deviations = partial(comparison.deviations, displacement, other, share)
+            return StateComparison(comparison.error(displacement, other), deviations, of_force, at.seconds)
 
         found = self.first(told) or StateComparison()
         return with_reach(path, found, value, displacement, pressure) if path.load.goes_on else found

@@ -156,11 +156,11 @@ class PointLocator:
         order = np.lexsort((_violation(start), row))
         row, candidate, start = row[order], candidate[order], start[order]
         rank = np.arange(len(row)) - np.searchsorted(row, row)
-        for turn in range(int(rank.max(initial=-1)) + 1):
-            now = np.flatnonzero((rank == turn) & (element[row] < 0))
+        for turn in (rank == 0, rank > 0):  # most are in the first
+            now = np.flatnonzero(turn & (element[row] < 0))
             xi = self._inverted(x[row[now]], candidate[now], start[now])
-            found = _violation(xi) <= SLACK
-            element[row[now][found]], reference[row[now][found]] = candidate[now][found], xi[found]
+            now, xi = (each[_violation(xi) <= SLACK][::-1] for each in (now, xi))  # of several, the first is set last
+            element[row[now]], reference[row[now]] = candidate[now], xi
         return element, reference
 
     def _likely(
