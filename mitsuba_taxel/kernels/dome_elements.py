@@ -18,6 +18,8 @@ DIFFUSE = {"hemispheric": 0.6, "spherical": 0.5, PROFILE: 0.5}
 MIRRORS = {"hemispheric": 0.5, "spherical": 0.6, PROFILE: 0.5}
 """Relative to the pad's default: diffuse walls are within 0.03 % then, mirrors and rough mirrors within 0.3 %
 (`taxel bench domes`). Light leaves a spherical cell after few reflections, of which each counts."""
+MIRRORS_SIDE_BY_SIDE = {"hemispheric": 0.55}
+"""Those of pads of several cells that may be larger: walls between cells hold each other up."""
 MOST_CELLS = 16
 """Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
 
@@ -30,7 +32,8 @@ def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> floa
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or indented:
         return None
     if any(map(mirrors, walls)):
-        share = MIRRORS.get(pad.cell)
+        side_by_side = MIRRORS_SIDE_BY_SIDE if pad.rows * pad.columns > 1 else {}
+        share = (MIRRORS | side_by_side).get(pad.cell)
     elif any(regions_with(wall, mi.BSDFFlags.Diffuse) for wall in walls):
         share = DIFFUSE.get(pad.cell)
     else:

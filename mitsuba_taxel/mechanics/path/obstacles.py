@@ -18,16 +18,14 @@ from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
 
 
-def refuse_at_rest(test: ContactTest, mirrors: Sequence[Mirror] = ()) -> None:
-    """Raise `InputError` if the undeformed pad touches something, where ``mirrors`` took it."""
-    if test.at_rest:
-        place = np.array(test.at_rest.place)
+def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> None:
+    """Raise `InputError` if there is a contact of the undeformed pad, where ``mirrors`` took it."""
+    if contact:
+        place = np.array(contact.place)
         for mirror in reversed(mirrors):
             place = mirror.image(place)
         shown = ", ".join(f"{coordinate:.3g}" for coordinate in place)
-        raise InputError(
-            f"the undeformed pad touches {test.at_rest.what} near ({shown}) mm of the pad: move one of them."
-        )
+        raise InputError(f"the undeformed pad touches {contact.what} near ({shown}) mm of the pad: move one of them.")
 
 
 class Obstacles:
@@ -45,7 +43,7 @@ class Obstacles:
     Raises
     ------
     InputError
-        if they are not triangles, or the undeformed pad touches them, itself or the board.
+        if they are not triangles, or the undeformed pad touches them.
     """
 
     def __init__(self, mesh: VolumeMesh, triangles: np.ndarray, mirrors: Sequence[Mirror]) -> None:
@@ -54,7 +52,7 @@ class Obstacles:
         self._test = ContactTest(mesh, triangles)
         self._clear: dict[LoadSegment, int] = {}
         self._first: dict[LoadSegment, tuple[float, Contact]] = {}
-        refuse_at_rest(self._test, mirrors)
+        refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
 
     def first(self, segment: LoadSegment, pad: LoadedPad) -> tuple[float, Contact] | None:
         """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""

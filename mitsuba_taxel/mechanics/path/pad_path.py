@@ -130,7 +130,16 @@ class PadPath:
 
     def _obstacles(self, triangles: np.ndarray, mirrors: list[Mirror]) -> Obstacles:
         """What is known of obstacles, which ``mirrors`` take where the segments are; of the last few."""
+        refuse_at_rest(self._own_contact_at_rest)
         return _in_the_way(self, np.asarray(triangles, dtype=float).tobytes(), tuple(mirrors))
+
+    @cached_property
+    def _own_contact_at_rest(self) -> Contact | None:
+        """A contact of the undeformed pad with the board or itself: of those that mirrors map onto each other, one."""
+        kept = np.ones(len(self.mesh.points), dtype=bool)
+        for mirror in self.images:
+            kept &= mirror.side(self.mesh.points) >= 0
+        return ContactTest(self.mesh, nodes=np.flatnonzero(kept)).at_rest
 
     @cached_property
     def _step(self) -> float:
@@ -141,7 +150,7 @@ class PadPath:
         if self.judge and not self.judge.bears(value):
             return self._like(self.mesh_size).state(value, obstacles)
         if self.bodies is not None:
-            refuse_at_rest(self.contact)
+            refuse_at_rest(self.contact.at_rest)
         if isinstance(self.load, IndenterForce):
             self.load.check(value)
         used: list[Mirror] = []

@@ -9,7 +9,7 @@ elements of this size.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, LOCAL_ORDER, ORDER
+from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.results.locate import Location, PointLocator
@@ -70,13 +71,20 @@ class RoofComparison:
     """Comparison of solutions on a mesh with those on a coarser or finer mesh of the same pad.
 
     The roofs' mean error along their displacement is at least the fraction ``least`` of it, that of a force at least
-    ``least_of_force``, by default as large a fraction.
+    ``least_of_force``, by default as large a fraction. ``images`` are those of the nodes of both meshes, for each of
+    their common mirrors in the order of `MIRRORS`.
     """
 
     def __init__(
-        self, mesh: VolumeMesh, other: VolumeMesh, least: float = 0.0, least_of_force: float | None = None
+        self,
+        mesh: VolumeMesh,
+        other: VolumeMesh,
+        least: float = 0.0,
+        least_of_force: float | None = None,
+        images: Mapping[Mirror, tuple[np.ndarray, np.ndarray]] | None = None,
     ) -> None:
         self._least, self._least_of_force = least, least if least_of_force is None else least_of_force
+        self._images = images or {}
         ratio = size_ratio(mesh, other)
         # With e(h) = c h^p, e(r h) - e(h) = (r^p - 1) e(h), whether r is above 1 or below.
         self._average, self._local = (1 / (ratio**order - 1) for order in (ORDER, LOCAL_ORDER))
@@ -95,7 +103,15 @@ class RoofComparison:
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
         """(W,) nodes of the walls of cells, and (W, N') weights of the other mesh's nodal values for those there."""
         nodes = np.unique(self._mesh.faces[self._mesh.face_cell > 0])
-        return nodes, self._locator.locate(self._mesh.points[nodes], self._tolerance).weights
+        for mirror in self._images:
+            nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
+        weights = self._locator.locate(self._mesh.points[nodes], self._tolerance).weights
+        for here, there in reversed(self._images.values()):
+            beyond = ~np.isin(here[nodes], nodes)
+            moved = weights[beyond]
+            moved = sparse.csr_array((moved.data, there[moved.indices], moved.indptr), shape=moved.shape)
+            nodes, weights = np.concatenate([nodes, here[nodes[beyond]]]), sparse.vstack([weights, moved], format="csr")
+        return nodes, weights
 
     def error(self, displacement: np.ndarray, other: np.ndarray) -> RoofError:
         """The error of ``displacement`` (N, 3), from that on the other mesh, in mm."""

@@ -10,6 +10,7 @@ import pytest
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.results.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.pads.pad import CELL_SHAPES
@@ -64,6 +65,21 @@ def test_the_error_of_a_force_displaces_the_whole_pad_where_a_displacement_is_gi
     assert comparison.force_error(force, force) == pytest.approx(0.015)
     along, _ = comparison.deviations(here, there, of_force=0.03)
     np.testing.assert_allclose(ERROR_SHARE * np.abs(along), math.hypot(0.02, 0.03) * np.abs(here), rtol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+def test_nodes_that_mirrors_map_onto_others_have_their_weights(rows):
+    """Any linear field is carried from mesh to mesh exactly, whatever its symmetry."""
+    pad = Pad("spherical", rows, 3)
+    mesh, other = pad.mesh(2.0), pad.mesh(3.0)
+    first, second = node_images(mesh), node_images(other)
+    assert len(first) == (4 if rows == 3 else 2)
+    both = {mirror: (image, second[mirror]) for mirror, image in first.items()}
+    linear = np.array([[0.3, 0.1, 0.2], [-0.2, 0.4, 0.1], [0.1, -0.3, 0.5]])
+    here, there = mesh.points @ linear, other.points @ (linear + 0.1 * linear.T)
+    found, expected = (RoofComparison(mesh, other, images=images).deviations(here, there) for images in (both, None))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert np.abs(expected[1]).max() > 0.01
 
 
 @pytest.mark.parametrize("cell", CELL_SHAPES)
