@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 
 _EDGE_NODE = {frozenset(edge): 4 + k for k, edge in enumerate(TET_EDGES)}
@@ -31,7 +32,7 @@ def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.n
     ``points`` (C, 3) are the corners of ``tets`` (M, 4), which are positively oriented; they come first.
     """
     edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
-    _, first, number = np.unique(edges, axis=0, return_index=True, return_inverse=True)
+    first, number = unique_rows(edges)
     tets = np.concatenate([tets, len(points) + number.reshape(-1, 6)], axis=1)
     return np.concatenate([points, points[edges[first]].mean(axis=1)]), tets, _once(tets[:, _SIDES].reshape(-1, 6))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from mitsuba_taxel.geometry.point_tree import PointTree
@@ -19,8 +21,10 @@ CREASE = 150.0
 """Angle of air in degrees at an inner edge of the undeformed pad, below which the edge is singular."""
 
 
+@lru_cache(maxsize=4)  # several tests of contact share a mesh
 def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
-    """(N,) mm, distance of nodes from the singular edges of the undeformed pad, less the width of the strip.
+    """(N,) mm, distance of nodes of the surface from the singular edges of the undeformed pad, less the width of the
+    strip; infinite inside.
 
     Singular are the glued rim, and inner edges with less than :data:`CREASE` of air.
     """
@@ -33,10 +37,12 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
     segment = np.arange(len(start)).repeat(count)
     share = (np.arange(len(segment)) - (np.cumsum(count) - count)[segment] + 0.5) / count[segment]
     places = start[segment] + share[:, None] * (end - start)[segment]
-    nearest = segment[PointTree(places).query(mesh.points)[1]]
-    along, towards = (end - start)[nearest], mesh.points - start[nearest]
+    nodes, beyond = np.unique(mesh.faces), np.full(len(mesh.points), np.inf)
+    nearest = segment[PointTree(places).query(mesh.points[nodes])[1]]
+    along, towards = (end - start)[nearest], mesh.points[nodes] - start[nearest]
     part = np.clip((along * towards).sum(axis=1) / (along * along).sum(axis=1), 0, 1)
-    return np.linalg.norm(towards - part[:, None] * along, axis=1) - width
+    beyond[nodes] = np.linalg.norm(towards - part[:, None] * along, axis=1) - width
+    return beyond
 
 
 def judged_nodes(mesh: VolumeMesh) -> np.ndarray:

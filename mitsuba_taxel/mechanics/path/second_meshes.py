@@ -105,7 +105,8 @@ class SecondMeshes:
         if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
             return None
         least = self.typical(TYPICAL_ERROR)
-        images = {mirror: (here, second.images[mirror]) for mirror, here in path.images.items() if mirror in second.images}
+        here, there = path.images, second.images
+        images = {mirror: (here[mirror], there[mirror]) for mirror in here if mirror in there}
         return second, RoofComparison(path.mesh, second.mesh, least, max(least, self._typical_at_top), images)
 
     @property

@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.pad import REGIONS
 
@@ -80,7 +81,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
     of_point = np.concatenate(face)
     # At the edge of a roof, coincident points of sides come first.
     order = np.argsort(mesh.face_region[of_point] != REGIONS["side"], kind="stable")
-    _, first, vertex = np.unique(np.concatenate(keys)[order], axis=0, return_index=True, return_inverse=True)
+    first, vertex = unique_rows(np.concatenate(keys)[order])
     number = np.empty_like(order)
     number[order] = vertex
     return Cut(

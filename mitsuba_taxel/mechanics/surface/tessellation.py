@@ -12,6 +12,7 @@ from mitsuba_taxel.base.arguments import is_row, is_whole, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_slopes
 from mitsuba_taxel.geometry.triangles import area_normals, unit
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.contact_pressure import contact_pressure
@@ -227,7 +228,7 @@ def _walls(
     places[walled] = points[on_wall[cut.of_vertex[walled]]]
 
     pairs = np.stack([cut.vertex[of_cut], sheet[face]], axis=1)
-    _, first, point = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    first, point = unique_rows(pairs)
     on_wall[of_cut] = point
     corners = Corners(cut.triangles, sheet[cut.faces] >= 0, on_wall[cut.corners], cut.vertex[of_cut][first])
     normals = np.stack([np.bincount(point, component, len(first)) for component in normal.T], axis=1)

@@ -11,6 +11,7 @@ from itertools import permutations
 import numpy as np
 
 from mitsuba_taxel.geometry.refinement import of_pieces
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
 _TET_CUTS = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 2), (1, 3)), 3: ((0, 3), (1, 3), (2, 3))}
@@ -48,7 +49,8 @@ def cut_towards(mesh: VolumeMesh, singular: np.ndarray, fraction: float) -> Volu
     number = np.full(len(mesh.points), -1)
     number[corners] = np.arange(len(corners))
     tets, faces, at = number[mesh.tets[:, :4]], number[mesh.faces[:, :3]], singular[corners]
-    edges = np.unique(np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1), axis=0)
+    edges = np.sort(tets[:, np.array(TET_EDGES)].reshape(-1, 2), axis=1)
+    edges = edges[unique_rows(edges)[0]]
     cut = _Cut(at, edges[at[edges].sum(axis=1) == 1], fraction)
     tets, tet_place, parent = cut.pieces(tets, _TET_CUTS, _TET_PIECES)
     faces, _, face_parent = cut.pieces(faces, _FACE_CUTS, _FACE_PIECES)

@@ -1,0 +1,17 @@
+"""Distinct rows of whole numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Place (U,) of the first of each distinct row of (R, C), in lexicographic order, and the number (R,) of each row
+    among these: numpy's ``unique`` along an axis, several times as fast, as columns are sorted instead of rows."""
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    number = np.empty_like(order)
+    number[order] = np.cumsum(new) - 1
+    return order[new], number
