@@ -71,7 +71,7 @@ Readings of domed cells at the default settings, compared with independent refer
 reference is a quadrature for diffuse walls, and ray tracing on the exact sphere for mirrors; neither uses elements,
 triangles or a renderer (`mitsuba_taxel/bench/sphere_light.py`). Loaded ones are compared with elements of
 {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (those under tangential forces) or {fine[3]:g} mm (3 x 3), not of the
-default 0.625 or 0.75 mm. Stability of 3 x 3 cells under tangential forces is judged on elements of {judge:g} mm in
+default 0.625 to 0.75 mm. Stability of 3 x 3 cells under tangential forces is judged on elements of {judge:g} mm in
 both.
 
 {table}

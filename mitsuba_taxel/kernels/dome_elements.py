@@ -19,7 +19,7 @@ MIRRORS = {"hemispheric": 0.5, "spherical": 0.6, PROFILE: 0.5}
 """Relative to the pad's default: diffuse walls are within 0.03 % then, mirrors and rough mirrors within 0.3 %
 (`taxel bench domes`). Light leaves a spherical cell after few reflections, of which each counts."""
 MIRRORS_SIDE_BY_SIDE = {"hemispheric": 0.55}
-"""Those of pads of several cells that may be larger: walls between cells hold each other up."""
+"""Those that may be larger in pads of several cells: readings there are as accurate (the same command)."""
 MOST_CELLS = 16
 """Pads of more cells keep the pad's default: their elements would take too long and too much memory."""
 

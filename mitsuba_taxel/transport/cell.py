@@ -70,6 +70,19 @@ class Mesh:
         each."""
         return pairs_of(self.targets.places(self.rest), self.rest, self.own, self.degree, DISTANCE)
 
+    @cached_property
+    def first_pairs(self) -> np.ndarray:
+        """(T + 1,) number of the first pair of each target, and of all pairs."""
+        return np.searchsorted(self.pairs.target, np.arange(len(self.own) + 1))
+
+    @cached_property
+    def shares(self) -> sparse.csr_matrix:
+        """(P, T) weights of the known values of W for the value at each point of the integral."""
+        points, size = self.pairs.shares.shape
+        known = self.pairs.points.face[:, None] * size + np.arange(size)
+        starts = np.arange(0, known.size + 1, size)
+        return sparse.csr_matrix((self.pairs.shares.ravel(), known.ravel(), starts), shape=(points, len(self.own)))
+
 
 class Cell:
     """A cell in one state, with its LED and phototransistor, which may be at the top of a ``box``."""
@@ -130,14 +143,9 @@ class Cell:
 
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
-        pairs, unknowns = self._mesh.pairs, len(self._mesh.own)
-        points, size = pairs.shares.shape
-        ends = np.searchsorted(pairs.target, np.arange(unknowns + 1))
-        to_points = sparse.csr_matrix((pairs.weight * between.values(), pairs.point, ends), (unknowns, points))
-        known = pairs.points.face[:, None] * size + np.arange(size)
-        starts = np.arange(0, known.size + 1, size)
-        shares = sparse.csr_matrix((pairs.shares.ravel(), known.ravel(), starts), shape=(points, unknowns))
-        return (to_points @ shares).toarray()
+        pairs, shares = self._mesh.pairs, self._mesh.shares
+        values = pairs.weight * between.values()
+        return (sparse.csr_matrix((values, pairs.point, self._mesh.first_pairs), shares.shape[::-1]) @ shares).toarray()
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
         """(F, 15, 3) derivatives of the reading by the positions of the patches, per mm; see

@@ -113,15 +113,16 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import check_finish
 
         with stages.stage("mechanics"):
-            # Refuse what cannot be built before solving.
+            # Refuse what cannot be built before solving. Smaller elements have as many triangles, but are made later.
+            subdivision = self.specification.subdivision
             if isinstance(self.pad, Pad):
                 least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
-                check_triangles(self.subdivision, least)
-            mesh = self.at_rest().mesh
+                check_triangles(subdivision, least)
+            mesh = self.at_rest(self.judged_on).mesh
             read = np.isin(mesh.face_cell, self.read_cells) if self.read_cells else mesh.face_cell > 0
-            check_triangles(self.subdivision, int(np.count_nonzero(read)))
+            check_triangles(subdivision, int(np.count_nonzero(read)))
             if self.finish is not None and isinstance(self.pad, Pad):
-                check_finish(self.finish, self.pad, mesh, self.subdivision)
+                check_finish(self.finish, self.pad, mesh, subdivision)
             waits = self.load.goes_on and are_to_come()
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
@@ -204,11 +205,12 @@ class DeformablePad(mi.Mesh):
         """Whether the pad is displaced, by a load or by an earlier one."""
         return any(self.value) or (self.remembers and any(map(any, self.history[1])))
 
-    def at_rest(self) -> State:
-        """The unloaded state."""
+    def at_rest(self, mesh_size: float | None = None) -> State:
+        """The unloaded state, on other elements if their size in mm is given."""
         from mitsuba_taxel.mechanics import load_path
 
-        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **self._how)[0]
+        how = self._how if mesh_size is None else self._how | {"mesh_size": mesh_size}
+        return load_path(self.pad, self.material, [[0.0] * len(self.value)], **how)[0]
 
     def at_onset(self) -> State:
         """The unloaded state on the elements of loaded ones, for derivatives with respect to a load."""

@@ -23,6 +23,8 @@ def test_the_size_follows_the_light(scattering, share, of_spheres):
     for pad, wanted in ((DOME, share), (DOME.as_profile(), share and 0.5), (Pad("spherical"), of_spheres)):
         size = size_for_light(pad, SpreadForce(), walls)
         assert size == (None if wanted is None else wanted * pad.default_mesh_size)
+    several = size_for_light(Pad("hemispheric"), SpreadForce(), walls)
+    assert several == (share and {0.5: 0.55}.get(share, share) * DOME.default_mesh_size)
     assert size_for_light(Pad("cylindrical"), SpreadForce(), walls) is None
 
 

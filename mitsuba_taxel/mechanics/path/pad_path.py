@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
@@ -147,7 +148,7 @@ class PadPath:
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
         """The deformed pad under ``value``, on the way to which it must not touch ``obstacles``."""
-        if self.judge and not self.judge.bears(value):
+        if self.judge and not self._bears(self.judge, value):
             return self._like(self.mesh_size).state(value, obstacles)
         if self.bodies is not None:
             refuse_at_rest(self.contact.at_rest)
@@ -181,6 +182,15 @@ class PadPath:
 
     def _like(self, mesh_size: float, judged: bool = True) -> PadPath:
         return pad_path(self.pad, self.material, self.load, mesh_size, judged, None, self.bodies, self.step_tolerance)
+
+    def _bears(self, judge: PadPath, value: np.ndarray) -> bool:
+        """Whether the judge's path leads as far as ``value``; meanwhile another thread meshes the pad for this one."""
+        _ = judge.mesh  # first, as the mesher makes one at a time
+        with ThreadPoolExecutor(1) as pool:
+            meshed = pool.submit(getattr, self, "mesh")
+            bears = judge.bears(value)
+        meshed.result()
+        return bears
 
     def bears(self, value: np.ndarray) -> bool:
         """Whether its path leads as far as ``value``."""

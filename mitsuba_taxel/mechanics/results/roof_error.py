@@ -106,7 +106,7 @@ class RoofComparison:
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
         weights = self._locator.locate(self._mesh.points[nodes], self._tolerance).weights
-        for here, there in reversed(self._images.values()):
+        for here, there in list(self._images.values())[::-1]:
             beyond = ~np.isin(here[nodes], nodes)
             moved = weights[beyond]
             moved = sparse.csr_array((moved.data, there[moved.indices], moved.indptr), shape=moved.shape)
