@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.dome_elements import size_for_light
 from mitsuba_taxel.optimum.course import Course, OptimisationProgress, worst_of
 from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
-from mitsuba_taxel.optimum.figures import Figure
+from mitsuba_taxel.optimum.figures import RANGE, Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan, read_plan
@@ -120,6 +120,9 @@ def _refuse_what_cannot_be_told(course: Course, starts: list[Design]) -> None:
             found = [asked.figure.components(read.values) for read in reads]
         except IndexError:
             raise InputError(f"{asked.figure.words} cannot be told: there is no such taxel.") from None
+        untold = course.designs.untold.get(asked.figure.told.get("along", ()))
+        if untold and asked.figure.kind == RANGE and not any(each.size for each in found):
+            raise InputError(f"{asked.figure.words} cannot be told without a table [circuit]: {untold}")
         there = [each.size > 0 for each in found]  # a constraint may apply to some choices only
         needed = all(there) if isinstance(asked, Goal) else any(there)
         if not (needed and all(np.isfinite(each).all() for each in found)):

@@ -161,6 +161,27 @@ def test_a_run_that_was_ended_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("goal", "said"),
+    [
+        ("first_contact", "first contact along z cannot be told: it is no load of a pad."),
+        (
+            "range",
+            "range along up cannot be told without a table [circuit]: first contact along z cannot be told: it is no "
+            "load of a pad.",
+        ),
+    ],
+)
+def test_how_far_what_is_no_pad_may_be_loaded(tmp_path, goal, said):
+    study = (
+        PLATE.format(points=64).replace('"rest"', f'"{goal}"').replace("z = { low = 0.3, high = 1.5, start = 1.2 }", "")
+    )
+    (tmp_path / "study.toml").write_text(f"{study}[optimise.loads]\nup = {{ z = [1.5, 1.2] }}\n")
+    with pytest.raises(InputError) as refused:
+        optimise(tmp_path / "study.toml", tmp_path / "out")
+    assert str(refused.value) == said
+
+
+@pytest.mark.parametrize(
     ("constraints", "said"),
     [
         ((("rest", "least", 0.03), ("largest_reading", "most", 0.02), ("rest", "least", 0.001)), "in conflict"),
