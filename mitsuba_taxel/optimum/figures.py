@@ -167,18 +167,6 @@ def measuring_range(seen: Seen, along: str) -> np.ndarray:
     return np.concatenate(_ends(seen, along))
 
 
-def end_of_range(seen: Seen, along: str) -> str:
-    """What ends the range along a line, in words."""
-    with np.errstate(invalid="ignore"):
-        contact, saturated = (each.real for each in _ends(seen, along))
-    line, end = seen.lines[along], np.concatenate([contact, saturated]).min()
-    if end >= FURTHEST * np.abs(line.values).max():
-        return "which nothing ends as far as it is told"
-    if end in contact:
-        return f"where the pad touches {line.touched}" if line.touched else f"as {line.ended}"
-    return f"where taxel {saturated.argmin() + 1} saturates"
-
-
 def _ends(seen: Seen, along: str) -> tuple[np.ndarray, np.ndarray]:
     """The first contact, empty if it is unknown, and magnitudes of the loads at which taxels saturate, empty without a
     circuit."""
@@ -319,3 +307,17 @@ class Figure:
         """(N,) complex."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return KINDS[self.kind].components(seen, **self.told)
+
+
+def end_of(figure: Figure, seen: Seen) -> str:
+    """What ends a range, or is touched first, in words."""
+    line = seen.lines[figure.told["along"]]
+    with np.errstate(invalid="ignore"):
+        contact, saturated = (each.real for each in _ends(seen, figure.told["along"]))
+    saturated = saturated if figure.kind == RANGE else np.zeros(0)
+    end = np.concatenate([contact, saturated]).min()
+    if end >= FURTHEST * np.abs(line.values).max():
+        return "up to which nothing is in the way; more is not told"
+    if end in contact:
+        return f"where the pad touches {line.touched}" if line.touched else f"as {line.ended}"
+    return f"where taxel {saturated.argmin() + 1} saturates"

@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.electronics import saturation_force
 from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
 from mitsuba_taxel.optimum.designs import Designs, Read
-from mitsuba_taxel.optimum.figures import RANGE, Seen, end_of_range, noise_equivalent_force
+from mitsuba_taxel.optimum.figures import TO_THE_END, Seen, end_of, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
@@ -105,7 +105,7 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         pair = again.read([before.alone, best.alone])
         finer = zip(("before_finer", "best_finer"), pair, strict=True)
         reads |= {name: read for name, read in finer if read is not None}
-    notes += _ranges(course, again, reads)
+    notes += _ends(course, again, reads)
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
     held = course.stationarity(
         best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else [])
@@ -144,20 +144,16 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
     )
 
 
-def _ranges(course: Course, again: Designs | None, reads: Mapping[str, Read]) -> list[str]:
-    """The range of the best design along each line where it is a figure, with its error, and what ends it."""
+def _ends(course: Course, again: Designs | None, reads: Mapping[str, Read]) -> list[str]:
+    """Each range and first contact of the best design that is a figure, with its error, and what ends it."""
     notes = []
-    told = again is not None and SAME_MESH not in again.notes and "best_finer" in reads
-    for figure in {one.told["along"]: one for one in course.plan.figures if one.kind == RANGE}.values():
-        along = figure.told["along"]
-        best, finer = (
-            figure.components(reads[name].values).real.min() for name in ("best", "best_finer" if told else "best")
-        )
-        error = f" ± {abs(finer - best):.2g} (by the finer mesh)" if told else ""
-        end = end_of_range(reads["best"].values, along)
-        notes.append(f"{figure.words}: {best:.4g}{error} {figure.unit}, {end}")
-        if along in course.designs.untold:
-            notes.append(f"{figure.words} ends with saturation alone: {course.designs.untold[along]}")
+    finer = "best_finer" if again is not None and SAME_MESH not in again.notes and "best_finer" in reads else "best"
+    for figure in {one.words: one for one in course.plan.figures if one.kind in TO_THE_END}.values():
+        ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
+        error = "" if finer == "best" else f" ± {abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
+        notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
+        if figure.told["along"] in course.designs.untold:
+            notes.append(f"{figure.words} ends with saturation alone: {course.designs.untold[figure.told['along']]}")
     return notes
 
 

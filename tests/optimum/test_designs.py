@@ -9,7 +9,7 @@ from one_cell import one_cell
 from mitsuba_taxel import ComputationError
 from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
-from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of_range
+from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of
 from mitsuba_taxel.optimum.plan import read_plan
 from mitsuba_taxel.studies.run.pool import open_pool
 
@@ -129,7 +129,9 @@ def test_range_of_a_cell_that_becomes_unstable(tmp_path):
             designs = Designs(plan, pool, tmp_path / "designs", False)
             (read,) = designs.read([plan.before])
         ends = None if read is None else plan.limits[0].figure.components(read.values).real.min()
-        found.append((ends, designs.failures.get(plan.before) if read is None else end_of_range(read.values, "normal")))
+        found.append(
+            (ends, designs.failures.get(plan.before) if read is None else end_of(plan.limits[0].figure, read.values))
+        )
     (light, said), (no, why), (bears, enough), (less, again) = found
     assert 2 < light < 10 and said == "where taxel 1 saturates"
     assert no is less is None and why == again and "the equilibrium is unstable" in why

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Circuit
-from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen, end_of_range
+from mitsuba_taxel.optimum.figures import KINDS, TINY, Figure, Line, Seen, end_of
 from mitsuba_taxel.optimum.result import circuit_notes
 from mitsuba_taxel.pads.mould import SHAPE
 
@@ -99,16 +99,19 @@ def test_range():
 
     def of(line, circuit):
         seen = Seen({"z": line}, {}, circuit)
-        ends = Figure("range", {"along": "z"}, "N").components(seen)
-        return ends.real.tolist(), end_of_range(seen, "z") if ends.size and np.isfinite(ends).all() else ""
+        figure = Figure("range", {"along": "z"}, "N")
+        ends = figure.components(seen).real.tolist()
+        return ends, end_of(figure, seen) if ends else ""
 
     saturated = [pytest.approx(5 / 3), pytest.approx(8 / 3), 20.0]
     assert of(dark, circuit) == (saturated, "where taxel 1 saturates") and of(dark, None) == ([], "")
     assert of(lit, circuit) == ([0.0], "where taxel 1 saturates")
     touching = replace(dark, contact=-1.5 + 0j, touched="the board")
     assert of(touching, circuit) == ([1.5, *saturated], "where the pad touches the board")
-    assert of(replace(touching, contact=-1.7 + 0j), circuit) == ([1.7, *saturated], "where taxel 1 saturates")
-    assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], "which nothing ends as far as it is told")
+    later = replace(touching, contact=-1.7 + 0j)
+    assert of(later, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
+    assert end_of(Figure("first_contact", {"along": "z"}, "N"), Seen({"z": later}, {}, circuit)).endswith("the board")
+    assert of(replace(dark, contact=-20 + 0j), None) == ([20.0], "up to which nothing is in the way; more is not told")
     unstable = replace(dark, contact=-1.7 + 0j, ended="it is unstable")
     assert of(unstable, circuit) == ([1.7, *saturated], "where taxel 1 saturates")
     assert of(replace(unstable, contact=-1.6 + 0j), circuit) == ([1.6, *saturated], "as it is unstable")

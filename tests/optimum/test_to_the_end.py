@@ -69,6 +69,7 @@ def test_a_cell_as_soft_as_its_first_contact_allows(folder, softest):
     assert modulus["best"] == pytest.approx(4 * 9 / contact["before"], rel=1e-3)
     assert contact["best"] == pytest.approx(9, rel=1e-3) and contact["multiplier"] > 0
     assert goal["best"] > goal["before"]
+    assert f"first contact along normal: {contact['best']:.4g} N, where the pad touches a package" in found["notes"]
 
 
 def test_no_way_to_a_contact_is_followed_twice(folder, softest):
