@@ -52,7 +52,8 @@ bonded on top. For comparison: the paper's solver stopped at tangential forces o
 - **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
   block of the symmetric pad; `not checked` if the solver does not count them.
 - **mean roof**: length of the roofs' mean displacement. **stated error**: that of the state, root mean square
-  over the roofs, relative to it. **finer mesh**: change of the mean displacement on elements smaller by 1.5.
+  over the roofs, relative to it; not computed with self_contact. **finer mesh**: change of the mean displacement on
+  elements smaller by 1.5.
 - **CPU s**, **MB**: time of all processors for the state with its error, and peak memory of the process.
 """
 
