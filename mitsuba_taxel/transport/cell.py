@@ -9,7 +9,6 @@ Equations of the Second Kind, Cambridge University Press, 1997.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -82,6 +81,10 @@ class Mesh:
         known = self.pairs.points.face[:, None] * size + np.arange(size)
         starts = np.arange(0, known.size + 1, size)
         return sparse.csr_matrix((self.pairs.shares.ravel(), known.ravel(), starts), shape=(points, len(self.own)))
+
+    def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
+        """(T, 3) sums of vectors with components (N,) over the pairs of each target."""
+        return np.stack([np.add.reduceat(part, self.first_pairs[:-1]) for part in vectors], axis=1)
 
 
 class Cell:
@@ -156,11 +159,14 @@ class Cell:
         given = pairs.weight * self._adjoint[pairs.target] * response[pairs.point]
         slopes = self._between_walls(self._box).slopes(given, wider)  # whose pairs take four times a cell's memory
         by_start, by_normal = self._reception.gradient(self._adjoint, wider)
-        by_start -= _summed(slopes.by_end, pairs.target, len(mesh.own))
-        by_start += 0 if slopes.by_both is None else _summed(slopes.by_both, pairs.target, len(mesh.own))
-        by_normal += _summed(slopes.by_normal, pairs.target, len(mesh.own))
+        by_start -= mesh.by_target(slopes.by_end)
+        by_start += 0 if slopes.by_both is None else mesh.by_target(slopes.by_both)
+        by_normal += mesh.by_target(slopes.by_normal)
         by_area = (by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal) / self._length
-        by_end, by_facing = (_summed(each, pairs.point, points) for each in (slopes.by_end, slopes.by_area))
+        by_end, by_facing = (
+            np.stack([np.bincount(pairs.point, part, points) for part in each], axis=1)
+            for each in (slopes.by_end, slopes.by_area)
+        )
         total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
         return total + mesh.targets.gradient(places, by_start, by_area)
 
@@ -186,8 +192,3 @@ class Cell:
             exchange = self._exchanged(self._between_walls(box))
             change += self._adjoint @ ((exchange - self._exchange) @ self.response)
         return float(change + self._adjoint @ ((scattered[self._mesh.own] - 1) * self.response))
-
-
-def _summed(vectors: Sequence[np.ndarray], into: np.ndarray, count: int) -> np.ndarray:
-    """(count, 3) sums of vectors with components (N,), grouped by number."""
-    return np.stack([np.bincount(into, each, count) for each in vectors], axis=1)
