@@ -52,7 +52,7 @@ def on_spheres(field, rms_slope):
     """Derivative by ray tracing on spheres, extrapolated from two steps, and its noise."""
     dome, found = Dome(1.275, 0.05, SPACING), []
     for run in range(16):
-        u = qmc.Sobol(24, rng=run).random(1 << 15)
+        u = qmc.Sobol(24, rng=run).random(1 << 14)
         near, far = (
             np.subtract(
                 *(replace(dome, **{field: getattr(dome, field) + sign * h})._rays(rms_slope, u) for sign in (1, -1))
