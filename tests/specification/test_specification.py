@@ -1,19 +1,33 @@
-"""What is written to a scene and read from it again is the same, for every plugin; what is refused, Python refuses."""
+"""What is written to a scene and read from it again is the same, for every plugin; what is refused, Python refuses.
+
+Scenes to start from have the defaults of plugins.
+"""
 
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ElementTree
 
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from mitsuba_taxel import AnnularLed, InputError, Pad, PadSensor, PhotoReflector, Phototransistor, Scene, Wall
+from mitsuba_taxel import (
+    AnnularLed,
+    InputError,
+    Pad,
+    PadSensor,
+    PhotoReflector,
+    Phototransistor,
+    Scene,
+    Wall,
+    write_template,
+)
 from mitsuba_taxel.backend import plugin_files, plugin_kind
 from mitsuba_taxel.mechanics import MooneyRivlin
 from mitsuba_taxel.parameters import REQUIRED, Choice, Nested, Number, Switch, Vector, Whole, parameters_of
-from mitsuba_taxel.sensing.scene import parser_config
-from mitsuba_taxel.specification import specification_of
+from mitsuba_taxel.sensing.scene import parser_config, shipped_scenes
+from mitsuba_taxel.specification import specification_of, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 LIMIT = 10.0
@@ -168,3 +182,27 @@ def test_a_sensor_refuses_parts_that_do_not_go_together(parts, message):
 def test_constants_for_which_the_energy_falls_are_refused_with_the_reason():
     with pytest.raises(InputError, match="c01 = -1 is not allowed: .* the energy falls without bound in equibiaxial"):
         MooneyRivlin(1.0, -1.0)
+
+
+@pytest.fixture(params=["hexagonal.xml", "pad.xml", "template"])
+def scene(request, tmp_path):
+    if request.param != "template":
+        return shipped_scenes() / request.param
+    write_template("scene", tmp_path / "scene.xml")
+    return tmp_path / "scene.xml"
+
+
+def test_numbers_of_scenes_to_start_from_are_those_of_the_plugins(scene):
+    root = ElementTree.parse(scene).getroot()
+    allowed: dict[str, set[float]] = {}
+    for element in root.iter():
+        stated = specifications().get(element.get("type", ""))
+        for child in element if stated is not None else ():
+            parameter = stated.values().get(child.get("name"))
+            stands_alone = isinstance(parameter, Number | Whole) and child.get("value", "").startswith("$")
+            if stands_alone and parameter.default is not None:  # Poisson's ratio is that of the silicone
+                allowed.setdefault(child.get("value")[1:], set()).add(parameter.default)
+    assert "youngs_modulus" in allowed
+    given = {element.get("name"): element.get("value") for element in root.iter("default")}
+    for name, defaults in allowed.items():
+        assert float(given[name]) in defaults, name
