@@ -11,7 +11,7 @@ from taxel_program import run_program
 from mitsuba_taxel import open_study
 from mitsuba_taxel.optimum import optimise
 
-SHAPE = '<float name="height" value="2.5"/> <float name="cell_height" value="0.6"/> <float name="wall" value="2"/> '
+SHAPE = '<float name="height" value="2"/> <float name="cell_height" value="0.6"/> <float name="wall" value="2"/> '
 STUDY = """
 scene = "low.xml"
 [circuit]
@@ -20,7 +20,7 @@ load_resistance = 1e4
 transfer = 0.02
 [optimise]
 maximise = "{figure}"
-evaluations = 4
+evaluations = 3
 [optimise.variables]
 youngs_modulus = {{ low = 3, high = 6, start = 4 }}
 [optimise.loads]
@@ -46,8 +46,8 @@ def jobs(folder):
 
 @pytest.fixture(scope="module")
 def softest(folder):
-    """The most sensitive cell that touches nothing up to 9 N, by a run that was ended, and one that went on."""
-    (folder / "soft.toml").write_text(STUDY.format(figure="sensitivity", constraint="first_contact", least=9))
+    """The most sensitive cell that touches nothing up to 6.8 N, by a run that was ended, and one that went on."""
+    (folder / "soft.toml").write_text(STUDY.format(figure="sensitivity", constraint="first_contact", least=6.8))
 
     def ended(progress):
         if progress.designs == 2:
@@ -65,9 +65,9 @@ def test_a_cell_as_soft_as_its_first_contact_allows(folder, softest):
     """First contacts are proportional to the modulus."""
     _, found = softest
     (modulus,), (goal, contact) = found["variables"], found["figures"]
-    assert contact["before"] > 9.5 and contact["unit"] == "N"
-    assert modulus["best"] == pytest.approx(4 * 9 / contact["before"], rel=1e-3)
-    assert contact["best"] == pytest.approx(9, rel=1e-3) and contact["multiplier"] > 0
+    assert contact["before"] > 7.2 and contact["unit"] == "N"
+    assert modulus["best"] == pytest.approx(4 * 6.8 / contact["before"], rel=1e-3)
+    assert contact["best"] == pytest.approx(6.8, rel=1e-3) and contact["multiplier"] > 0
     assert goal["best"] > goal["before"]
     assert f"first contact along normal: {contact['best']:.4g} N, where the pad touches a package" in found["notes"]
 
