@@ -198,12 +198,19 @@ class _OfCell:
             gradient = coarse.gradient()
             by_patch = self._by_patch(coarse, gradient)
             there = by_patch.sum(axis=1)
-            spread = self._by_patch(coarse, coarse.gradient(wider=2)).sum(axis=1) - there
+            spread = self._of_wider_horizon(coarse, gradient)
             of_derivatives = np.hypot(LIGHT_SHARE * (values - there), HORIZON_SHARE * spread)
             light = np.array([reading_error(fine.reading, coarse.reading), *of_derivatives])
             if second is not None:
                 against = self._against(second, coarse.reading, by_patch, gradient)
         return _Found(fine.reading, values, light, against, fine.flows())
+
+    def _of_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
+        """(P,) changes of the derivatives with a horizon of twice the width, which only isotropic light has."""
+        if not self._whole.cells.cells[self._number].isotropic.any():
+            return np.zeros(len(self._velocities))
+        change = coarse.gradient(wider=2) - gradient
+        return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> _Against:
         """The coarser solution compared with that of a second mesh."""
