@@ -63,6 +63,14 @@ def check_llvm(variant: str) -> None:
         raise ImportError(f"Dr.Jit has loaded LLVM {found}, which aborts at the first render: {_REMEDY}.")
 
 
+def is_fit() -> bool:
+    """Whether Dr.Jit has loaded an LLVM that renders; without one, an array of its ends the process."""
+    import drjit as dr
+
+    version = dr.detail.llvm_version()
+    return bool(version) and version[0] >= OLDEST_LLVM
+
+
 def _packaged_library() -> Path | None:
     """The library of the ``karellen-llvm-core`` wheel, if it is installed."""
     import importlib.metadata

@@ -14,6 +14,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_taxel.backend import llvm
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -121,6 +122,8 @@ class DiffuseCells:
     """
 
     def __init__(self, scene: mi.Scene, points: int = PHOTOTRANSISTOR_POINTS) -> None:
+        if not llvm.is_fit():
+            raise NotDiffuse(f"light without random numbers needs an LLVM of version {llvm.OLDEST_LLVM} or newer")
         self.scene = scene
         self.pad = _pad_of(scene)
         self._mesh = _mesh_of(self.pad.pad)

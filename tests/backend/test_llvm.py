@@ -57,9 +57,10 @@ def test_a_path_that_leads_nowhere_is_named():
 
 def test_a_variant_that_uses_none_needs_none():
     """With a graphics card, until one that does is set."""
-    code = "import mitsuba_taxel, mitsuba as mi; print('imported'); mi.set_variant('llvm_ad_mono')"
+    code = "import mitsuba_taxel, mitsuba as mi; from mitsuba_taxel.backend import llvm; print(llvm.is_fit())"
+    code += "; mi.set_variant('llvm_ad_mono')"
     done = python(code, DRJIT_LIBLLVM_PATH="/nowhere/libLLVM.so", MITSUBA_TAXEL_VARIANT="cuda_ad_mono")
-    assert done.stdout.strip() == "imported" and done.returncode == 1
+    assert done.stdout.strip() == "False" and done.returncode == 1
     message = done.stderr.strip().splitlines()[-1]
     assert message.startswith("ImportError: ") and "DRJIT_LIBLLVM_PATH" in message
 

@@ -7,7 +7,9 @@ import pytest
 from one_cell import one_cell
 
 from mitsuba_taxel import Scene
-from mitsuba_taxel.sensing.diffuse_cells import CLEARANCE, COVER, DiffuseCells
+from mitsuba_taxel.backend import llvm
+from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.diffuse_cells import CLEARANCE, COVER, DiffuseCells, NotDiffuse
 
 LOWER = np.array([[0.2, 0.1, 0.7], [0.0, 0.0, 1.0]])
 """A point above the package with its normal."""
@@ -35,3 +37,12 @@ def test_a_wall_in_between_hides(cells):
     """A way from within the cell to beyond the pad."""
     beyond = np.array([[20.0, 0.0, 0.7], [-1.0, 0.0, 0.0]])
     assert cells.hidden_share(LOWER[None], beyond[None], np.full(1, 0.25)) == 0.25
+
+
+def test_without_an_llvm_random_paths_are_needed(cells, monkeypatch):
+    """As on a machine with a graphics card alone, where one of Dr.Jit's arrays for LLVM would end the process."""
+    assert deterministic_light(cells.scene) is not None
+    monkeypatch.setattr(llvm, "is_fit", lambda: False)
+    assert deterministic_light(cells.scene) is None
+    with pytest.raises(NotDiffuse, match="needs an LLVM of version 19 or newer"):
+        DiffuseCells(cells.scene)
