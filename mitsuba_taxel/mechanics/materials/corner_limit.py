@@ -8,11 +8,11 @@ same f over as many decades as it takes to begin and end: the corner is unstable
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -35,9 +35,15 @@ def corner_limit(material: Material) -> float:
     stable = 1.0
     for stretch in STRETCHES:
         if _least(stretch, material) < 0:
-            return -_uniaxial(brentq(_least, stretch, stable, (material,), xtol=1e-6), material)[1]
+            return -_uniaxial(_root(lambda at: _least(at, material), stretch, stable, 1e-6), material)[1]
         stable = stretch
     return np.inf
+
+
+def _root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    from scipy.optimize import brentq  # here, as only large loads need it
+
+    return brentq(function, low, high, xtol=tolerance)
 
 
 def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, float]:
@@ -47,7 +53,7 @@ def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, fl
         gradient = np.diag([across, across, stretch])
         return material.compressibility * _pressure(gradient, material) - (np.linalg.det(gradient) - 1)
 
-    across = brentq(volume_off, stretch**0.5, 1.001 * stretch**-0.5, xtol=1e-12)
+    across = _root(volume_off, stretch**0.5, 1.001 * stretch**-0.5, 1e-12)
     gradient = np.diag([across, across, stretch])
     pressure = _pressure(gradient, material)
     return gradient, float(_stress(gradient, material)[2, 2] + pressure * across**2), pressure
