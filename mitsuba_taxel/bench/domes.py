@@ -193,15 +193,16 @@ def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[f
 def _default_elements(cell: str, size: float) -> Iterator[None]:
     """While it lasts, loaded domes have elements of a ``size`` in mm by default."""
     share = size / Pad(cell).default_mesh_size
-    tables = (dome_elements.MIRRORS, dome_elements.DIFFUSE)
-    before = [table[cell] for table in tables]
+    tables = (dome_elements.MIRRORS, dome_elements.MIRRORS_SIDE_BY_SIDE, dome_elements.DIFFUSE)
+    before = [table.copy() for table in tables]
     try:
         for table in tables:
             table[cell] = share
         yield
     finally:
         for table, usual in zip(tables, before, strict=True):
-            table[cell] = usual
+            table.clear()
+            table.update(usual)
 
 
 def _on_pad(load: Force, cells: int) -> list[float]:
