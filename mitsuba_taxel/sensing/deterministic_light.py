@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
-from mitsuba_taxel.sensing.equal_cells import equal_cells
+from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.mechanics_error import combined
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
     state, loaded = cells.pad.state, cells.pad.is_loaded
     deviations = state.deviations if mechanics_error and loaded else None
     known = () if deviations is None else tuple(deviations)
-    first = equal_cells(cells, state, [state.displacement], known)
+    first = equal_cells(cells, state, [state.displacement], known) if loaded else equal_at_rest(cells)
     alone = sorted(set(first))
     # Many small matrix products: each would start and wait for its own threads.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:

@@ -84,6 +84,11 @@ class Taxel:
     phototransistor: End
     body: Box | None
 
+    @property
+    def middle(self) -> np.ndarray:
+        """(2,) mm, between LED and phototransistor."""
+        return (self.led.points.mean(axis=0) + self.phototransistor.points.mean(axis=0))[:2] / 2
+
 
 @dataclass(frozen=True, eq=False)
 class CellWalls:
@@ -156,10 +161,9 @@ class DiffuseCells:
 
     def _cell(self, taxel: Taxel, shares: dict[int, tuple[float, float]]) -> CellWalls:
         mesh = self._mesh
-        middle = (taxel.led.points.mean(axis=0) + taxel.phototransistor.points.mean(axis=0))[:2] / 2
         numbers = np.unique(mesh.face_cell[mesh.face_cell > 0])
         centres = [mesh.points[mesh.faces[mesh.face_cell == number]].mean(axis=(0, 1))[:2] for number in numbers]
-        number = numbers[np.argmin(np.linalg.norm(np.array(centres) - middle, axis=1))]
+        number = numbers[np.argmin(np.linalg.norm(np.array(centres) - taxel.middle, axis=1))]
         scatter = [region for region, share in shares.items() if any(share)]
         faces = np.flatnonzero((mesh.face_cell == number) & np.isin(mesh.face_region, scatter))
         if not len(faces):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.ends import End
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 EQUAL, ALIKE = 1e-7, 1e-2
 """Largest difference, relative to the maximum, of nodal fields from their mirror images; the same for their errors."""
+PLACED = 1e-6
+"""Largest difference of the places of equal ends in their cells, relative to the cell's size: single precision."""
 
 
 def equal_cells(
@@ -50,6 +53,34 @@ def equal_cells(
                 ):
                     first[number] = min(first[number], first[other])
     return first
+
+
+def equal_at_rest(cells: DiffuseCells) -> list[int]:
+    """As :func:`equal_cells`, of a pad without a load: built-in cells are equal but for their place, whatever the
+    patches on their walls."""
+    first = list(range(len(cells.taxels)))
+    if not isinstance(cells.pad.pad, Pad):
+        return first
+    centres = np.array(cells.pad.pad.cell_centres)
+    places = [centres[np.linalg.norm(centres - taxel.middle, axis=1).argmin()] for taxel in cells.taxels]
+    for number, taxel in enumerate(cells.taxels):
+        for other in range(number):
+            there, shift = cells.taxels[other], np.append(places[number] - places[other], 0.0)
+            ends = (taxel.led, there.led), (taxel.phototransistor, there.phototransistor)
+            if (
+                all(_shifted(shift, *pair, PLACED * cells.pad.pad.cell_size) for pair in ends)
+                and taxel.power == there.power
+                and _same_size(taxel.body, there.body)
+            ):
+                first[number] = min(first[number], first[other])
+    return first
+
+
+def _shifted(shift: np.ndarray, end: End, other: End, bound: float) -> bool:
+    if end.law != other.law or end.points.shape != other.points.shape:
+        return False
+    alike = _close(end.weights, other.weights) and _close(end.normal, other.normal)
+    return alike and bool(np.abs(end.points - shift - other.points).max() <= bound)
 
 
 def _mirrored(mirror: Mirror, end: End, other: End) -> bool:

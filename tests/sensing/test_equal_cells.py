@@ -7,8 +7,9 @@ import pytest
 
 from mitsuba_taxel import Scene
 from mitsuba_taxel.sensing import derivatives
+from mitsuba_taxel.sensing.deterministic_light import FINE, QUADRATURE
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells
-from mitsuba_taxel.sensing.equal_cells import equal_cells
+from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.scene_rates import rates
 
 
@@ -29,6 +30,21 @@ def test_cells_are_equal_where_pad_load_and_ends_are(rows, columns, force, first
     cells = DiffuseCells(pair(rows, columns, force).load())
     state = cells.pad.state
     assert equal_cells(cells, state, [state.displacement], list(state.deviations)) == first
+
+
+def test_cells_at_rest_are_equal_wherever_they_are():
+    """Though the patches on their walls differ, by which readings do by less than is stated."""
+    cells = DiffuseCells(pair(2, 3, [0, 0, 0]).load())
+    assert equal_at_rest(cells) == 6 * [0]
+    alone = [cells.solved(k, cells.light_mesh(k, FINE), cells.patches(k).rest).reading for k in range(6)]
+    assert 0 < np.ptp(alone) < 2 * QUADRATURE * alone[0]
+
+
+@pytest.mark.parametrize(("changed", "first"), [({"spacing": 0.9}, [0, 0]), ({"pitch": 3.6}, [0, 1])])
+def test_cells_at_rest_whose_taxels_are_elsewhere_in_them_are_not(changed, first):
+    scene = pair(1, 2, [0, 0, 0]).source
+    scene["package"].update(changed)
+    assert equal_at_rest(DiffuseCells(Scene(scene).load())) == first
 
 
 def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):
