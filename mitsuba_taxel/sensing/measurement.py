@@ -59,6 +59,7 @@ LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
 
 
+@in_turn  # the scene, too, has to be gone before another is traced: Dr.Jit finds its shapes while they are destroyed
 def measure(
     scene: Scene | str | Path | Any,
     *,

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, PadSensor, Scene, Wall, crosstalk, measure, sweep
-from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.backend import turns
+from mitsuba_taxel.sensing import find_scene, measurement
 
 Z = {"z": 0.6, "scattering": "lambertian"}
 
@@ -59,6 +60,19 @@ def test_one_value_may_be_varied_by_itself():
 def test_what_is_no_scene_or_part_is_refused_by_name(call, said):
     with pytest.raises(InputError, match=f"^{said}"):
         call()
+
+
+def test_a_scene_that_was_read_is_gone_before_the_next_is_read(monkeypatch):
+    """Else a kernel may be recorded of shapes that another thread is destroying."""
+
+    class Live:
+        def __del__(self):
+            in_its_turn.append(turns._LOCK._is_owned())
+
+    in_its_turn: list[bool] = []
+    monkeypatch.setattr(measurement, "measured", lambda *arguments: ("readings", Live()))
+    assert measure("plate.xml") == "readings" and in_its_turn == [True]
+    assert not turns._LOCK._is_owned()
 
 
 def test_threads_read_what_one_alone_reads():
