@@ -72,7 +72,8 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
                 and taxel.power == there.power
                 and _same_size(taxel.body, there.body)
             ):
-                first[number] = min(first[number], first[other])
+                first[number] = first[other]
+                break
     return first
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.sensing.left_out import NONE
 
@@ -21,7 +23,15 @@ def way_to_contact(word: str) -> tuple[str, float] | None:
     if word == NONE:
         return None
     along, _, furthest = word.partition("=")
+    value = as_number(furthest)
+    if not math.isfinite(value):
+        raise InputError(f"{TO_CONTACT} = {word!r} is not allowed: such as 'fz=-40' is needed, or {NONE}.")
+    return along.strip(), value
+
+
+def as_number(word: str) -> float:
+    """The number that a word tells; NaN if it tells none."""
     try:
-        return along.strip(), float(furthest)
+        return float(word)
     except ValueError:
-        raise InputError(f"{TO_CONTACT} = {word!r} is not allowed: such as 'fz=-40' is needed, or {NONE}.") from None
+        return math.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -21,7 +22,7 @@ from mitsuba_taxel.sensing.runs import prepare
 from mitsuba_taxel.sensing.scene import MESHED_AS
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.studies.plan.histories import HISTORY
-from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, way_to_contact
+from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, way_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
 if TYPE_CHECKING:
@@ -193,15 +194,16 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
 def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContact:
     from mitsuba_taxel.sensing.first_contact import first_contact
 
-    if along not in scene.parameters:
-        raise InputError(f"{TO_CONTACT} = '{along}={furthest:g}' is not allowed: a parameter of the scene is needed.")
+    start = as_number(scene.parameters.get(along, ""))
+    if not math.isfinite(start):
+        raise InputError(f"{TO_CONTACT} = '{along}={furthest:g}' is not allowed: a number of the scene is needed.")
 
     def at(value: float) -> Scene:
         return Scene(job.file, {**scene.parameters, along: repr(value)}, job.mesh_size)
 
     names = () if job.where_smooth else job.derivatives
     with stages.stage("first contact"):
-        return first_contact(at, along, float(scene.parameters[along]), furthest, names)
+        return first_contact(at, along, start, furthest, names)
 
 
 def _name(pad: PadShape) -> str:
