@@ -10,15 +10,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import DTypeLike
 
-PACKET = 64
-"""Bytes of the largest packet of numbers of 32 bits."""
+PACKET = 16
+"""Numbers in the largest packet."""
+ALIGNMENT = 64
+"""Bytes of a packet of 32-bit numbers."""
 
 
 def in_packets(values: np.ndarray, dtype: DTypeLike = np.float32) -> np.ndarray:
     """(N,) copy of all numbers of an array, row by row, in whole and aligned packets."""
     kind = np.dtype(dtype)
-    buffer = np.empty(values.size * kind.itemsize + 2 * PACKET, np.uint8)
-    start = -buffer.ctypes.data % PACKET
+    buffer = np.empty((values.size + PACKET) * kind.itemsize + ALIGNMENT, np.uint8)
+    start = -buffer.ctypes.data % ALIGNMENT
     copy = buffer[start : start + values.size * kind.itemsize].view(kind)
     copy[:] = values.ravel()
     return copy

@@ -15,6 +15,7 @@ import drjit as dr
 import numpy as np
 from drjit.llvm import Array3f64, Float64, UInt32
 
+from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.transport.box import Box, Passage
 
 HORIZON = 4e-3
@@ -90,7 +91,7 @@ class Exchange:
     def slopes(self, given: np.ndarray, wider: float = 1.0) -> LightRates:
         """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor."""
         with _TURN:
-            pair, factor = self._pairs(), Float64(given)
+            pair, factor = self._pairs(), _floats(given)
             radial = -(3 * pair.even + 4 * pair.cosine * pair.leaving) * pair.facing * pair.over
             per_leaving = pair.cosine * pair.facing
             per_leaving += pair.at_horizon(HORIZON * wider)
@@ -106,16 +107,16 @@ class Exchange:
 
     def _passage(self, box: Box) -> Passage:
         at, there = (
-            _gathered(box.within(points), UInt32(numbers))
+            _gathered(box.within(points), _numbers(numbers))
             for points, numbers in ((self._starts.at, self._start), (self._ends[0], self._end))
         )
         return Passage(box, at, there - at)
 
     def _pairs(self) -> _Pairs:
-        start, end = UInt32(self._start), UInt32(self._end)
+        start, end = _numbers(self._start), _numbers(self._end)
         at, normal = (_gathered(each, start) for each in (self._starts.at, self._starts.normal))
         even, lambertian = (
-            dr.gather(Float64, Float64(each), start) for each in (self._starts.isotropic, self._starts.lambertian)
+            dr.gather(Float64, _floats(each), start) for each in (self._starts.isotropic, self._starts.lambertian)
         )
         there, area = (_gathered(each, end) for each in self._ends)
         return _Pairs(there - at, normal, area, even, lambertian)
@@ -152,4 +153,12 @@ class _Pairs:
 
 
 def _gathered(vectors: np.ndarray, numbers: UInt32) -> Array3f64:
-    return dr.gather(Array3f64, Array3f64(np.ascontiguousarray(vectors.T)), numbers)
+    return dr.gather(Array3f64, Array3f64(*(_floats(each) for each in vectors.T)), numbers)
+
+
+def _floats(values: np.ndarray) -> Float64:
+    return Float64(in_packets(values, np.float64))
+
+
+def _numbers(values: np.ndarray) -> UInt32:
+    return UInt32(in_packets(values, np.uint32))
