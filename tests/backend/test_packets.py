@@ -16,13 +16,13 @@ from mitsuba_taxel.backend.packets import ALIGNMENT, PACKET, in_packets
 AT_THE_END_OF_MEMORY = dedent("""
     import sys
     import numpy as np, mitsuba as mi, drjit as dr
-    from helpers.guarded_memory import guarded
+    from guarded_memory import guarded
     from mitsuba_taxel.backend.packets import in_packets
     mi.set_variant("llvm_ad_mono")
     last = guarded(np.ones(1003, sys.argv[2]))
     print(dr.sum(getattr(mi, sys.argv[1])(eval(sys.argv[3])) + 1)[0])
 """)
-TESTS = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+TESTS = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "helpers")}
 
 
 @pytest.mark.parametrize(("kind", "dtype"), [("Float", "float32"), ("Float64", "float64")])

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_arrays import floats
+
+from mitsuba_taxel.backend.packets import in_packets
 
 
 def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
@@ -17,8 +20,8 @@ def test_a_grid_is_drawn_as_its_density_says(llvm_mono):
     density /= density.mean(axis=(1, 2), keepdims=True)
     count = 1 << 18
     tree = rng.integers(0, 3, count)
-    sample = mi.Point2f(*(mi.Float(u.astype(np.float32)) for u in rng.random((2, count))))
-    point, found = GuidedEmission(density).sample(mi.UInt32(tree), sample)
+    sample = mi.Point2f(*(floats(mi, u) for u in rng.random((2, count))))
+    point, found = GuidedEmission(density).sample(mi.UInt32(in_packets(tree, np.uint32)), sample)
     column, row = (np.array(point) * 32).astype(int)
     assert np.allclose(np.array(found), density[tree, row, column], rtol=1e-5)
     counts = np.zeros_like(density)
@@ -41,8 +44,8 @@ def test_members_are_drawn_by_weight_and_their_places_are_known(llvm_mono, sizes
     boxes = trees.boxes(shares)
     total = np.bincount(tree, weight)[tree]
     assert np.allclose(boxes[:, 2] * boxes[:, 3], weight / total, rtol=1e-4)
-    middle = mi.Point2f(*(mi.Float(c.astype(np.float32)) for c in (boxes[:, :2] + 0.5 * boxes[:, 2:]).T))
-    leaf, rest = descend(mi.Float(shares.ravel()), mi.UInt32(trees.depth), mi.UInt32(tree), middle)
+    middle = mi.Point2f(*(floats(mi, c) for c in (boxes[:, :2] + 0.5 * boxes[:, 2:]).T))
+    leaf, rest = descend(floats(mi, shares), mi.UInt32(trees.depth), mi.UInt32(in_packets(tree, np.uint32)), middle)
     drawn = weight > 0
     assert np.array_equal(trees.leaves[tree, np.array(leaf)][drawn], np.flatnonzero(drawn))
     assert np.allclose(np.array(rest)[:, drawn], 0.5, atol=1e-3)

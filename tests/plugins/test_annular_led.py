@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_arrays import floats, vectors
 
 from mitsuba_taxel import AnnularLed, InputError, Scene
 
@@ -61,7 +62,7 @@ def test_cosine_power_is_finite_everywhere(llvm_mono, exponent):
     d = law.sample(mi.Point2f([0, 1e-30, 0.5, 1 - 2**-24], 0.25))
     assert np.allclose(np.linalg.norm(d.numpy(), axis=0), 1, rtol=1e-6)
     z = np.array([1, 0.5, 1e-3, 1e-30, 1e-42, 0, -1e-30, -1])
-    density = law.density(mi.Vector3f(np.sqrt(1 - z**2), 0, z)).numpy()
+    density = law.density(vectors(mi, np.sqrt(1 - z**2), 0, z)).numpy()
     assert np.all(np.isfinite(density)) and np.all(density >= 0) and np.all(density[z <= 0] == 0)
 
 
@@ -83,7 +84,7 @@ def test_tabulated(llvm_mono, tmp_path, name):
     distance = stats.kstest(theta, lambda t: np.interp(t, np.radians(fine), cumulative / cumulative[-1])).statistic
     assert distance < stats.kstwo.isf(SIGNIFICANCE, theta.size) + blur
     assert stats.kstest(phi / (2 * np.pi) + 0.5, "uniform").pvalue > SIGNIFICANCE
-    d = llvm_mono.Vector3f(np.sin(centre), 0 * centre, np.cos(centre))
+    d = vectors(llvm_mono, np.sin(centre), 0, np.cos(centre))
     expected = intensity / cumulative[-1]
     allowed = np.maximum(5e-4 * expected, (1e-5 + blur) * expected.max())
     assert np.all(np.abs(law.density(d).numpy() - expected) <= allowed)
@@ -173,10 +174,10 @@ def test_annulus_map_is_continuous(llvm_mono, shape, hole):
     _, led = led_on(llvm_mono, shape=shape, hole=hole)
     t = np.arange(1025) / 1025
     for depth in (0.0, 0.3, 1 - 2**-24):
-        x, y = led.faces.locate(led.sample_point(0, llvm_mono.Point2f(depth, t)))[1].numpy()
+        x, y = led.faces.locate(led.sample_point(0, llvm_mono.Point2f(depth, floats(llvm_mono, t))))[1].numpy()
         steps = np.hypot(np.diff(x, append=x[0]), np.diff(y, append=y[0]))
         assert steps.max() < 8 * 0.125 / 1024 * 1.001
-    x, y = led.faces.locate(led.sample_point(0, llvm_mono.Point2f(t, 0.6)))[1].numpy()
+    x, y = led.faces.locate(led.sample_point(0, llvm_mono.Point2f(floats(llvm_mono, t), 0.6)))[1].numpy()
     assert np.hypot(np.diff(x), np.diff(y))[1:].max() < 0.01
 
 

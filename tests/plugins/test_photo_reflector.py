@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from kernel_arrays import floats
 
 from mitsuba_taxel import InputError, measure
 from mitsuba_taxel.kernels.regions import ALL_REGIONS, BODY_REGIONS
@@ -102,8 +103,8 @@ def test_regions_lie_where_the_faces_are(llvm_mono):
     spots = {(-0.45, 0): "led", (-0.33, 0.12): "led", (0.45, 0): "phototransistor", (0.2, 0.14): "phototransistor"}
     spots |= {(-0.31, 0): "body", (0.45, 0.16): "body", (0, 0): "body", (0.72, 0): "body"}
     for spot, name in spots.items():
-        x, y = (centres + spot).T.astype(np.float32)
-        si = scene.ray_intersect(mi.Ray3f(mi.Point3f(mi.Float(x), mi.Float(y), 2), mi.Vector3f(0, 0, -1)))
+        x, y = (centres + spot).T
+        si = scene.ray_intersect(mi.Ray3f(mi.Point3f(floats(mi, x), floats(mi, y), 2), mi.Vector3f(0, 0, -1)))
         assert np.all(si.shape.eval_attribute_1("face_region", si).numpy() == BODY_REGIONS[name]), (spot, name)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from kernel_arrays import floats
 
 from mitsuba_taxel import InputError, Scene
 
@@ -79,7 +80,7 @@ def test_connections_and_radiance_have_the_response(llvm_mono, exponent):
     _, sensor = sensor_on_rectangle(mi, response="cosine_power", exponent=exponent)
     faces = sensor.faces
     it = dr.zeros(mi.SurfaceInteraction3f, 1000)
-    height = mi.Float(np.where(np.arange(1000) % 2, 0.5, -0.5))
+    height = floats(mi, np.where(np.arange(1000) % 2, 0.5, -0.5))
     it.p = faces.origin + faces.frame.to_world(mi.Vector3f(0.4, -0.3, height))
     ds, weight = sensor.sample_direction(it, random_points(mi, 1000, 1))
     local = faces.frame.to_local(it.p - ds.p).numpy().astype(float)
@@ -101,7 +102,7 @@ def test_table_of_a_power_is_that_power(llvm_mono, tmp_path, exponent):
     file = write_cosine_power(tmp_path / "response.csv", exponent, scale=40)
     _, table = sensor_on_rectangle(mi, response="tabulated", file=file)
     _, power = sensor_on_rectangle(mi, response="cosine_power", exponent=exponent)
-    cosine = mi.Float(np.cos(np.radians(np.linspace(0, 89, 1001))))
+    cosine = floats(mi, np.cos(np.radians(np.linspace(0, 89, 1001))))
     assert table.response(cosine).numpy() == pytest.approx(power.response(cosine).numpy(), abs=3e-4)
 
 
@@ -111,7 +112,7 @@ def test_table_is_linear_and_ends(llvm_mono, tmp_path):
     _, sensor = sensor_on_rectangle(mi, response="tabulated", file=file)
     angles = np.array([0, 5, 10, 20, 39.99, 40.01, 80])
     expected = np.array([1, 1.125, 1.25, 1, 0.50025, 0, 0]) / np.cos(np.radians(angles))
-    response = sensor.response(mi.Float(np.cos(np.radians(angles)))).numpy()
+    response = sensor.response(floats(mi, np.cos(np.radians(angles)))).numpy()
     assert response == pytest.approx(expected, rel=1e-5)
 
 
@@ -124,7 +125,7 @@ def test_response_is_finite(llvm_mono, tmp_path, response):
         parameters = {"file": write_table(tmp_path / "response.csv", [(0, 1), (90, 1)])}
     _, sensor = sensor_on_rectangle(mi, response=response, **parameters)
     cosine = np.array([1e-44, 1e-38, 1e-30, 1e-7, 0.5, 1 - 2**-24, 1, 1 + 2**-23], dtype=np.float32)
-    values = sensor.response(mi.Float(cosine)).numpy()
+    values = sensor.response(floats(mi, cosine)).numpy()
     assert np.all(np.isfinite(values)) and np.all(values >= 0)
     assert values[-1] == pytest.approx(1, rel=1e-5)
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from kernel_arrays import floats, vectors
 
 from mitsuba_taxel import AnnularLed
 
@@ -84,7 +85,7 @@ def test_emission_laws_integrate_to_one(llvm_mono, law):
     nodes, weights = np.polynomial.legendre.leggauss(400)
     limit = np.pi / 2 if law == "lambertian" else np.radians(88)
     theta = 0.5 * limit * (nodes + 1)
-    directions = mi.Vector3f(np.sin(theta), 0 * theta, np.cos(theta))
+    directions = vectors(mi, np.sin(theta), 0, np.cos(theta))
     density = law_of(AnnularLed(law=law)).density(directions).numpy().astype(float)
     assert 0.5 * limit * weights @ (2 * np.pi * np.sin(theta) * density) == pytest.approx(1, abs=1e-5)
 
@@ -113,7 +114,7 @@ def test_led_lights_its_annulus_uniformly(llvm_mono, hole):
         return led.faces.locate(ps.p)[1]
 
     def density(p):
-        half = mi.Float(np.maximum(np.abs(p.x.numpy()), np.abs(p.y.numpy())))
+        half = floats(mi, np.maximum(np.abs(p.x.numpy()), np.abs(p.y.numpy())))
         inside = (half <= 0.125) & (half >= 0.5 * hole)
         import drjit as dr
 

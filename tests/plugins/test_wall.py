@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from kernel_arrays import vectors
 
 from mitsuba_taxel import InputError, Scene, measure
 
@@ -44,14 +45,10 @@ def directions(count, seed=0):
     return np.stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z], axis=1)
 
 
-def vectors(mi, array):
-    return mi.Vector3f(*(mi.Float(np.ascontiguousarray(c, dtype=np.float32)) for c in np.atleast_2d(array).T))
-
-
 def interaction(mi, wi):
     import drjit as dr
 
-    wi = vectors(mi, wi)
+    wi = vectors(mi, *np.atleast_2d(wi).T)
     si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wi))
     si.wi = wi
     si.sh_frame = mi.Frame3f(mi.Vector3f(0, 0, 1))
@@ -60,7 +57,7 @@ def interaction(mi, wi):
 
 def evaluate(mi, bsdf, mode, wi, wo):
     """(n,) values f |cos(theta_o)| and (n,) densities, in double precision."""
-    value, density = bsdf.eval_pdf(context(mi, mode), interaction(mi, wi), vectors(mi, wo))
+    value, density = bsdf.eval_pdf(context(mi, mode), interaction(mi, wi), vectors(mi, *np.atleast_2d(wo).T))
     return value[0].numpy().astype(float), density.numpy().astype(float)
 
 
@@ -259,7 +256,7 @@ def test_facets_project_to_the_area_of_the_wall(llvm_mono, slope):
     x, y = np.meshgrid(8 * alpha * nodes, 8 * alpha * nodes)
     normal = np.stack([-x.ravel(), -y.ravel(), np.ones(x.size)], axis=1)
     cosine = 1 / np.linalg.norm(normal, axis=1)
-    d = normals.eval(vectors(mi, normal * cosine[:, None])).numpy().astype(float)
+    d = normals.eval(vectors(mi, *(normal * cosine[:, None]).T)).numpy().astype(float)
     total = (np.outer(weights, weights).ravel() * (8 * alpha) ** 2) @ (d * cosine * cosine**3)
     assert total == pytest.approx(1, abs=1e-5)
 

@@ -5,15 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.transport.box import WIDTH, Array3f64, Box, Passage
+from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.transport.box import WIDTH, Array3f64, Box, Float64, Passage
 
 TURN = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [0.1, 1.0, 0.4], [0.3, -0.2, 1.0]]))[0]
 BOX = Box(np.array([0.1, -0.2, 0.3]), TURN, np.array([0.7, 0.5, 0.25]))
 
 
+def places(points):
+    """Array3f64 of points (N, 3)."""
+    return Array3f64(*(Float64(in_packets(part, np.float64)) for part in np.atleast_2d(points).T))
+
+
 def passage(start, end):
     """Of ways between points (N, 3) of the world."""
-    inside, there = (Array3f64(*np.atleast_2d(BOX.within(points)).T) for points in (start, end))
+    inside, there = (places(BOX.within(points)) for points in (start, end))
     return Passage(BOX, inside, there - inside)
 
 

@@ -10,7 +10,7 @@ from textwrap import dedent
 
 GUARDED = dedent("""
     import numpy as np
-    from helpers.guarded_memory import guarded
+    from guarded_memory import guarded
     from mitsuba_taxel.transport.box import Box
     from mitsuba_taxel.transport.exchange import Exchange, Starts
     pairs, points = 1003, 517  # neither is a multiple of a packet
@@ -35,6 +35,6 @@ GUARDED = dedent("""
 
 
 def test_nothing_is_read_beyond_the_end_of_arrays(llvm_mono):
-    tests = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    tests = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "helpers")}
     done = subprocess.run([sys.executable, "-c", GUARDED], capture_output=True, text=True, env=tests)
     assert done.returncode == 0, done.stderr
