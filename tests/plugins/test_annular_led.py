@@ -123,7 +123,7 @@ def test_laws_integrate_to_one(llvm_mono, tmp_path, parameters):
     for left, right in zip(ends[:-1], ends[1:], strict=True):
         u = left + (right - left) * (nodes + 1) / 2
         sine = np.sqrt(u * (2 - u))
-        density = law.density(llvm_mono.Vector3f(sine, 0 * u, 1 - u)).numpy().astype(float)
+        density = law.density(vectors(llvm_mono, sine, 0, 1 - u)).numpy().astype(float)
         total += 0.5 * (right - left) * 2 * np.pi * (weights @ density)
     # Single precision rounds 1 - cos(theta) by up to 6e-8, away from the axis.
     rounding = 6e-8 / np.diff(ends[1:]).min(initial=1)
