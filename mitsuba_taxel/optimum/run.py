@@ -16,7 +16,8 @@ from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
 from mitsuba_taxel.optimum.figures import RANGE, Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
-from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan, read_plan
+from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
+from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.optimum.result import SAME_MESH, Optimum, told
 from mitsuba_taxel.optimum.search import least_violation
 from mitsuba_taxel.pads import Pad

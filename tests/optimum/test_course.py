@@ -9,7 +9,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.optimum.course import Course
 from mitsuba_taxel.optimum.designs import Read
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
-from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.optimum.run import readable_starts
 
 STUDY = """

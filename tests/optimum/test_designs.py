@@ -10,7 +10,7 @@ from mitsuba_taxel import ComputationError
 from mitsuba_taxel.optimum.course import with_rates
 from mitsuba_taxel.optimum.designs import Designs
 from mitsuba_taxel.optimum.figures import KINDS, TINY, end_of
-from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.studies.run.pool import open_pool
 
 STUDY = """

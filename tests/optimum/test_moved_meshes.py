@@ -13,7 +13,7 @@ from mitsuba_taxel.optimum import optimise
 from mitsuba_taxel.optimum.course import Course, with_rates
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
-from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.studies.run.pool import open_pool
 
 STUDY = """

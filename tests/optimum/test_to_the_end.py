@@ -45,8 +45,19 @@ def jobs(folder):
 
 
 @pytest.fixture(scope="module")
-def softest(folder):
-    """The most sensitive cell that touches nothing up to 6.8 N, by a run that was ended, and one that went on."""
+def cluster(tmp_path_factory):
+    """The address of a Dask scheduler with one worker, which gets its jobs by way of a socket."""
+    distributed = pytest.importorskip("distributed")
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    settings |= {"protocol": "tcp://", "host": "127.0.0.1", "silence_logs": 50}
+    with distributed.LocalCluster(local_directory=str(tmp_path_factory.mktemp("dask")), **settings) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def softest(folder, cluster):
+    """The most sensitive cell that touches nothing up to 6.8 N, by a run in a process that was ended, and one on a
+    cluster that went on."""
     (folder / "soft.toml").write_text(STUDY.format(figure="sensitivity", constraint="first_contact", least=6.8))
 
     def ended(progress):
@@ -54,9 +65,9 @@ def softest(folder):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        optimise(folder / "soft.toml", folder / "out", progress=ended)
+        optimise(folder / "soft.toml", folder / "out", workers=1, progress=ended)
     kept = jobs(folder)
-    done = run_program(folder, "optimise", "soft.toml", "-o", "out", "--workers", "1", "--json")
+    done = run_program(folder, "optimise", "soft.toml", "-o", "out", "--scheduler", cluster, "--json")
     assert done.returncode == 0, done.stderr
     return kept, json.loads(done.stdout)
 

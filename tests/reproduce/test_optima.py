@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from mitsuba_taxel.optimum.designs import pads_of
-from mitsuba_taxel.optimum.plan import read_plan
+from mitsuba_taxel.optimum.plan_file import read_plan
 from mitsuba_taxel.pads.profile import control_points
 from mitsuba_taxel.reproduce.optima import (
     EFFORT,
