@@ -164,6 +164,24 @@ class Course:
         kept = [(design, each) for design, each in self._all(goal, limits) if each.violation <= HELD]
         return min(kept, key=lambda pair: pair[1].worst)[0] if kept else None
 
+    def gain_from(self, start: Design) -> tuple[float, int]:
+        """What a descent gains from an evaluated design, relative to its objective, and the number of its designs.
+
+        Gains are those on one mesh; where it is renewed, those on both add up.
+        """
+        goal, limits, before = self.plan.goal, self.plan.limits, len(self.history)
+        first = self.judged(start, goal, limits)
+        if first is None:
+            return math.nan, 0
+        self.descend(start, goal, limits)
+        new = {start, *self.history[before:]}
+        found = [(design, each) for design, each in self._all(goal, limits) if design in new and each.violation <= HELD]
+        gain = 0.0
+        for family in dict.fromkeys(design.family for design, _ in found):
+            own = [each.worst for design, each in found if design.family == family]
+            gain += own[0] - min(own)
+        return gain / (abs(first.worst) or 1.0), len(self.history) - before
+
     def stationarity(self, best: Design, *finer: Read) -> Stationarity:
         """What holds a design, by the mean of its own gradients, of those of designs near it with other meshes, one of
         each, and of those on finer meshes, as gradients scatter from mesh to mesh."""

@@ -123,7 +123,7 @@ class Designs:
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:
-            for part in parts_of(self._plan.scene(design)):
+            for part in parts_of(self._batch.scene(self._plan.told(design))):
                 if part.filename is None:
                     pad = part.build_pad()
                     for size in {pad.default_mesh_size, part.mesh_size or pad.default_mesh_size}:  # at rest, and loaded

@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.electronics import saturation_force
+from mitsuba_taxel.optimum.again import Again, Beyond
 from mitsuba_taxel.optimum.course import HELD, Course, with_rates, worst_of
-from mitsuba_taxel.optimum.designs import Designs, Read
+from mitsuba_taxel.optimum.designs import Read
 from mitsuba_taxel.optimum.figures import TO_THE_END, Seen, end_of, noise_equivalent_force
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.optimum.search import BALANCED, Stationarity
 
 if TYPE_CHECKING:
     import pandas
-
-SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +49,11 @@ class Optimum:
     unbalanced, unbalanced_error : float
         Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
         objective, 0 at an optimum; and its standard error, NaN if it is from one gradient.
+    beyond : float
+        Relative gain of the objective by a descent from the best design on the finer mesh, which is made where no local
+        optimum is shown by the slope; NaN otherwise.
+    beyond_ended : bool
+        Whether that descent ended as its steps gained no more.
     gradients : int
         Of the best design, of others within 2 % of the bounds, one of each mesh, and on the finer mesh: the slope is
         that of their mean.
@@ -74,6 +78,8 @@ class Optimum:
     probability: float
     unbalanced: float
     unbalanced_error: float
+    beyond: float
+    beyond_ended: bool
     gradients: int
     load_steps: int
     seconds: float
@@ -87,29 +93,22 @@ class Optimum:
         return self.unbalanced + self.unbalanced_error <= BALANCED
 
 
-def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas.DataFrame | None) -> Optimum:
-    """Comparison of the best design with the first, and its multipliers; ``again`` has both on a finer mesh."""
+def told(course: Course, best: Design, again: Again, trade_offs: pandas.DataFrame | None) -> Optimum:
+    """Comparison of the best design with the first, and its multipliers; ``again`` has both on a finer mesh, where a
+    descent follows if the slope shows no local optimum."""
     import pandas
 
     plan, before, notes = course.plan, course.before, list(course.designs.notes)
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
         notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
-    if again is None:
-        notes.append("the best design could not be read on a finer mesh: its improvement is not judged again")
-    else:
-        notes += [note for note in again.notes if note not in notes]
+    notes += [note for note in again.notes if note not in notes]
     asked = plan.asked
-    reads = {"before": course.read(before), "best": course.read(best)}
-    if again is not None:
-        pair = again.read([before.alone, best.alone])
-        finer = zip(("before_finer", "best_finer"), pair, strict=True)
-        reads |= {name: read for name, read in finer if read is not None}
+    reads = {"before": course.read(before), "best": course.read(best)} | again.reads
     notes += _ends(course, again, reads)
     notes += circuit_notes(reads["best"].values, {name: along for name, (along, _) in plan.lines.items()})
-    held = course.stationarity(
-        best, *([reads["best_finer"]] if again is not None and SAME_MESH not in again.notes else [])
-    )
+    held = course.stationarity(best, *again.finer)
+    beyond = None if held.is_local else again.descend()
     sizes = [len(limit.figure.components(reads["best"].values)) for limit in plan.limits]
     multipliers = [float(part.sum()) for part in np.split(held.limits, np.cumsum(sizes)[:-1])] if sizes else []
     figures = pandas.DataFrame(
@@ -135,19 +134,21 @@ def told(course: Course, best: Design, again: Designs | None, trade_offs: pandas
         probability,
         held.left,
         held.error,
+        math.nan if beyond is None else beyond.gain,
+        beyond is not None and beyond.ended,
         held.gradients,
         course.designs.loads,
         course.designs.seconds,
         [course.designs.seconds_of.get(design, 0.0) for design in course.history],
-        _doubts(course, held, probability, reads),
+        _doubts(course, held, beyond, probability, reads),
         notes,
     )
 
 
-def _ends(course: Course, again: Designs | None, reads: Mapping[str, Read]) -> list[str]:
+def _ends(course: Course, again: Again, reads: Mapping[str, Read]) -> list[str]:
     """Each range and first contact of the best design that is a figure, with its error, and what ends it."""
     notes = []
-    finer = "best_finer" if again is not None and SAME_MESH not in again.notes and "best_finer" in reads else "best"
+    finer = "best_finer" if again.finer else "best"
     for figure in {one.words: one for one in course.plan.figures if one.kind in TO_THE_END}.values():
         ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
         error = "" if finer == "best" else f" ± {abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
@@ -230,16 +231,26 @@ def _broken(course: Course, read: Read) -> str:
     return " and ".join(f"{limit.words} ({at:.4g})" for limit, at in beyond)
 
 
-def _doubts(course: Course, held: Stationarity, probability: float, reads: Mapping[str, Read]) -> list[str]:
+def _gained(beyond: Beyond | None) -> str:
+    """What a descent on the finer mesh gained, in words that go on."""
+    if beyond is None:
+        return "; more evaluations may find better, or readings are too coarse to tell"
+    end = "then no step gains more" if beyond.ended else "more evaluations may find better"
+    return f"; on the finer mesh a descent from it gains {beyond.gain:.2%} in {beyond.designs} designs, and {end}"
+
+
+def _doubts(
+    course: Course, held: Stationarity, beyond: Beyond | None, probability: float, reads: Mapping[str, Read]
+) -> list[str]:
     warnings = []
     if "best_finer" in reads and (broken := _broken(course, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design does not keep {broken}")
     if math.isnan(held.error):
-        warnings.append("a local optimum is not certain: its slope is known from one mesh only")
-    elif held.left + held.error > BALANCED:
+        warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(beyond)}")
+    elif not held.is_local:
         warnings.append(
             f"a local optimum is not certain: a slope of the objective of {held.left + held.error:.0%} over the width "
-            "of the bounds may be left; more evaluations may find better, or readings are too coarse to tell"
+            f"of the bounds may be left{_gained(beyond)}"
         )
     if probability < 0.95 and (broken := _broken(course, reads["before"])):
         warnings.append(f"the first design does not keep {broken}: the best one is that of those that do")

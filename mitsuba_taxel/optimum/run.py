@@ -10,25 +10,19 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.kernels.dome_elements import size_for_light
+from mitsuba_taxel.optimum.again import judged_again
 from mitsuba_taxel.optimum.course import Course, OptimisationProgress, worst_of
-from mitsuba_taxel.optimum.designs import Designs, pads_of, parts_of
+from mitsuba_taxel.optimum.designs import Designs, pads_of
 from mitsuba_taxel.optimum.figures import RANGE, Figure
 from mitsuba_taxel.optimum.front import front
 from mitsuba_taxel.optimum.outputs import write
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
 from mitsuba_taxel.optimum.plan_file import read_plan
-from mitsuba_taxel.optimum.result import SAME_MESH, Optimum, told
+from mitsuba_taxel.optimum.result import Optimum, told
 from mitsuba_taxel.optimum.search import least_violation
-from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.sensing import Scene
-from mitsuba_taxel.sensing.scene_pads import deformed_pads
 from mitsuba_taxel.studies.plan.files import make_folder
-from mitsuba_taxel.studies.run.pool import Pool, open_pool
+from mitsuba_taxel.studies.run.pool import open_pool
 
-FINER = 0.75
-"""Factors on mesh size and points for the verification of a design."""
-MORE_POINTS = 4
 IN_VIEW = 2.0
 """Least angle in degrees of roofs with a profile to rays from the middle of their cell's opening."""
 
@@ -84,8 +78,8 @@ def optimise(
         trade_offs = None if plan.front is None else front(course, *plan.front)
         best = course.best(plan.goal, plan.limits) or best
         course.look([best.alone])
-        finer = _judged_again(plan, pool, folder, [course.before.alone, best.alone])
-        result = told(course, best, finer, trade_offs)
+        again = judged_again(course, best, pool, folder / "judged")
+        result = told(course, best, again, trade_offs)
     write(plan, course.before, best, result, folder)
     return result
 
@@ -148,26 +142,3 @@ def _no_design(course: Course) -> InputError:
         what = "met by no design yet, but more evaluations or starts may find one"
     said = " and ".join(f"{limit.words} (nearest: {worst_of(limit, course.read(nearest)):.4g})" for limit in guilty)
     return InputError(f"constraints {what}: {said}; {len(course.history)} designs looked at.")
-
-
-def _default_size(scene: Scene) -> float | None:
-    """Of the smallest elements of built-in pads under load, in mm."""
-    built = [pad for pad in deformed_pads(scene.load()) if isinstance(pad.pad, Pad)]
-    sizes = (size_for_light(pad.pad, pad.load, [pad.bsdf()]) or pad.pad.default_mesh_size for pad in built)
-    return min(sizes, default=None)
-
-
-def _judged_again(plan: Plan, pool: Pool, folder: Path, designs: list[Design]) -> Designs | None:
-    """Designs evaluated on a finer mesh, with more points and another seed; None if one fails."""
-    scene = plan.scene(designs[-1])
-    parts = parts_of(scene)
-    size = plan.batch.mesh_size or (_default_size(scene) if parts else None)
-    finer = replace(
-        plan.batch,
-        points=MORE_POINTS * (plan.batch.points or 1),
-        seed=plan.batch.seed + 1,
-        mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
-    )
-    again = Designs(plan, pool, folder / "judged", False, finer)
-    again.notes = [SAME_MESH] if parts and not (size and scene.leaves_mesh_open) else []
-    return again if all(read is not None for read in again.read(designs)) else None

@@ -74,6 +74,11 @@ class Stationarity:
     limits: np.ndarray
     bounds: np.ndarray
 
+    @property
+    def is_local(self) -> bool:
+        """Whether the point is a local optimum as far as its slope is known."""
+        return self.left + self.error <= BALANCED
+
 
 def stationarity(x: np.ndarray, found: Judged, others: Sequence[Judged] = ()) -> Stationarity:
     """Multipliers of active limits and bounds at a point.

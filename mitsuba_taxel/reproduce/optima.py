@@ -185,7 +185,8 @@ def _dataset(found: Any) -> xr.Dataset:
             values = getattr(found, name)[column].to_numpy()
             variables[f"{name}_{column}"] = (name, values if values.dtype.kind == "f" else values.astype(str))
     numbers = (
-        "gain", "gain_error", "probability", "unbalanced", "unbalanced_error", "gradients", "load_steps", "seconds",
+        "gain", "gain_error", "probability", "unbalanced", "unbalanced_error", "gradients", "beyond", "beyond_ended",
+        "load_steps", "seconds",
     )  # fmt: skip
     attributes: dict[str, Any] = {name: float(getattr(found, name)) for name in numbers}
     words = json.dumps([*found.warnings, *found.notes])

@@ -60,7 +60,9 @@ Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± 
 mesh. *Held by* names active bounds, and *left* is the slope of the objective that neither bounds nor constraints hold,
 relative to it and over the width of the bounds. Gradients scatter from mesh to mesh, so it is that of the mean of the
 best design's own, of that on the finer mesh, and of those of designs within {near:.0%} of the bounds; ± is its standard
-error. A design is called a local *optimum* only if both together are at most {balanced:.0%}. One descent of at most
+error. A design is called a local *optimum* if both together are at most {balanced:.0%}. Where they are not, a descent
+from it on the finer mesh tells what there is to gain: until its steps gain no more (*within*), or no more designs are
+allowed. One descent of at most
 {evaluations} designs was made for each shape, so a better design elsewhere within the bounds is not excluded;
 {effort}.
 
@@ -131,7 +133,7 @@ def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
                 *(f"{values[name]:.3g}" if name in values else "" for name in names),
                 ", ".join(at),
                 _left(one),
-                "yes" if one.attrs["unbalanced"] + one.attrs["unbalanced_error"] <= BALANCED else "not shown",
+                _optimal(one),
             ]
         )
     lines = [
@@ -197,6 +199,17 @@ def _lean(one: xr.Dataset) -> list[str]:
     lean = round(values["top_x"], 6)
     said = f"tops of cells lie {lean:.3g} mm off their axes along x, by which the outer wall is thinner there"
     return [said if lean else "it does not lean, as the outer wall would be thinner by as much"]
+
+
+def _optimal(one: xr.Dataset) -> str:
+    """Whether it is a local optimum, or how far from one at most."""
+    if one.attrs["unbalanced"] + one.attrs["unbalanced_error"] <= BALANCED:
+        return "yes"
+    if np.isnan(one.attrs["beyond"]):
+        return "not shown"
+    return (
+        f"within {one.attrs['beyond']:.1%}" if one.attrs["beyond_ended"] else f"{one.attrs['beyond']:.1%} or more off"
+    )
 
 
 def _left(one: xr.Dataset) -> str:

@@ -1,0 +1,108 @@
+"""The first and the best design judged again, on a finer mesh with more points and another seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_taxel.kernels.dome_elements import size_for_light
+from mitsuba_taxel.optimum.course import Course
+from mitsuba_taxel.optimum.designs import Designs, Read, parts_of
+from mitsuba_taxel.optimum.plan import Design
+from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
+from mitsuba_taxel.studies.run.pool import Pool
+
+FINER = 0.75
+"""Factors on mesh size and points."""
+MORE_POINTS = 4
+SAME_MESH = "the mesh could not be made finer, which the scene states: what it does to the improvement is not known"
+
+
+class Beyond(NamedTuple):
+    """A descent from the best design on the finer mesh.
+
+    Attributes
+    ----------
+    gain : float
+        Of the objective, relative to that of the best design there.
+    designs : int
+        Their number, without the best one.
+    ended : bool
+        Whether it ended as its steps gained no more, not as no more were allowed.
+    """
+
+    gain: float
+    designs: int
+    ended: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Again:
+    """Designs judged again.
+
+    Attributes
+    ----------
+    course : Course
+        Of designs on the finer mesh.
+    first, winner : Design
+        The first and the best design, with meshes of their own.
+    reads : dict[str, Read]
+        What is read of them, as ``before_finer`` and ``best_finer``; empty if one fails.
+    is_finer : bool
+        Whether the mesh is, which the scene may have fixed.
+    """
+
+    course: Course
+    first: Design
+    winner: Design
+    reads: dict[str, Read]
+    is_finer: bool
+
+    @property
+    def notes(self) -> list[str]:
+        """What is said about it."""
+        if not self.reads:
+            return ["the best design could not be read on a finer mesh: its improvement is not judged again"]
+        return [*self.course.designs.notes, *([] if self.is_finer else [SAME_MESH])]
+
+    @property
+    def finer(self) -> list[Read]:
+        """The best design on a finer mesh, if it could be read there."""
+        return [self.reads["best_finer"]] if self.reads and self.is_finer else []
+
+    def descend(self) -> Beyond | None:
+        """A descent from the best design on the finer mesh; None if it has not been read there."""
+        if not self.finer:
+            return None
+        plan = self.course.plan
+        gain, designs = self.course.gain_from(self.winner)
+        return Beyond(gain, designs, designs < plan.evaluations)
+
+
+def judged_again(course: Course, best: Design, pool: Pool, folder: Path) -> Again:
+    """The first design of a course and the best one again, in ``folder``."""
+    plan, first, winner = course.plan, course.before.alone, best.alone
+    scene = plan.scene(winner)
+    parts = parts_of(scene)
+    size = plan.batch.mesh_size or (_default_size(scene) if parts else None)
+    finer = replace(
+        plan.batch,
+        points=MORE_POINTS * (plan.batch.points or 1),
+        seed=plan.batch.seed + 1,
+        mesh_size=None if size is None else float(f"{FINER * size:.3g}"),
+    )
+    again = Course(plan, Designs(plan, pool, folder, False, finer), None)
+    named = zip(("before_finer", "best_finer"), again.look([first, winner]), strict=True)
+    reads = {name: read for name, read in named if read is not None}
+    is_finer = not parts or bool(size and scene.leaves_mesh_open)
+    return Again(again, first, winner, reads if len(reads) == 2 else {}, is_finer)
+
+
+def _default_size(scene: Scene) -> float | None:
+    """Of the smallest elements of built-in pads under load, in mm."""
+    built = [pad for pad in deformed_pads(scene.load()) if isinstance(pad.pad, Pad)]
+    sizes = (size_for_light(pad.pad, pad.load, [pad.bsdf()]) or pad.pad.default_mesh_size for pad in built)
+    return min(sizes, default=None)
