@@ -6,12 +6,15 @@ onto the board, and the path of a pad that goes on would end by its elements. A 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.rim_corners import rim_corners
-from mitsuba_taxel.mechanics.elements.elements import quadrature_places
+from mitsuba_taxel.mechanics.elements.elements import Elements, SmallStrain, quadrature_places
 from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.materials.laws import Material
 
 RADIUS = 1 / 15
 """Distance from a foot, relative to the pad's height, within which the law of a pad that goes on is linear."""
@@ -19,25 +22,49 @@ SHARP = 30.0
 """Least turn of the glued outer rim at a foot, in degrees."""
 
 
-def where_linear(mesh: VolumeMesh, load: Load) -> np.ndarray | None:
-    """(m, q) whether the law is linear at the quadrature points of the elements.
+def where_linear(mesh: VolumeMesh, load: Load, share: float = 1.0) -> np.ndarray | None:
+    """(m, q) whether the law is linear at the quadrature points of the elements, within a ``share`` of :data:`RADIUS`.
 
     None if at none: under loads that do not go on where a pad touches itself or the board, and of round pads.
     """
     if not load.goes_on:
         return None
-    near = near_feet(mesh)
+    near = near_feet(mesh, share)
     return near if near.any() else None
 
 
-def near_feet(mesh: VolumeMesh) -> np.ndarray:
+def near_feet(mesh: VolumeMesh, share: float = 1.0) -> np.ndarray:
     """(m, q) whether the quadrature points of the elements are near a foot."""
-    return are_at_feet(mesh, quadrature_places(mesh))
+    return are_at_feet(mesh, quadrature_places(mesh), share)
 
 
-def are_at_feet(mesh: VolumeMesh, places: np.ndarray) -> np.ndarray:
-    """(...) whether places (..., 3) in mm are within :data:`RADIUS` of a foot."""
-    near, radius = np.zeros(places.shape[:-1], dtype=bool), RADIUS * float(np.ptp(mesh.points[:, 2]))
+def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
+    """A sentence if what is touched at a place (3,) in mm is the board, below a foot; else nothing."""
+    if touched != "the board" or not are_at_feet(mesh, place):
+        return ""
+    return " That is the foot of an upright edge, which rolls over earlier on smaller elements."
+
+
+def couple_held(
+    mesh: VolumeMesh, material: Material, linear: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+) -> np.ndarray:
+    """(3,) N mm, moment about the origin of the nodal forces of the linear law, at quadrature points (m, q).
+
+    That of other laws is zero. This one knows small rotations alone, and resists others as the board does to which the
+    feet are glued.
+    """
+    at = np.flatnonzero(linear.any(axis=1))
+    elements, every = Elements(replace(mesh, tets=mesh.tets[at]), material), slice(None)
+    where, gradient = linear[at], elements.gradient(every, displacement)
+    stress = elements.pressures(every, pressure)[..., None, None] * np.eye(3)
+    stress[where] += SmallStrain(where, gradient[where]).stress(material.shear_modulus)
+    virial = np.einsum("mq,mqij,mqkj->ik", elements.weight * where, gradient, stress)
+    return np.array([virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]])
+
+
+def are_at_feet(mesh: VolumeMesh, places: np.ndarray, share: float = 1.0) -> np.ndarray:
+    """(...) whether places (..., 3) in mm are within a ``share`` of :data:`RADIUS` of a foot."""
+    near, radius = np.zeros(places.shape[:-1], dtype=bool), share * RADIUS * float(np.ptp(mesh.points[:, 2]))
     for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
         near |= np.linalg.norm(places - foot, axis=-1) < radius
     return near

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.feet import are_at_feet
+from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
@@ -410,8 +410,7 @@ class PadPath:
             further = " It may go on with smaller elements."
         elif reason.startswith("touches") and not isinstance(self.load, IndenterDisplacement | IndenterForce):
             further = " With self_contact = true it goes on."
-        if reason == "touches the board" and are_at_feet(self.mesh, place):
-            further = f" That is the foot of an upright edge, which rolls over earlier on smaller elements.{further}"
+        further = said_of(reason.removeprefix("touches "), self.mesh, place) + further
         at = f"{self.load.quantity} = {shown} {self.load.unit}"
         words = f"the pad {reason}{where}: the load path ends at {at}.{further}"
         touched = reason.startswith("touches")

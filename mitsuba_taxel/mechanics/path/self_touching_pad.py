@@ -42,7 +42,7 @@ class SelfTouchingPad(LoadedPad):
         super().__init__(*parts, **more)
 
     def _linear(self) -> np.ndarray | None:
-        return where_linear(self.whole, self.load)
+        return where_linear(self.whole, self.load, self._share)
 
     @cached_property
     def _contacts(self) -> Contacts:

@@ -1,4 +1,5 @@
-"""The error of a state by the distance from which its walls repel each other: from the same state with half of it."""
+"""The error of a state by the distances from which its walls repel each other, and within which the law of its feet is
+linear: from the same state with half of both."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
 
 REMAINDER = 2.0
-"""Error by the reach, which is proportional to it, relative to the change with half of it."""
+"""Error by the reach, which is proportional to it, relative to the change with half of it; that by the feet falls
+faster with their size."""
 
 
 class _Closer(NamedTuple):

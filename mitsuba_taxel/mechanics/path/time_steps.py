@@ -44,11 +44,12 @@ Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
 
 class Ended(Exception):
-    """No further state: the ``reason``, and the ``value`` of the load and fraction ``share`` of the way reached."""
+    """No further state: the ``reason``, the ``value`` of the load and fraction ``share`` of the way reached, and a
+    ``contact`` there."""
 
-    def __init__(self, value: np.ndarray, share: float, reason: str) -> None:
+    def __init__(self, value: np.ndarray, share: float, reason: str, contact: Contact | None = None) -> None:
         super().__init__(reason)
-        self.value, self.share, self.reason = value, share, reason
+        self.value, self.share, self.reason, self.contact = value, share, reason, contact
 
 
 class TooLong(Exception):
@@ -368,10 +369,10 @@ class Stretch:
         contact = touch(self._pad, after.unknowns)
         if contact:
             place = ", ".join(f"{number:.4g}" for number in contact.place)
-            raise self._ended(here, f"touches {contact.what} near ({place}) mm, which is outside the model")
+            raise self._ended(here, f"touches {contact.what} near ({place}) mm, which is outside the model", contact)
 
-    def _ended(self, here: Moment, reason: str) -> Ended:
-        return Ended(self._load[0] + here.share * self._load[1], here.share, reason)
+    def _ended(self, here: Moment, reason: str, contact: Contact | None = None) -> Ended:
+        return Ended(self._load[0] + here.share * self._load[1], here.share, reason, contact)
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:

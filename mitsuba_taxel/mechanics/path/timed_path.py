@@ -20,6 +20,7 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
@@ -348,7 +349,8 @@ class TimedPath:
         shown = f"({value})" if len(ended.value) == 3 else value
         time = start + ended.share * duration
         when = f", {time:.4g} s" if self._material.prony else ""
-        return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}."
+        said = ended.contact and said_of(ended.contact.what, self._path.mesh, np.array(ended.contact.place))
+        return f"the pad {ended.reason}: the load path ends at {load.quantity} = {shown} {load.unit}{when}.{said or ''}"
 
     def _refuse_contact(self, rows: tuple[Row, ...], obstacles: np.ndarray) -> None:
         """Raise if a pad touches obstacles at the end of one of the rows; rows without contact are checked once."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
-from mitsuba_taxel.mechanics.contact.feet import where_linear
+from mitsuba_taxel.mechanics.contact.feet import couple_held, where_linear
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
     IndenterForce,
@@ -38,7 +38,8 @@ class Reactions:
     force : (3,) ndarray
         In N, of the board on the pad.
     moment : (3,) ndarray
-        N mm, of the board's forces on the deformed pad.
+        N mm, of the board's forces on the deformed pad, and what holds its feet against large rotations where their law
+        is linear.
     applied_force : (3,) ndarray
         In N; for the displacement of a plate or an indenter, its force.
     applied_moment : (3,) ndarray
@@ -101,9 +102,12 @@ def reactions(state: State) -> Reactions:
         own, touched = Contacts(mesh, state.material.youngs_modulus, state.bodies).forces(state.displacement)
         board[bottom] -= own[bottom] + touched[bottom]
         board += touched
+    moment = np.cross(places, board).sum(axis=0)
+    if linear is not None:
+        moment -= couple_held(mesh, state.material, linear, state.displacement, state.pressure)
     return Reactions(
         board.sum(axis=0),
-        np.cross(places, board).sum(axis=0),
+        moment,
         applied.sum(axis=0),
         np.cross(places, applied).sum(axis=0),
         float(np.linalg.norm(mesh.points, axis=1).max()),

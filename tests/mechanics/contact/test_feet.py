@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, SpreadForce
-from mitsuba_taxel.mechanics.contact.feet import near_feet
+from mitsuba_taxel.mechanics import MooneyRivlin, NeoHookean, SpreadForce, Viscoelastic
+from mitsuba_taxel.mechanics.contact.feet import couple_held, near_feet
+from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import Elements, quadrature_places
+from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
 from mitsuba_taxel.mechanics.path.pad_path import pad_path
+from mitsuba_taxel.mechanics.path.time_steps import Ended
+from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
 
 LAWS = [NeoHookean(2.0, 0.45), MooneyRivlin(0.3, 0.1, 0.49)]
@@ -51,6 +55,23 @@ def test_a_homogeneous_strain_has_the_stress_of_hooke(mesh, law):
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_the_couple_that_is_held_is_the_moment_of_its_forces(mesh, law):
+    """Of those of all elements, and of those at the feet alone; other laws have none."""
+    rng = np.random.default_rng(5)
+    displacement = mesh.points @ (0.1 * rng.standard_normal((3, 3))) + 0.01 * mesh.points**2
+    pressure = rng.standard_normal(mesh.corner_count)
+    places = mesh.points + displacement
+    usual = internal_forces(mesh, law, displacement, pressure)
+    scale = np.abs(usual).sum()
+    np.testing.assert_allclose(np.cross(places, usual).sum(axis=0), 0, atol=1e-12 * scale)
+    for linear in (np.ones((len(mesh.tets), 8), dtype=bool), near_feet(mesh)):
+        forces = internal_forces(mesh, law, displacement, pressure, linear=linear)
+        moment = np.cross(places, forces).sum(axis=0)
+        assert np.abs(moment).max() > 1e-7 * scale
+        np.testing.assert_allclose(couple_held(mesh, law, linear, displacement, pressure), moment, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_forces_are_linear_and_the_tangent_is_theirs(mesh, law):
     assembly = linear_everywhere(mesh, law)
     rng = np.random.default_rng(3)
@@ -78,10 +99,14 @@ def test_small_strains_are_those_of_the_law(mesh):
 
 @pytest.mark.parametrize(("place", "said"), [((1.0, -1.0), True), ((-0.98, 0.98), True), ((1.0, 0.2), False)])
 def test_a_path_that_ends_at_a_foot_says_so(mesh, place, said):
-    """At a place that is told relative to the corner of the bottom."""
+    """At a place that is told relative to the corner of the bottom; also one of a viscoelastic silicone."""
     pad = Pad("cylindrical", rows=1, columns=2)
     at = np.array([place[0] * pad.extent[0] / 2, place[1] * pad.extent[1] / 2, 0.0])
-    path = pad_path(pad, LAWS[0], SpreadForce(), 2.5)
-    (message,) = path._end(np.array([0.0, 0.0, -3.0]), "touches the board", at, []).args
+    path, value = pad_path(pad, LAWS[0], SpreadForce(), 2.5), np.array([0.0, 0.0, -3.0])
+    (message,) = path._end(value, "touches the board", at, []).args
     assert message.endswith("-3) N. " * (not said) + "With self_contact = true it goes on.")
-    assert ("the foot of an upright edge, which rolls over earlier on smaller elements" in message) is said
+    ended = Ended(value, 1.0, "touches the board", Contact("the board", tuple(at)))
+    in_time = TimedPath(path, Viscoelastic(LAWS[0], ((0.2, 1.0),)))._end(ended, 0.0, 2.0)
+    assert in_time.endswith("-3) N, 2 s.") is not said
+    for words in (message, in_time):
+        assert ("the foot of an upright edge, which rolls over earlier on smaller elements" in words) is said
