@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.optimum.figures import FIRST_CONTACT, TO_THE_END, Seen
-from mitsuba_taxel.optimum.plan import Design, Limit, Plan
+from mitsuba_taxel.optimum.figures import FIRST_CONTACT
+from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.sensing.first_contact import why_no_contact
 from mitsuba_taxel.studies.plan.batch import Batch
 
@@ -56,15 +56,3 @@ def lines_untold(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[st
                 raise InputError(refused)
             found[line] = refused
     return found
-
-
-def why_untold(plan: Plan, seen: Seen) -> str:
-    """Why the load path of a design ends before a figure is told, as where the pad becomes unstable; empty if it does
-    not, or bears as much as is asked for."""
-    for asked in (*plan.asked, *([plan.front[0]] if plan.front else [])):
-        if asked.figure.kind in TO_THE_END:
-            line, least = seen.lines[asked.figure.told["along"]], asked.figure.components(seen).real.min(initial=np.inf)
-            bears = isinstance(asked, Limit) and asked.sign < 0 and asked.bound <= least
-            if line.ended and least == abs(line.contact.real) and not bears:
-                return line.ended
-    return ""

@@ -47,7 +47,7 @@ class Line:
     touched : str
         What they touch there; empty if there is no contact up to there.
     ended : str
-        Why the load path ends there without contact; empty if it does not.
+        Why the load path ends there without contact, as where the pad becomes unstable; empty if it does not.
     """
 
     values: np.ndarray

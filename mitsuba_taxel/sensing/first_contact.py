@@ -8,6 +8,7 @@ whether there is contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import mitsuba as mi
 import numpy as np
@@ -19,6 +20,7 @@ from mitsuba_taxel.mechanics.contact.self_contact import PACKAGE, Contact
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.sensing.clearance import packages
 from mitsuba_taxel.sensing.contact_value import FirstContact
+from mitsuba_taxel.sensing.instability import Instability
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
@@ -27,6 +29,8 @@ from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 BEFORE = 1e-9
 """How far before the end of the path the walls are looked at, relative to the way there."""
+NEAR_END = 1e-3
+"""The same, where the path ends otherwise."""
 PARALLEL = 1e-9
 """Sine of the angle between two loads below which it is due to rounding."""
 MOVED = 1e-4
@@ -95,12 +99,26 @@ def first_contact(
         assert end.value is not None
         further = float((end.value - value) @ change.load / (change.load @ change.load))
         if end.contact is None:
-            return FirstContact(last + further, np.zeros(len(names)), "", str(end))
+            return replace(_before_it_gives_way(at, along, last, further, names), ended=str(end))
         contact, ends = end.contact, at(last + (1 - BEFORE) * further)
     else:
         return FirstContact(furthest, np.zeros(len(names)), "")
     found = _Touching(ends, along, furthest > last, contact)
     return FirstContact(found.value, np.array([found.rate(name) for name in names]), contact.what)
+
+
+def _before_it_gives_way(
+    at: Callable[[float], Scene], along: str, last: float, further: float, names: Sequence[str]
+) -> FirstContact:
+    """Where a path ends as the pad becomes unstable, as from a state before; if that does not tell the end, the last
+    load of which there is a state, with unknown derivatives."""
+    try:
+        found = Instability(at(last + (1 - NEAR_END) * further), along)
+        if abs(found.value - last - further) <= 2 * NEAR_END * abs(further):
+            return FirstContact(found.value, np.array([found.rate(name) for name in names]), "")
+    except ComputationError:
+        pass
+    return FirstContact(last + further, np.full(len(names), np.nan), "")
 
 
 class _Touching:

@@ -59,11 +59,37 @@ def test_a_load_beyond_which_nothing_is_asked(contact):
     assert (found.value, found.rates.tolist(), found.touched) == (-2.0, [0.0], "")
 
 
-def test_a_path_that_ends_before(tmp_path):
-    """Of a single high cell, which becomes unstable: the last load of which there is a state."""
-    (tmp_path / "high.xml").write_text(one_cell(youngs_modulus=4, fz=0))
-    found = first_contact(lambda fz: Scene(tmp_path / "high.xml", {"fz": fz}), "fz", -1.0, -40.0, ["youngs_modulus"])
-    assert -40 < found.value < -1 and found.rates == [0.0] and "is unstable" in found.ended
+HIGH = {"youngs_modulus": 4.0, "height": 4.55, "cell_size": 2.55, "led_power": 1.0, "fz": -1.0}
+
+
+@pytest.fixture(scope="module")
+def unstable(tmp_path_factory):
+    """Where the path of a single high cell ends, which becomes unstable before it touches anything."""
+    file = tmp_path_factory.mktemp("high") / "high.xml"
+    given = "".join(f'<float name="{name}" value="${name}"/> ' for name in ("height", "cell_size"))
+    file.write_text(one_cell(**HIGH).replace("<vector", given + "<vector", 1))
+    origin = {"meshed_as": f"height={HIGH['height']}, cell_size={HIGH['cell_size']}"}
+
+    def found(names=(), **changed):
+        def at(fz):
+            values = {**HIGH, **changed, "fz": fz}
+            return Scene(file, {name: repr(float(value)) for name, value in values.items()} | origin)
+
+        return first_contact(at, "fz", -1.0, -40.0, names)
+
+    return found
+
+
+def test_a_path_that_ends_before(unstable):
+    """To scale with the modulus, and otherwise as differences of the whole chain have it, on one mesh."""
+    found = unstable(tuple(HIGH)[:-1])
+    assert -40 < found.value < -1 and found.touched == "" and "is unstable" in found.ended
+    by = dict(zip(HIGH, found.rates, strict=False))
+    assert by.pop("youngs_modulus") == pytest.approx(found.value / HIGH["youngs_modulus"], rel=1e-5)
+    assert by.pop("led_power") == 0
+    for name, rate in by.items():
+        ends = (unstable(**{name: HIGH[name] + way * 0.01}).value for way in (1, -1))
+        assert rate == pytest.approx(np.subtract(*ends) / 0.02, rel=2e-3), name
 
 
 @pytest.mark.parametrize(

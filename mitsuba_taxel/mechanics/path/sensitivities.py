@@ -91,7 +91,7 @@ def linearise(state: State) -> LinearisedState:
     if state.load.goes_on:
         raise InputError("derivatives with self_contact are not available: leave it out, or vary steps.")
     with _told(state.load, state.value):
-        pad = loaded_pad(state.mesh, state.material, state.load, _mirrors(state))
+        pad = loaded_pad(state.mesh, state.material, state.load, mirrors_of_state(state))
         blocks = _blocks(pad)
         unknowns = pad.gather(state.displacement, state.pressure)
         solution, linearised = pad.solve_closely(unknowns, state.value)
@@ -314,7 +314,7 @@ class LinearisedState:
         return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
 
 
-def _mirrors(state: State) -> tuple[Mirror, ...]:
+def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
     """The common symmetries of pad and state."""
     images = mirror_images(state.mesh, state.load)
     largest = np.abs(state.displacement).max()
