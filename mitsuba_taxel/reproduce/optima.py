@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.scenes import centre_of
+from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.studies.plan.files import make_folder
 
 MESH_SIZE = 1.6
@@ -68,6 +70,8 @@ SHAPES = {name: (*paper.CELLS, *MORE.get(name, ())) for name in PURPOSES}
 EFFORT = {("normal", SQUARE): (3, 20)}
 """Starts, and most evaluations of each, where they are not one and those of :data:`EVALUATIONS`."""
 EVALUATIONS = {"normal": 16, "tangential": 16, "resolution": 12}
+RANGE = 20
+"""Of the sensor, in N: how far the best pads are followed under normal force alone."""
 NEARLY = 0.01
 """Relative difference from the best design that counts as close to it."""
 
@@ -132,7 +136,26 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
         write_study(folder, purpose, cell)
         return _dataset(optimise(folder / "study.toml", folder / "found", workers=workers))
 
-    return store.study(name, {"study": _study(purpose, cell), "taxels": list(PURPOSES[purpose][0])}, compute)
+    found = store.study(name, {"study": _study(purpose, cell), "taxels": list(PURPOSES[purpose][0])}, compute)
+    reach = _reach(store, name, dict(zip(found.variables_variable.values, found.variables_best.values, strict=True)))
+    return found.assign_attrs(reach.attrs)
+
+
+def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
+    """Up to which normal force in N, of `RANGE`, the best pad touches nothing, and what ends it there, if anything."""
+    given = {str(parameter): repr(float(value)) for parameter, value in values.items()}
+
+    def compute() -> xr.Dataset:
+        from mitsuba_taxel.sensing.first_contact import first_contact
+
+        def at(force: float) -> Scene:
+            return Scene(store.folder / name / "sensor.xml", given | {"fz": repr(float(force))}, MESH_SIZE)
+
+        end = first_contact(at, "fz", -1.0, -RANGE)
+        why = f"it touches {end.touched}" if end.touched else end.ended
+        return xr.Dataset(attrs={"reach": abs(end.value), "reach_ended": why})
+
+    return store.study(f"{name}_reach", given, compute)
 
 
 def _study(purpose: str, cell: str) -> str:

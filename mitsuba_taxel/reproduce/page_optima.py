@@ -31,6 +31,7 @@ from mitsuba_taxel.reproduce.optima import (
     POINTS,
     PROFILE_HEIGHT,
     PROFILES,
+    RANGE,
     VARIABLES,
 )
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -144,7 +145,19 @@ def _section(purpose: str, found: Mapping[str, xr.Dataset]) -> str:
     lines += [f"- {cell}: {_descents(purpose, cell, one)}" for cell, one in found.items() if one.sizes["descent"] > 1]
     said = "\n".join(lines) + "\n\n" if lines else ""
     table = markdown_table([*head, "held by", "left", "optimum"], rows)
-    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{_best_of(purpose, found)}\n"
+    about = f"{_best_of(purpose, found)} {_reach_of(found)}"
+    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{said}{about}\n"
+
+
+def _reach_of(found: Mapping[str, xr.Dataset]) -> str:
+    """How far the best pads may be loaded."""
+    ends = [
+        f"the {cell} one to {one.attrs['reach']:.3g} N ({one.attrs['reach_ended']})"
+        for cell, one in found.items()
+        if one.attrs["reach"] < RANGE
+    ]
+    whole = f"Under normal force alone, the best pads touch nothing up to {RANGE} N, the range of the sensor"
+    return f"{whole}, but {', '.join(ends)}." if ends else f"{whole}."
 
 
 def _best_of(purpose: str, found: Mapping[str, xr.Dataset]) -> str:

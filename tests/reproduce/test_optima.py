@@ -43,6 +43,7 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
         "beyond_ended": cell == "cylindrical",
     }
     numbers |= {"unbalanced_error": {"cylindrical": 0.05, "spherical": np.nan}.get(cell, 0.02), "gradients": 3}
+    numbers |= {"reach": 12.0 if cell == "spherical" else 20.0, "reach_ended": "it touches the board"}
     descents = 2 if cell == SQUARE else 1
     several = {"best": [best, np.nan], "designs": [8, 20], "failed": [0, 5], "seconds": [90, 200], "close": [6, np.nan]}
     return xr.Dataset(
@@ -73,6 +74,10 @@ def test_the_page(tmp_path):
         and "| cell_height (low) | 1.0% ± 2.0% | yes |" in text
     )
     assert "Of the paper's four the parallelepiped one is best, with 50 µW/N; of those found" in text
+    assert (
+        "touch nothing up to 20 N, the range of the sensor, but the spherical one to 12 N (it touches the board)."
+        in text
+    )
     assert "- hemispheric: so so" in text and "135 designs with 405 load steps" in text
     assert (
         "- profile: points (r, z) of the roof in mm, from the rim to the crown: (1.25, 1.68), (0.75, 1.2), (0, 1.2)"
