@@ -31,8 +31,9 @@ class Optimum:
         Parameters of the original scene, and of the best design.
     figures : DataFrame
         One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
-        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``multiplier``, the relative gain of the
-        objective if the bound were relaxed by its own size: above 0 if the constraint binds.
+        ``before_finer`` and ``best_finer``, the same on a finer mesh; ``error``, the change of ``best`` by that mesh,
+        NaN if there is none; ``multiplier``, the relative gain of the objective if the bound were relaxed by its own
+        size: above 0 if the constraint binds.
     variables : DataFrame
         One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN where a design
         does not have it.
@@ -119,6 +120,7 @@ def told(course: Course, best: Design, again: Again, trade_offs: pandas.DataFram
             "multiplier": [math.nan, *multipliers],
         }
     )
+    figures["error"] = (figures.best_finer - figures.best).abs() if again.finer else math.nan
     gain, error, probability = _gain(figures, plan.goal.sign)
     base = plan.base
     return Optimum(

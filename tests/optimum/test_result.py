@@ -68,6 +68,7 @@ def test_an_optimum_of_both_meshes(tmp_path):
     result, _ = judged(tmp_path, 0.5)
     assert result.is_local and np.isnan(result.beyond) and not result.warnings
     assert result.figures.best_finer[0] == pytest.approx(1.02, rel=1e-5)
+    assert result.figures.error[0] == pytest.approx(0.02, rel=1e-3)
 
 
 def test_what_a_finer_mesh_would_gain(tmp_path):
@@ -82,7 +83,7 @@ def test_what_a_finer_mesh_would_gain(tmp_path):
 
 def test_a_mesh_that_is_fixed_tells_nothing_of_what_may_be_gained(tmp_path):
     result, again = judged(tmp_path, 0.56, is_finer=False)
-    assert again.descend() is None and np.isnan(result.beyond)
+    assert again.descend() is None and np.isnan(result.beyond) and np.isnan(result.figures.error[0])
     assert any("the mesh could not be made finer" in note for note in result.notes)
 
 
