@@ -6,10 +6,12 @@ whole process at the first render (``Cannot select: fminimum``). The library is 
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import sys
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 OLDEST_LLVM = 19
@@ -61,6 +63,21 @@ def check_llvm(variant: str) -> None:
     if loaded and version[0] < OLDEST_LLVM:
         found = ".".join(map(str, version))
         raise ImportError(f"Dr.Jit has loaded LLVM {found}, which aborts at the first render: {_REMEDY}.")
+    if loaded and chosen:
+        _skip_optional_passes(chosen)
+
+
+@cache
+def _skip_optional_passes(library: str) -> None:
+    """Have kernels compiled in half the time, by LLVM without the passes that it can do without.
+
+    What Dr.Jit hands over is in vectors and without what is not needed: the passes find nothing that kernels would run
+    faster by, and results keep all their digits. Neither LLVM nor Dr.Jit offers a function for it, so it is the option
+    with which LLVM's developers seek a faulty pass; an LLVM that does not know it ignores it.
+    """
+    options = (b"mitsuba_taxel", b"-opt-bisect-verbose=0", b"-opt-bisect-limit=0")
+    parse = ctypes.CDLL(library).LLVMParseCommandLineOptions
+    parse(len(options), (ctypes.c_char_p * len(options))(*options), None)
 
 
 def is_fit() -> bool:

@@ -106,3 +106,27 @@ def test_import_is_light():
         "print(*(heavy & set(sys.modules)))"
     )
     assert done.stdout.strip() == "", done.stdout + done.stderr
+
+
+ADDS_NOTHING = "define i32 @f(i32 %x) { %y = add i32 %x, 0 ret i32 %y }"
+SIMPLIFIED = f"""
+import ctypes, os, sys
+library = ctypes.CDLL(os.environ["DRJIT_LIBLLVM_PATH"])
+pointer, text = ctypes.c_void_p, {ADDS_NOTHING.encode()!r}
+for name in ("ContextCreate", "CreateMemoryBufferWithMemoryRangeCopy", "CreatePassBuilderOptions"):
+    getattr(library, "LLVM" + name).restype = pointer
+library.LLVMPrintModuleToString.restype = ctypes.c_char_p
+buffer = library.LLVMCreateMemoryBufferWithMemoryRangeCopy(text, ctypes.c_size_t(len(text)), b"f")
+module, message = pointer(), pointer()
+context = pointer(library.LLVMContextCreate())
+library.LLVMParseIRInContext(context, pointer(buffer), ctypes.byref(module), ctypes.byref(message))
+options = pointer(library.LLVMCreatePassBuilderOptions())
+library.LLVMRunPasses(module, b"instcombine", None, options)
+print(b"add" not in library.LLVMPrintModuleToString(module))
+"""
+
+
+@pytest.mark.parametrize("imported, simplified", [("mitsuba_taxel", "False"), ("drjit", "True")])
+def test_optional_passes_are_skipped_once_the_package_is_imported(imported, simplified):
+    done = python(f"import {imported}\n{SIMPLIFIED}", DRJIT_LIBLLVM_PATH=str(llvm._packaged_library()))
+    assert done.stdout.strip() == simplified and not done.stderr
