@@ -225,7 +225,7 @@ def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> No
     replicates = curve.samples.shape[1]
     values = curve.samples.mean(axis=1)
     errors = curve.samples.std(axis=1, ddof=1) / math.sqrt(replicates) if replicates > 1 else 0 * values
-    joined = curve.smooth is None and curve.x.dtype.kind in "fi"
+    numeric = curve.x.dtype.kind in "fi"
     for number, label in enumerate(labels):
         look = style(first + number)
         ax.errorbar(
@@ -236,9 +236,9 @@ def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> No
             linewidth=0.8,
             elinewidth=0.8,
             markersize=3,
-            **(look if joined else {**look, "linestyle": ""}),
+            **(look if numeric and curve.smooth is None else {**look, "linestyle": ""}),
         )
-        if joined and curve.error[:, number].any():
+        if numeric and curve.error[:, number].any():
             middle, width = values[:, number], curve.error[:, number]
             ax.fill_between(curve.x, middle - width, middle + width, color=look["color"], alpha=0.2, linewidth=0)
         if curve.smooth is not None and curve.slope is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.collections import PolyCollection
 from PIL import Image
 
 from mitsuba_taxel.plots.curves import plot_curves
@@ -38,7 +39,7 @@ def test_plot(tmp_path, varied, curve, taxels):
 
 @pytest.mark.usefixtures("painted_figures")
 def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
-    """A cubic is drawn as what it is, from its ends alone."""
+    """A cubic is drawn as what it is, from its ends alone, and the total error of the readings beside it."""
     force, taxel = np.array([-4.0, 0.0]), [1, 2]
     value, rate = np.polyval([0.1, 1, 0, 5], force), np.polyval([0.3, 2, 0], force)
     both = {"fz": force, "taxel": taxel}
@@ -54,7 +55,12 @@ def test_curves_go_through_readings_with_their_slopes(tmp_path, monkeypatch):
     )
     drawn = []
     monkeypatch.setattr("matplotlib.axes.Axes.plot", lambda ax, x, y, **style: drawn.append((x, y)))
-    plot_curves(study).savefig(tmp_path / "plot.png")
+    figure = plot_curves(study)
+    figure.savefig(tmp_path / "plot.png")
+    bands = [each for each in figure.axes[0].collections if isinstance(each, PolyCollection)]
+    for band, middle in zip(bands, study.replicate_power.mean("replicate").values.T, strict=True):
+        ends = band.get_paths()[0].get_extents().intervaly
+        np.testing.assert_allclose(ends, (middle.min() - 0.05, middle.max() + 0.05))
     assert len(drawn) == 4  # and how both differ from their mean
     for (x, y), factor in zip(drawn, (1, 2, -0.5, 0.5), strict=True):
         np.testing.assert_allclose(y, factor * np.polyval([0.1, 1, 0, 5], x))
