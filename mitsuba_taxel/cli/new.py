@@ -9,13 +9,13 @@ import click
 from .options import debug_option
 
 
-@click.command(short_help="A commented template of a scene, study, table of steps or circuit.")
-@click.argument("kind", type=click.Choice(["scene", "touch", "study", "steps", "circuit"]))
+@click.command(short_help="A commented template of a scene, study, table of steps, circuit or part.")
+@click.argument("kind", type=click.Choice(["scene", "touch", "study", "steps", "circuit", "part"]))
 @click.argument("file", type=click.Path(path_type=Path), required=False)
 @debug_option
 def command(kind: str, file: Path | None) -> None:
-    """Write a commented template: scene.xml, touch.xml (a ball on a pad), study.toml, steps.csv or circuit.toml, or
-    FILE.
+    """Write a commented template: scene.xml, touch.xml (a ball on a pad), study.toml, steps.csv, circuit.toml or
+    part.toml, or FILE.
 
     Existing files are not overwritten.
     """

@@ -105,14 +105,14 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
 def _show(part) -> None:
     from mitsuba_taxel.parts import leaving_share
 
-    from .tables import print_table
+    from .tables import print_table, print_text_table
 
     print(f"{part.title}\nSource: {part.source}")
     print(
         f"Body {' x '.join(f'{side:g}' for side in part.body)} mm, {part.wavelength:g} nm, resin {part.resin_index:g}\n"
     )
     print_table(
-        ("", "x [mm]", "y [mm]", "window [mm]", "die [mm]", "depth [mm]"),
+        ("", "x [mm]", "y [mm]", "window [mm]", "die [mm]", "depth [mm]", "law"),
         (
             (
                 name,
@@ -122,6 +122,7 @@ def _show(part) -> None:
                 f"({side.window_centre[0]:g}, {side.window_centre[1]:g})",
                 f"{side.die_width:g} x {side.die_length:g}",
                 f"{side.die_depth:g}",
+                side.law if side.exponent is None else f"{side.law}, {side.exponent:g}",
             )
             for name, side in (("emitter", part.emitter), ("detector", part.detector))
         ),
@@ -130,11 +131,11 @@ def _show(part) -> None:
     if part.electrical:
         print()
         print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))
-    for title, lines in (("Not in the datasheet", part.unknown), ("Where numbers here come from", part.found)):
-        if lines:
-            print(f"\n{title}:")
-            for line in lines:
-                print(f"  {line}")
+    if part.unknown:
+        print(f"\nNot known: {', '.join(part.unknown)}.")
+    if part.sources:
+        print()
+        print_text_table(("number", "where it is from; all others are from the source above"), part.sources.items())
     curve = _curve(part)
     if curve:
         print("\nCurrent under a mirror, relative to the largest")

@@ -13,7 +13,8 @@ angle, and with dA_d = R dR df that is
 
 with Fresnel's transmittance T of unpolarised light, where both crossings lie in their windows. So explicit refraction
 is equivalent to an emission law at each point of a window: the radiance T L / n^2 in air where the ray, traced back,
-meets the die. Light reflected within the package is absorbed.
+meets the die. Light reflected within the package is absorbed. Another law of a die in the plane of its window is a
+factor by the angle in air.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
     along = apart / distance[:, None] * inside[:, None]
     out, back = start + emitter.die_depth * along, end - detector.die_depth * along
     seen = _is_open(emitter, out) & _is_open(detector, back)
+    density = density * _emitted(emitter, np.cos(angle)) * detector.relative_to_lambert(np.cos(angle))
     area = detector.die_width * detector.die_length
     return MirrorRays((out + back) / 2, np.where(seen, density, 0.0) * area / np.pi / len(density))
 
@@ -83,7 +85,9 @@ def leaving_share(part: Part) -> float:
     beneath = sine / np.sqrt(part.resin_index**2 - sine**2)
     aside = emitter.die_depth * beneath[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     seen = _is_open(emitter, _points(emitter, shares[:, :2]) + aside)
-    return float((_transmittance(part.resin_index, np.sqrt(1 - sine**2)) * seen).mean() / part.resin_index**2)
+    cosine = np.sqrt(1 - sine**2)
+    leaving = _transmittance(part.resin_index, cosine) * _emitted(emitter, cosine)
+    return float((leaving * seen).mean() / part.resin_index**2)
 
 
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
@@ -101,6 +105,11 @@ def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5
     order = np.argsort(rays.places[:, axis])
     covered = np.cumsum(rays.power[order])
     return np.interp(asked * covered[-1], covered, rays.places[order, axis])
+
+
+def _emitted(emitter: Side, cosine: np.ndarray) -> np.ndarray:
+    """Radiance of a die in a direction in air, relative to that of a Lambertian one of the same power."""
+    return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
 
 
 def _bent(index: float, height: float, depths: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mitsuba_taxel.base.arguments import is_number, is_row, path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.toml import read_toml
@@ -29,6 +31,16 @@ class Side(Checked):
     die_width: float = number(REQUIRED, "mm", "Extent of the die along x.", above=0)
     die_length: float = number(REQUIRED, "mm", "Extent of the die along y.", above=0)
     die_depth: float = number(0.0, "mm", "Of the die below the surface of the window.", minimum=0)
+    law: str = choice(
+        "lambertian", ("lambertian", "cosine_power"), "By which the die emits, or responds to a parallel beam."
+    )
+    exponent: float | None = number(
+        1.0, "", "Of the cosine in air.", minimum=1, maximum=1e4, when=("law", "cosine_power")
+    )
+
+    def relative_to_lambert(self, cosine: np.ndarray) -> np.ndarray:
+        """The response, or the intensity on the axis of 1, by the cosine of the angle in air, relative to Lambert's."""
+        return np.ones_like(cosine) if self.exponent is None else cosine ** (self.exponent - 1)
 
     @property
     def window_centre(self) -> tuple[float, float]:
@@ -69,6 +81,8 @@ class Side(Checked):
             raise InputError(
                 "window_shape = 'obround' is not allowed: a window_length of at least its width is needed."
             )
+        if self.exponent is not None and self.die_depth > 0:
+            raise InputError(f"law = {self.law!r} is not allowed for a die below its window: 'lambertian' is needed.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +104,10 @@ class Part:
         Figures of the datasheet, by a name with its unit.
     distance_curve : tuple[tuple[float, float], ...]
         Of the datasheet: height of a mirror above the windows in mm, and current relative to the largest.
-    unknown, found : tuple[str, ...]
-        What the datasheet does not state, and the origin of numbers here that it does not state.
+    unknown : tuple[str, ...]
+        What is not known, as the datasheet does not state it.
+    sources : dict[str, str]
+        Origin of the numbers that are not from ``source``, by names such as ``resin_index`` and ``emitter.die_width``.
     """
 
     name: str
@@ -105,7 +121,7 @@ class Part:
     electrical: dict[str, float] = field(default_factory=dict)
     distance_curve: tuple[tuple[float, float], ...] = ()
     unknown: tuple[str, ...] = ()
-    found: tuple[str, ...] = ()
+    sources: dict[str, str] = field(default_factory=dict)
 
 
 def part_names() -> list[str]:
@@ -140,9 +156,18 @@ def _part(name: str, content: dict[str, Any]) -> Part:
             raise InputError(f"part {name}: {key} is missing: {needed} is needed.")
     given: dict[str, Any] = {**content, "body": tuple(content["body"])}
     given |= {key: _side(name, key, content) for key in ("emitter", "detector")}
-    given |= {key: tuple(content.get(key, ())) for key in ("unknown", "found")}
+    given["unknown"] = tuple(content.get("unknown", ()))
     given["distance_curve"] = tuple((float(z), float(share)) for z, share in content.get("distance_curve", ()))
+    _check_sources(name, content)
     return Part(name, **given)
+
+
+def _check_sources(name: str, content: Mapping[str, Any]) -> None:
+    """Refuse sources of what the file does not hold."""
+    for key in content.get("sources", {}):
+        table, _, entry = key.rpartition(".")
+        if entry not in (content.get(table, {}) if table else content):
+            raise InputError(f"part {name}: sources has {key}, which the file does not state.")
 
 
 def _side(name: str, which: str, content: Mapping[str, Any]) -> Side:
@@ -190,6 +215,6 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str, bool]] = {
         False,
     ),
     "unknown": (lambda value: is_row(value, _is_text), "a row of words", False),
-    "found": (lambda value: is_row(value, _is_text), "a row of words", False),
+    "sources": (lambda v: isinstance(v, dict) and all(map(_is_text, v.values())), "a table of words", False),
 }
 """Entries of a file: check, what is needed in words, and whether the entry is required."""

@@ -80,8 +80,11 @@ def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift
     detector = _shifted("phototransistor_shift", part.detector, phototransistor_shift, part.body)
     if emitter.die_width != emitter.die_length:
         raise InputError(f"part = {name!r} is not allowed here: the emitter's die must be a square.")
-    led = AnnularLed(size=emitter.die_width, hole=0.0, law="lambertian", wavelength=part.wavelength)
-    phototransistor = Phototransistor(width=detector.die_width, depth=detector.die_length)
+    size, law = emitter.die_width, {"law": emitter.law, "exponent": emitter.exponent}
+    led = AnnularLed(size=size, hole=0.0, wavelength=part.wavelength, **law)
+    response = "ideal" if detector.law == "lambertian" else detector.law
+    area = {"width": detector.die_width, "depth": detector.die_length}
+    phototransistor = Phototransistor(response=response, exponent=detector.exponent, **area)
     is_deep = max(emitter.die_depth, detector.die_depth) > 0
     package = Package(part.body, led, phototransistor, emitter, detector, part.resin_index if is_deep else None)
     _check_openings(name, package)
@@ -124,8 +127,8 @@ class PhotoReflector(Specification):
     part: str | None = text(
         None,
         "A part by its name in the catalogue, or from a TOML file. It determines body, windows, dies and their "
-        "positions; LED and phototransistor are not nested then. The LED is Lambertian and emits 1 W: in air, or from "
-        "dies below windows into the resin above them.",
+        "positions; LED and phototransistor are not nested then. The LED is Lambertian unless the file says otherwise, "
+        "and emits 1 W: in air, or from dies below windows into the resin above them.",
         "the name of a part, or of a TOML file",
         default_words="the paper's sensor, as stated here",
     )

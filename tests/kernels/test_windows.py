@@ -62,6 +62,18 @@ def test_the_curve_of_the_vcnt2020_under_a_mirror(agree, llvm_mono):
     agree(power, error, curve, 2e-3 * curve)
 
 
+@pytest.mark.parametrize(("emitted", "response"), [(3.0, 1.0), (1.5, 4.0)])
+def test_dies_in_their_windows_may_have_other_laws(agree, llvm_mono, tmp_path, emitted, response):
+    bare = {"die_depth": 0.0, "law": "cosine_power"}
+    sides = {"emitter": replace(VCNT.emitter, exponent=emitted, **bare)}
+    sides["detector"] = replace(VCNT.detector, exponent=response, **bare)
+    part = replace(VCNT, resin_index=1.0, **sides)
+    found = measure(plate(written(part, tmp_path), 1.0, "mirror", half=60), points=1024, seed=3)
+    right = mirror_curve(part, 1.0)
+    agree(found.power, found.standard_error, right, 2e-3 * right)
+    assert leaving_share(part) == pytest.approx(1, abs=5e-3)
+
+
 def test_the_edge_of_a_mirror(agree, llvm_mono):
     (edge,) = edge_positions(VCNT, 1.0, 1, 0.3)
     found = measure(plate("vcnt2020", 1.0, "mirror", half=60, centre=(0, edge - 60)), points=2048, seed=4)

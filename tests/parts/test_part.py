@@ -27,7 +27,7 @@ def test_the_catalogue_says_where_its_numbers_are_from():
     assert part_names() == ["njl5908ar", "vcnt2020"]
     for name in part_names():
         part = read_part(name.upper())
-        assert part.source and part.unknown and part.found and part.emitter.x < 0 < part.detector.x
+        assert part.source and part.unknown and part.sources and part.emitter.x < 0 < part.detector.x
 
 
 def test_a_part_of_ones_own(tmp_path):
@@ -52,6 +52,13 @@ def test_a_part_of_ones_own(tmp_path):
         ("x = -0.5\n", "x = -0.5\nwindow_y = 0.2\n", "emitter: its window lies over the edge of the body along y"),
         ("x = -0.5\n", "x = -0.95\nwindow_x = -0.5\n", "emitter: its die lies over the edge of the body along x"),
         ("x = -0.5\n", "x = -0.5\ndie_depth = 0.5\n", "emitter: die_depth = 0.5 is not allowed"),
+        ("x = -0.5\n", "x = -0.5\nlaw = 'lobe'\n", "emitter: law = 'lobe'"),
+        ("x = -0.5\n", "x = -0.5\nexponent = 2\n", "exponent is not allowed for law = 'lambertian'"),
+        ("x = -0.5\n", "x = -0.5\nlaw = 'cosine_power'\nexponent = 0.5\n", "emitter: exponent = 0.5"),
+        ("x = -0.5\n", "x = -0.5\nlaw = 'cosine_power'\ndie_depth = 0.1\n", "a die below its window: 'lambertian'"),
+        ("[emitter]", "[sources]\ndepth = 'a ruler'\n[emitter]", "sources has depth, which the file does not state"),
+        ("[emitter]", "[sources]\n'emitter.y' = 'a ruler'\n[emitter]", "sources has emitter.y, which"),
+        ("[emitter]", "[sources]\nbody = 1\n[emitter]", "a table of words is needed"),
         ("[emitter]", "emitter", "is not valid TOML"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Commented templates of scenes, studies, tables of steps and circuits."""
+"""Commented templates of scenes, studies, tables of steps, circuits and parts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.studies.plan.files import check_new_file
 
-SUFFIXES = {"scene": ".xml", "touch": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml"}
+SUFFIXES = {"scene": ".xml", "touch": ".xml", "study": ".toml", "steps": ".csv", "circuit": ".toml", "part": ".toml"}
 
 _SCENE = """\
 <!-- A silicone pad of hollow cells on photo-reflectors, under a force. Lengths in mm, forces in N, powers in W.
@@ -250,7 +250,58 @@ flicker_from = 0.1          # Hz, lowest frequency that counts
 other_noise = 4e-4          # V, of supply, buffer and converter
 """
 
-_TEXTS = {"scene": _SCENE, "touch": _TOUCH, "study": _STUDY, "steps": _STEPS, "circuit": _CIRCUIT}
+_PART = """\
+# A photo-reflector: <string name="part" value="part.toml"/> in a photo_reflector; taxel parts part.toml shows it.
+# Lengths in mm. x and y are from the middle of the body, seen from above; along x the windows must not overlap.
+title = "A reflective sensor"
+source = "a datasheet"              # of all numbers that [sources] does not name
+body = [2.0, 1.2, 0.6]              # along x, y, z
+wavelength = 940                    # nm
+resin_index = 1.5                   # of the clear resin above the dies; 1 for none
+unknown = ["depth of the dies"]     # what the datasheet does not state
+
+[emitter]
+x = -0.5                            # of the middle of the die
+y = 0
+window_x = -0.5                     # of the middle of the window; by default, over the die
+window_y = 0
+window_width = 0.6                  # along x
+window_length = 0.8                 # along y
+window_shape = "rectangle"          # or "obround", which ends in half circles
+die_width = 0.3                     # emitters in scenes are square
+die_length = 0.3
+die_depth = 0                       # below the window
+law = "lambertian"                  # or "cosine_power" with an exponent, of dies of depth 0, in air
+
+[detector]
+x = 0.5
+window_width = 0.7
+window_length = 0.8
+die_width = 0.4
+die_length = 0.4
+die_depth = 0
+
+[electrical]                        # figures of the datasheet, by a name with its unit
+collector_current_typical_A = 1e-3
+dark_current_A = 1e-9
+
+[sources]
+resin_index = "of clear epoxies"
+"emitter.die_depth" = "assumed"
+"detector.die_depth" = "assumed"
+
+# To be compared with the dies above: a flat mirror at a height in mm, and the current relative to the largest.
+# distance_curve = [[0.5, 1.0], [1.0, 0.7], [2.0, 0.3]]
+"""
+
+_TEXTS = {
+    "scene": _SCENE,
+    "touch": _TOUCH,
+    "study": _STUDY,
+    "steps": _STEPS,
+    "circuit": _CIRCUIT,
+    "part": _PART,
+}
 
 
 def write_template(kind: str, file: str | Path) -> None:
@@ -259,8 +310,8 @@ def write_template(kind: str, file: str | Path) -> None:
     Parameters
     ----------
     kind : str
-        ``scene`` or, with a ball that presses on the pad, ``touch`` (Mitsuba XML), ``study`` (TOML), ``steps`` (CSV)
-        or ``circuit`` (TOML).
+        ``scene`` or, with a ball that presses on the pad, ``touch`` (Mitsuba XML), ``study`` (TOML), ``steps``
+        (CSV), ``circuit`` or ``part`` (TOML).
     file : str or Path
         New file, with the suffix of its kind: ``.xml``, ``.toml`` or ``.csv``.
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel.parts import Part, Side
 from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 from mitsuba_taxel.studies import read_steps
 from mitsuba_taxel.studies.plan.templates import SUFFIXES, write_template
 
@@ -138,6 +141,13 @@ def test_the_steps_are_a_path_of_forces(template):
     forces = np.array([[float(step[name]) for name in ("fx", "fy", "fz")] for step in steps])
     assert steps[0].keys() == {"fx", "fy", "fz"} and len(forces) == 8
     assert np.all(np.abs(np.diff(forces, axis=0)).sum(axis=1) <= 2) and tuple(forces[-1]) == (4, 0, -8)
+
+
+def test_the_part_states_what_may_be_stated_and_can_be_used(template):
+    stated = tomllib.loads(template["part"].read_text(encoding="utf-8"))
+    assert {field.name for field in fields(Part)} - set(stated) == {"name", "distance_curve"}
+    assert {field.name for field in fields(Side)} - set(stated["emitter"]) == {"exponent"}
+    assert PhotoReflector(part=str(template["part"])).package.body == tuple(stated["body"])
 
 
 @pytest.mark.parametrize(
