@@ -39,7 +39,7 @@ _SCENE = """\
     <default name="radius" value="1"/>
     <default name="x" value="0"/>
     <default name="y" value="0"/>
-    <default name="friction" value="0"/>
+    <default name="friction" value="{friction:g}"/>
     <default name="uz" value="0"/>
     <default name="youngs_modulus" value="1"/>
     <default name="prony" value=""/>
@@ -65,7 +65,7 @@ _SCENE = """\
         <float name="friction" value="$friction"/>
         <vector name="displacement" value="0, 0, $uz"/>
         <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
+            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>{walls}
         </bsdf>
     </shape>
 
@@ -88,6 +88,39 @@ _BAR = """
         <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
     </shape>
 """
+
+
+_WALLS = """
+            <bsdf name="side" type="wall">
+                <string name="scattering" value="isotropic"/> <float name="reflectance" value="{walls:g}"/>
+            </bsdf>"""
+
+
+class Assumed(NamedTuple):
+    """What the model takes for granted, as nothing is published of it.
+
+    Attributes
+    ----------
+    name : str
+        In the names of studies; empty for what the fit assumes.
+    poisson_ratio : float
+        Of the silicone.
+    collar : float
+        Height in mm above the dies up to which the grid holds the walls between the cells.
+    walls : float
+        Reflectance of these walls.
+    friction : float
+        Coefficient of the indenter.
+    """
+
+    name: str = ""
+    poisson_ratio: float = NeoHookean().poisson_ratio
+    collar: float = measured.COLLAR_HEIGHT
+    walls: float = 0.0
+    friction: float = 0.0
+
+
+AS_FITTED = Assumed()
 
 
 class Press(NamedTuple):
@@ -139,6 +172,7 @@ def path(
     travels: tuple[float, ...] = TRAVELS,
     with_errors: bool = False,
     mesh_size: float | None = None,
+    assumed: Assumed = AS_FITTED,
 ) -> xr.Dataset:
     """Force and readings along the travel of an indenter, as far as the pad bears it, by ``travel`` and ``taxel``.
 
@@ -152,15 +186,20 @@ def path(
         if the path ends before the first travel.
     """
     size = mesh_size or MESH_SIZE
-    name = f"pressed/{press.name}{f'_in_{size:g}' if mesh_size else ''}{'_with_errors' if with_errors else ''}"
+    how = (f"in_{size:g}" if mesh_size else "", "with_errors" if with_errors else "", assumed.name)
+    name = "_".join([f"pressed/{press.name}", *filter(None, how)])
     request = {**press._asdict(), "travels": travels, "points": POINTS, "mesh_size": size, "errors": with_errors}
-    file = store.folder / "pressed" / "pad.xml"
-    return store.study(name, request, lambda: _computed(file, press, travels, with_errors, size))
+    file = store.folder / "pressed" / "_".join(filter(None, ("pad", assumed.name)))
+    return store.study(
+        name, request, lambda: _computed(file.with_suffix(".xml"), press, travels, with_errors, size, assumed)
+    )
 
 
-def _computed(file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float) -> xr.Dataset:
-    write_scene(file)
-    defines = defines_of(press) | {"mesh_size": mesh_size}
+def _computed(
+    file: Path, press: Press, travels: tuple[float, ...], with_errors: bool, mesh_size: float, assumed: Assumed
+) -> xr.Dataset:
+    write_scene(file, assumed)
+    defines = defines_of(press, assumed) | {"mesh_size": mesh_size}
     at_rest = measure(Scene(file, defines), points=POINTS, mechanics_error=False)
     rows: list[Reading] = []
     end = ""
@@ -176,9 +215,9 @@ def _computed(file: Path, press: Press, travels: tuple[float, ...], with_errors:
     return study.assign_coords(travel=("travel", np.array(travels[: len(rows)]), {"units": "mm"})).assign_attrs(end=end)
 
 
-def defines_of(press: Press) -> dict[str, Any]:
+def defines_of(press: Press, assumed: Assumed = AS_FITTED) -> dict[str, Any]:
     """Values of the scene's parameters."""
-    return press._asdict() | {"height": press.height - measured.COLLAR_HEIGHT}
+    return press._asdict() | {"height": press.height - assumed.collar}
 
 
 def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> Reading:
@@ -215,17 +254,19 @@ def centre_of(taxel: int) -> tuple[float, float]:
     return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
 
 
-def write_scene(file: Path) -> None:
+def write_scene(file: Path, assumed: Assumed = AS_FITTED) -> None:
     """Write the scene; its folder is made if missing."""
-    board = -(measured.COLLAR_HEIGHT + measured.PACKAGE_HEIGHT)
+    board = -(assumed.collar + measured.PACKAGE_HEIGHT)
     around = measured.CORE + (SIDE - 1) * measured.PITCH
     values = {
         "side": SIDE,
         "pitch": measured.PITCH,
         "wall": (measured.PAD_SIDE - around) / 2,
         "core": measured.CORE,
-        "free": measured.CORE_HEIGHT - measured.COLLAR_HEIGHT,
-        "poisson_ratio": NeoHookean().poisson_ratio,
+        "free": measured.CORE_HEIGHT - assumed.collar,
+        "poisson_ratio": assumed.poisson_ratio,
+        "friction": assumed.friction,
+        "walls": _WALLS.format(walls=assumed.walls) if assumed.walls else "",
         "board": board,
         "reach": measured.PAD_SIDE / 2,
         "grid": _grid(board),

@@ -15,7 +15,8 @@ from mitsuba_taxel.reproduce.scenes import YOUNGS_MODULUS
 from mitsuba_taxel.studies import sweep
 
 CELLS = 9
-"""Cells of our pad; forces per cell are those of the experiments."""
+PER_FORCE = CELLS / measured.CELLS_OF_EXPERIMENTS
+"""Cells of our pad, and its forces relative to those of the experiments: forces per cell are the same."""
 STEPS, POINTS = 5, 1024
 
 
@@ -35,7 +36,7 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
     The modulus of the paper is taken as the long-term one.
     """
     share = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
-    forces = -paper.MEASURED_FORCE * CELLS / measured.CELLS_OF_EXPERIMENTS * share
+    forces = -paper.MEASURED_FORCE * PER_FORCE * share
     times = measured.RAMP_SECONDS * np.arange(len(share)) / STEPS
     prony = "; ".join(f"{g:.6g} {tau:g}" for g, tau in terms)
     rows = {"time": times.tolist(), "fz": np.round(forces, 6).tolist()}
@@ -45,20 +46,24 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
     return store.study(f"cycle/{cell}", request, lambda: sweep("pad.xml", {}, defines, together=rows, points=POINTS))
 
 
-def figures(study: xr.Dataset) -> Figures:
-    """Figures of a cycle, with the circuit of the measured pad and LEDs that give its mean voltage at rest."""
-    at_rest = float(study.power.isel(step=0).mean())
-    circuit = Circuit(
+def circuit_at_rest(study: xr.Dataset) -> Circuit:
+    """The circuit of the measured pad, with LEDs that give its mean voltage at the first step of a cycle."""
+    return Circuit(
         supply=measured.ADC_REFERENCE,
         load_resistance=measured.LOAD_RESISTANCE,
-        transfer=measured.REST_VOLTAGE / measured.LOAD_RESISTANCE / at_rest,
+        transfer=measured.REST_VOLTAGE / measured.LOAD_RESISTANCE / float(study.power.isel(step=0).mean()),
         adc_bits=measured.ADC_BITS,
     )
+
+
+def figures(study: xr.Dataset) -> Figures:
+    """Figures of a cycle behind :func:`circuit_at_rest`."""
+    circuit = circuit_at_rest(study)
     found = simulated_experiments(study, circuit)
     table = characteristics(found.experiments, found.off)
     table = table[table.reading == "V"]
     slopes = table[(table.figure == "mean_slope") & (table.loading == 1)].set_index("taxel")
-    per_force = CELLS / measured.CELLS_OF_EXPERIMENTS * slopes.value.abs()
+    per_force = PER_FORCE * slopes.value.abs()
     best = per_force.idxmax()
 
     def of_best(figure: str) -> tuple[float, float]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
@@ -13,13 +15,16 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
 from mitsuba_taxel.reproduce import measured, memory_fit, paper, validation_figures
 from mitsuba_taxel.reproduce.bench_pad_in_time import Prony
-from mitsuba_taxel.reproduce.cycles import cycle, figures
+from mitsuba_taxel.reproduce.cycles import PER_FORCE, circuit_at_rest, cycle, figures
+from mitsuba_taxel.reproduce.pad_assumptions import tried
 from mitsuba_taxel.reproduce.pad_comparison import results
+from mitsuba_taxel.reproduce.page_assumptions import assumptions_section
 from mitsuba_taxel.reproduce.page_memory import memory_section
 from mitsuba_taxel.reproduce.page_pad import pad_section
 from mitsuba_taxel.reproduce.page_rest import rest_section
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.rest_spread import spread
+from mitsuba_taxel.reproduce.sideways import FORCES, largest_slope, pushed
 from mitsuba_taxel.studies.plan.files import make_folder
 
 EDGE_HEIGHT = 1.0
@@ -45,6 +50,7 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     sections = [
         _HEAD.format(command=command, minutes=MINUTES),
         pad_section(found, pictures),
+        assumptions_section(found, tried(store, found)),
         memory_section(memory, pictures),
         rest_section(spread(store)),
         _vcnt2020(pictures),
@@ -88,7 +94,8 @@ body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HE
 
 
 def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
-    found = {cell: figures(cycle(store, cell, terms)) for cell in paper.MEASURED_NORMAL}
+    cycles = {cell: cycle(store, cell, terms) for cell in paper.MEASURED_NORMAL}
+    found = {cell: figures(study) for cell, study in cycles.items()}
     ranges = {cell: (both, (found[cell].least, found[cell].most)) for cell, both in paper.MEASURED_NORMAL.items()}
     validation_figures.sensitivities(ranges, pictures / "sensitivities.png")
     rows = []
@@ -107,11 +114,12 @@ def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
         )
     heads = ["shape", "mV/N measured", "here", "e_nl [%] measured", "here", "e_h [%] measured", "here"]
     electronics = f"{measured.LOAD_RESISTANCE / 1e3:g} kOhm, {measured.ADC_BITS} bit at {measured.ADC_REFERENCE:g} V"
+    sideways_heads = ["shape", "along x: mV/N measured", "here", "along y: mV/N measured", "here"]
     first = found["parallelepiped"]
     shares = ", ".join(f"{100 * found[cell].most / max(both):.0f} %" for cell, both in paper.MEASURED_NORMAL.items())
     hysteresis = f"{100 * first.hysteresis[0] / measured.MEASURED_HYSTERESIS['parallelepiped']:.0f}"
     return f"""\
-## The paper's Tables 2 and 4 in volts, and its hysteresis
+## The paper's Tables 2 to 4 in volts, and its hysteresis
 ![Sensitivities of the taxels of three shapes](validation/sensitivities.png)
 
 *From the least to the most sensitive taxel of a pad.*
@@ -129,8 +137,26 @@ and hemispheric. The spread between taxels does not include that of boards and m
 as wide as the measured one. Ratios are not resolved where readings change by little more than their error:
 under 10 N that of a hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute
 the nonlinearity of round cells, are not modelled here ([a rough mould](tutorials/rough_mould.md)).
-Table 3, of tangential forces, is compared by its ratios in [the paper, rerun](paper.md).
+
+Table 3, under tangential forces along x and y, at 10 N of normal force on 12 cells, with the same circuit. Here they go
+up to {FORCES[-1] / PER_FORCE:g} N on as many, as it is not stated how far those of the experiments went; the pads are
+elastic, of the paper's modulus, and the taxel is the most sensitive one, where the experiments took that of the largest
+normal sensitivity:
+
+{markdown_table(sideways_heads, _sideways(store, cycles))}
 """
+
+
+def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[list[str]]:
+    """Rows of Table 3, with the circuits of the cycles."""
+    rows = []
+    for cell, both in paper.MEASURED_TANGENTIAL.items():
+        row, circuit = [cell], circuit_at_rest(cycles[cell])
+        for along, slope in zip(("fx", "fy"), both, strict=True):
+            here = (1e3 * value for value in largest_slope(pushed(store, cell, along), circuit))
+            row += [f"{1e3 * slope:.2f}", _resolved(*here)]
+        rows.append(row)
+    return rows
 
 
 def _resolved(value: float, error: float) -> str:

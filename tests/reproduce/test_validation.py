@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.reproduce import cycles, measured, memory_fit, page_memory, page_rest, validation
 from mitsuba_taxel.reproduce.rest_spread import SOURCES, Spread
+from mitsuba_taxel.reproduce.sideways import FORCES, largest_slope
 
 
 @pytest.fixture
@@ -43,8 +45,24 @@ def test_volts_of_a_cycle(loop):
     assert found.hysteresis[0] == pytest.approx(4.0, abs=0.3)
 
 
-def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
+@pytest.fixture
+def sideways(make_study):
+    """Readings of nine taxels that change by up to 1 % per N, alike to both sides, by the force's name."""
+    forces, changes = np.array(FORCES), np.linspace(-0.01, 0.01, 9)
+    return lambda along: make_study({along: forces}, 1e-3 * (1 + forces[:, None] * changes), 1e-9)
+
+
+def test_volts_under_tangential_forces(sideways):
+    """The circuit is linear here: 22 kOhm and 1 A/W, and 9 cells bear 9/12 of the force."""
+    circuit = Circuit(supply=100.0, load_resistance=22e3, transfer=1.0)
+    slope, error = largest_slope(sideways("fy"), circuit)
+    assert slope == pytest.approx(22e3 * 1e-3 * 0.01 * 9 / 12, rel=1e-3)
+    assert 0 < error < 0.05 * slope
+
+
+def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "cycle", lambda store, cell, terms: loop)
+    monkeypatch.setattr(validation, "pushed", lambda store, cell, along: sideways(along))
     memory = memory_fit.Memory(
         ((0.2, 0.05), (0.02, 0.5), (0.01, 5.0)),
         3,
@@ -68,7 +86,8 @@ def test_the_page_holds_all_parts(loop, monkeypatch, tmp_path):
         "VCNT2020",
         "its indenter",
         "hold, release and loop",
-        "Tables 2 and 4",
+        "Tables 2 to 4",
+        "up to 4 N on as many",
         "10 to 17 times as wide",
         "is 10 % of the value",
         "1.030 ± 0.002",
