@@ -12,8 +12,6 @@ import numpy as np
 from mitsuba_taxel.reproduce import bench_pad, measured
 from mitsuba_taxel.reproduce.bench_pad import Assumed
 from mitsuba_taxel.reproduce.pad_comparison import (
-    MAP_TRAVEL,
-    PREDICTED_TRAVELS,
     Compared,
     Results,
     compare,
@@ -26,9 +24,7 @@ from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 PREDICTED = 17
 """The taxel whose change is missed most."""
-OFF = "the indenter off the middle of both taxels, as the map tells"
 OTHERS = {
-    OFF: Assumed("off"),
     "silicone that hardly changes its volume, nu = 0.4999": Assumed("stiff_volume", poisson_ratio=0.4999),
     "an indenter with a coefficient of friction of 0.3": Assumed("rubbed", friction=0.3),
     "walls of the cells that reflect 20 %": Assumed("grey_walls", walls=0.2),
@@ -42,63 +38,39 @@ class Tried(NamedTuple):
 
     Attributes
     ----------
-    fitted, predicted : Compared
-        The fitted taxel, and :data:`PREDICTED`.
-    held : (5, 5) ndarray
-        Map of the changes of all taxels, in percent of the fitted one's.
+    fitted : Compared
+        The fitted taxel.
+    rings : (5,) ndarray
+        Of :func:`rings`, at the travel of the hold.
     """
 
     fitted: Compared
-    predicted: Compared
-    held: np.ndarray
-
-    @property
-    def ratio(self) -> float:
-        """Change of the predicted taxel by that of the fitted one at the largest force of both records; NaN if it is
-        not reached."""
-        return _ratio(self.predicted, self.fitted)
-
-
-def ratio(found: Results) -> tuple[float, float]:
-    """Of :class:`Tried`, measured and with what the fit assumes."""
-    one, other = (found.taxels[taxel] for taxel in (PREDICTED, measured.PRESSED))
-    at = one.measured.force.max()
-    there = (float(np.interp(at, taxel.measured.force, taxel.measured.change)) for taxel in (one, other))
-    return float(np.divide(*there)), _ratio(one, other)
-
-
-def _ratio(one: Compared, other: Compared) -> float:
-    at = one.measured.force.max()
-    changes = (np.interp(at, taxel.along.force, taxel.along.change, right=np.nan) for taxel in (one, other))
-    return float(np.divide(*changes))
+    rings: np.ndarray
 
 
 def tried(store: PaperStudies, found: Results) -> dict[str, Tried]:
     """What each of :data:`OTHERS` leads to; missing paths are computed."""
-    return {words: _tried(store, found, words) for words in OTHERS}
+    return {words: _tried(store, found, assumed) for words, assumed in OTHERS.items()}
 
 
-def _tried(store: PaperStudies, found: Results, words: str) -> Tried:
-    assumed, offset = OTHERS[words], found.offset.tolist()
-    x, y = offset if words == OFF else (0.0, 0.0)
-    there, ahead = measured_curve(measured.PRESSED), bench_pad.centre_of(PREDICTED)
-    middle = bench_pad.path(store, found.fitted.moved(x, y), assumed=assumed)
-    curve = curve_of(middle, measured.PRESSED)
+def _tried(store: PaperStudies, found: Results, assumed: Assumed) -> Tried:
+    there, study = measured_curve(measured.PRESSED), bench_pad.path(store, found.fitted, assumed=assumed)
+    curve = curve_of(study, measured.PRESSED)
     late = lateness(curve, there)
     misfit = float(np.sqrt(np.mean(residuals(curve, there, late) ** 2)))
     again = found.found._replace(modulus=modulus(curve, there, late), late=late, misfit=misfit)
-    beside = bench_pad.path(store, found.fitted.moved(x + ahead[0], y + ahead[1]), PREDICTED_TRAVELS, assumed=assumed)
-    if words == OFF:
-        held = found.moved
-    else:
-        held = held_map(
-            bench_pad.path(store, found.fitted.moved(*offset), (again.travel(MAP_TRAVEL),), assumed=assumed)
-        )
-    return Tried(
-        compare(middle, measured.PRESSED, again, there),
-        compare(beside, PREDICTED, again, measured_curve(PREDICTED)),
-        held,
-    )
+    held = held_map(study.sel(travel=[measured.HELD_AT]))
+    return Tried(compare(study, measured.PRESSED, again, there), rings(held))
+
+
+def rings(values: np.ndarray) -> np.ndarray:
+    """Means in a map over all taxels at the same distance from the middle, by the five distances.
+
+    An indenter a little off the middle changes them in second order only.
+    """
+    row, column = np.indices(values.shape) - bench_pad.SIDE // 2
+    distance = np.hypot(row, column).round(6)
+    return np.array([values[distance == one].mean() for one in np.unique(distance)[1:]])
 
 
 def expected_at(found: Results) -> tuple[float, float, float]:

@@ -80,11 +80,11 @@ def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift
     detector = _shifted("phototransistor_shift", part.detector, phototransistor_shift, part.body)
     if emitter.die_width != emitter.die_length:
         raise InputError(f"part = {name!r} is not allowed here: the emitter's die must be a square.")
-    size, law = emitter.die_width, {"law": emitter.law, "exponent": emitter.exponent}
-    led = AnnularLed(size=size, hole=0.0, wavelength=part.wavelength, **law)
+    size, light = emitter.die_width, part.wavelength
+    led = AnnularLed(size=size, hole=0.0, law=emitter.law, exponent=emitter.exponent, wavelength=light)
     response = "ideal" if detector.law == "lambertian" else detector.law
-    area = {"width": detector.die_width, "depth": detector.die_length}
-    phototransistor = Phototransistor(response=response, exponent=detector.exponent, **area)
+    width, depth = detector.die_width, detector.die_length
+    phototransistor = Phototransistor(width=width, depth=depth, response=response, exponent=detector.exponent)
     is_deep = max(emitter.die_depth, detector.die_depth) > 0
     package = Package(part.body, led, phototransistor, emitter, detector, part.resin_index if is_deep else None)
     _check_openings(name, package)

@@ -1,7 +1,10 @@
-"""The states of a pad under forces of an indenter with friction: at poses at which it presses as asked.
+"""The states of a pad whose past counts under forces of an indenter: at poses at which it presses as asked.
 
 While the force changes along z alone, the body is guided along z; else it also moves along the sideways change of the
 force. Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
+
+On a viscoelastic silicone the force changes linearly between rows. The body moves evenly between times that are halved
+until this hardly changes where it ends.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from mitsuba_taxel.mechanics.path.timed_rows import Row
 
 FORCE_TOLERANCE = 1e-6
 """Of the force, relative."""
+POSE_TOLERANCE = 1e-3
+"""Of the place of the body, relative, by which an interval of time and its halves may differ."""
 MOST_POSES = 30
 SLIPS = 0.02
 """Stiffness sideways, relative to a guess of that along z, below which the body slips."""
@@ -32,9 +37,31 @@ class PushedPath(TimedPath):
     """As :class:`TimedPath`; values of rows are forces."""
 
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
-        began, force = clock.perf_counter(), np.array(rows[-1][1])
+        began, at = clock.perf_counter(), self._pushed(before, rows)
+        if rows[-1][0] > before.time:
+            at = self._halved(before, rows, at)
+        return replace(at, seconds=before.seconds + clock.perf_counter() - began)
+
+    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached) -> Reached:
+        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one."""
+        (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
+        middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
+        halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
+        first = self._pushed(before, halves[0])
+        second = self._pushed(first, halves[1])
+        off = np.linalg.norm(second.moved - whole.moved)
+        if off <= POSE_TOLERANCE * max(np.linalg.norm(second.moved), np.linalg.norm(before.moved)):
+            missed = (second.displacement - whole.displacement) / 3  # that of the halves, if errors go with the square
+            return replace(second, deviation=second.deviation + missed)
+        first = self._halved(before, halves[0], first)
+        return self._halved(first, halves[1], self._pushed(first, halves[1]))
+
+    def _pushed(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
+        """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""
+        time, force = rows[-1][0], np.array(rows[-1][1])
+        duration = time - before.time
         if not force.any():
-            return self._moved(before, rows, np.zeros(3), 0.0)
+            return self._moved(before, rows, np.zeros(3), duration)
         sideways = (force - np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3))) * [1.0, 1.0, 0.0]
         ways = np.array([_DOWN, *([sideways / np.linalg.norm(sideways)] if sideways.any() else [])])
         pad, free = self._pad_for(rows), self._without_friction(force)
@@ -46,16 +73,18 @@ class PushedPath(TimedPath):
             change = np.linalg.solve(slope, left)
         change = np.append(change, np.zeros(len(ways) - len(change)))
         for _ in range(MOST_POSES):
-            change = change * min(1.0, pad.step / np.linalg.norm(change)) if before.moved.any() else change
+            if before.moved.any() and change.any():
+                change = change * min(1.0, pad.step / np.linalg.norm(change))
             pose = at.moved + change @ ways
             count = max(count, 2 * math.ceil(np.linalg.norm(pose - before.moved) / pad.step))
-            at, last = self._moved(before, rows, pose, 0.0, count), left
+            at, last = self._moved(before, rows, pose, duration, count), left
             left = ways @ (force - self._pressed(rows, at))
             if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
-                return replace(at, seconds=before.seconds + clock.perf_counter() - began)
+                return at
             if left[-1] > 0 and (last - left)[-1] < SLIPS * stiffness * change[-1] and len(ways) > 1:
                 break
-            slope = slope + np.outer(last - left - slope @ change, change) / (change @ change)
+            if change.any():
+                slope = slope + np.outer(last - left - slope @ change, change) / (change @ change)
             change = np.linalg.solve(slope, left)
         reached = ", ".join(f"{part:.4g}" for part in np.round(self._pressed(rows, at), 12) + 0.0)
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")

@@ -40,7 +40,8 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     if isinstance(load, IndenterForce):
-        raise refusal("load", load, "of a viscoelastic silicone, the displacement of an indenter is needed")
+        for value in values:
+            load.check(value)
     when = array_of("times", times, (len(values),))
     before = np.concatenate([[0.0], when[:-1]])
     wrong = np.flatnonzero(when < before)

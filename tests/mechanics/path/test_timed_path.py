@@ -82,6 +82,39 @@ def test_creep_under_a_small_force():
     assert max(np.abs(state.memory.deviation).max() for state in found) < 1e-5 * np.abs(sunk).max()
 
 
+def depths(found):
+    return np.array([-state.indenter_moved[2] for state in found])
+
+
+def test_creep_below_a_punch():
+    """Its contact does not grow, so that a very small force and its depth are proportional in time, too."""
+    times, force = [0, 2.0], -1e-5
+    found = states([(0, 0, force)] * len(times), times, load=IndenterForce(Indenter("punch", radius=1.0)))
+    sunk = depths(found)
+    np.testing.assert_allclose(sunk / sunk[0], creep(np.array(times)), rtol=1e-3)
+    np.testing.assert_allclose(plate_forces(found), force, rtol=1e-5)
+
+
+BALL = IndenterForce(Indenter("sphere", radius=5.0))
+
+
+def test_a_force_on_a_ball_is_met_by_long_term_and_by_instantaneous_silicone():
+    soft, force = Viscoelastic(NeoHookean(2.0, 0.5), SOFT.prony), (0, 0, -0.3)
+    at_once, lasting = (states([force], [time], soft, BALL) for time in (0, 1e7))
+    for found, modulus in ((at_once, 2.0), (lasting, 1.0)):
+        (elastic,) = load_path(PAD, NeoHookean(modulus, 0.5), [force], load=BALL, mesh_size=SIZE)
+        assert depths(found)[0] == pytest.approx(depths([elastic])[0], rel=5e-4)
+
+
+def test_a_force_that_grows_needs_no_rows_on_its_way():
+    """The depth with a row between is that without, and the ball is pushed as asked in each."""
+    asked = np.array([-0.1, -0.3])
+    rows = states([(0, 0, force) for force in asked], [2 / 3, 2.0], load=BALL)
+    (whole,) = states([(0, 0, asked[-1])], [2.0], load=BALL)
+    np.testing.assert_allclose(plate_forces(rows), asked, rtol=1e-5)
+    assert depths([whole])[0] == pytest.approx(depths(rows)[-1], rel=1e-3)
+
+
 UP, DOWN = np.arange(1, 7) / 6, np.arange(5, -1, -1) / 6
 WEAK, STRONG = ((0.2, 1.0), (0.1, 10.0)), ((0.5, 1.0), (0.3, 30.0))
 HISTORIES = {
@@ -263,7 +296,7 @@ def test_times_that_no_load_has_are_refused(times, words):
 def test_other_refusals():
     with pytest.raises(InputError, match="is elastic"):
         states([(0, 0, -0.1)], [1.0], LAW)
-    with pytest.raises(InputError, match="displacement of an indenter"):
-        states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0)))
+    with pytest.raises(InputError, match="without friction an indenter only pushes"):
+        states([(0.1, 0, -0.1)], [1.0], load=BALL)
     with pytest.raises(InputError, match="viscoelastic silicone are not available"):
         linearise(states([(0, 0, -0.3)], [1.0])[0])
