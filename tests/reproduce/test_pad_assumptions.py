@@ -60,7 +60,7 @@ def test_a_pad_that_spreads_more_does_so_in_the_table(found, monkeypatch):
     assert grey.rings == pytest.approx(100 * np.exp(-steps) * [1, 1.05, 1, 1, 1])
     assert np.nanmax(np.abs(grey.fitted.change_error)) < 1
     text = assumptions_section(found, {"grey walls": grey})
-    assert "| measured |  |  | 54.5 | 30.8 |" in text and "| grey walls | " in text and "nan" not in text
+    assert "| measured |  |  | 55.0 | 31.0 |" in text and "| grey walls | " in text and "nan" not in text
 
 
 def test_what_is_a_taxels_own_is_so_in_the_map(found):

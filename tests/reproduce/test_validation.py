@@ -81,10 +81,13 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0, 3.0, 1.0, 33.0)
     monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
+    monkeypatch.setattr(validation, "tried", lambda store, found: {})
+    monkeypatch.setattr(validation, "assumptions_section", lambda found, tried: "### What else may be so")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
     for words in (
         "VCNT2020",
         "its indenter",
+        "else may be so",
         "hold, release and loop",
         "Tables 2 to 4",
         "up to 4 N on as many",
