@@ -28,7 +28,7 @@ from mitsuba_taxel.reproduce.sideways import FORCES, largest_slope, pushed
 from mitsuba_taxel.studies.plan.files import make_folder
 
 EDGE_HEIGHT = 1.0
-MINUTES = 28
+MINUTES = 33
 """CPU time of the command, rounded up."""
 _FINE = np.linspace(0.25, 6.5, 626)
 
