@@ -1,4 +1,4 @@
-"""The rooms of the package, from the ground up, and what may import what."""
+"""The rooms of the package, from the ground up, what may import what, and where tests are."""
 
 from __future__ import annotations
 
@@ -12,6 +12,20 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FLOORS = re.findall(r"^\| `(?:mitsuba_taxel/)?(\w+)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
 """Rooms in the order of the table of CONTRIBUTING.md: each may import those above it there."""
+
+TOGETHER = {
+    "check": {"broken_scenes"},
+    "cli": {"bad_input", "circuit", "derivatives", "ends", "program"},
+    "docs": {"pages"},
+    "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
+    "optimum": {"moved_meshes", "thin_roof", "to_the_end"},
+    "plugins": {"parameters", "sampling"},
+    "sensing": {
+        *("adversarial", "arguments", "closed_cells", "domes", "finish", "ladder", "leaning", "little_light", "meshes"),
+        *("mirrors", "narrow_gaps", "profile", "size_and_place", "sphere"),
+    },
+}
+"""Tests of what several files of a room do together; all of ``tests/properties`` are."""
 
 
 def folder_of(room: str) -> Path:
@@ -42,3 +56,14 @@ def test_no_import_leads_up(room):
     up = set(FLOORS[FLOORS.index(room) + 1 :])
     arrows = [(file.name, name) for file in folder_of(room).rglob("*.py") for name in imported(file)]
     assert [arrow for arrow in arrows if up.intersection(arrow[1].split(".")[1:2])] == []
+
+
+TESTED = sorted({file.relative_to(ROOT / "tests").parts[0] for file in (ROOT / "tests").glob("*/**/test_*.py")})
+
+
+@pytest.mark.parametrize("room", [room for room in TESTED if room != "properties"])
+def test_tests_have_the_names_of_files(room):
+    """Or of folders, of scenes that they read, or they are known to be of several files."""
+    names = {place.stem for folder in (folder_of(room), ROOT / "scenes") for place in folder.rglob("*")}
+    tests = {file.stem.removeprefix("test_") for file in (ROOT / "tests" / room).rglob("test_*.py")}
+    assert tests - names == TOGETHER.get(room, set())
