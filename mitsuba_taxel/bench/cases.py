@@ -122,6 +122,12 @@ def _indenters() -> Iterator[Case]:
         bodies[f"{name}, dragged with a friction of 2"] = (replace(body, friction=2.0), (0.3, 0, -0.3))
     for name, (body, value) in bodies.items():
         yield Case(f"pressed by {name}", CELL, load=IndenterDisplacement(body), value=value)
+    for name, body, value in (
+        ("a ball of 2.5 mm, 60 % of the height", ball, (0, 0, -0.6 * CELL.height)),
+        ("a ball of 2.5 mm, dragged with a friction of 2", replace(ball, friction=2.0), (0.3, 0, -0.4 * CELL.height)),
+    ):
+        load = IndenterDisplacement(body, self_contact=True)
+        yield Case(f"pressed by {name}, with self_contact", CELL, load=load, value=value)
     for force in (1e-9, 2.0, 2000.0):
         yield Case(f"pressed by {force:g} N on a ball", CELL, load=IndenterForce(ball), value=(0, 0, -force))
     held = IndenterForce(replace(ball, friction=2.0))
@@ -144,7 +150,7 @@ def _self_contacts() -> Iterator[Case]:
     for words, value, load, shapes in (
         ("-200 N", (0.0, 0.0, -200.0), spread, CELL_SHAPES),
         ("-200 N by a plate", (0.0, 0.0, -200.0), plate, CELL_SHAPES),
-        ("40 N along x at -8 N", (40.0, 0.0, -8.0), spread, ("parallelepiped", "cylindrical")),
+        ("40 N along x at -8 N", (40.0, 0.0, -8.0), spread, CELL_SHAPES),
         ("40 N along x at -8 N by a plate", (40.0, 0.0, -8.0), plate, CELL_SHAPES),
     ):
         for shape in shapes:

@@ -198,7 +198,7 @@ class DeformablePad(Specification):
         False,
         "Whether the load goes on where the pad touches itself, the board or a photo_reflector, which contact without "
         "friction then keeps apart; otherwise it ends there. Needs the Python package ipctk.",
-        when=("load", *(word for word in LOADS if word not in _INDENTER)),
+        when=("load", *LOADS),
     )
 
     mesh_size: float | None = number(
@@ -292,9 +292,9 @@ class DeformablePad(Specification):
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
         """The load and its value; ``find`` gives the path of a file that is named."""
         kind, load_value = LOADS[self.load], self.load_value
-        if self.indenter is not None:
-            return kind(self._own_indenter(find)), load_value
         about = {"self_contact": bool(self.self_contact)}
+        if self.indenter is not None:
+            return kind(self._own_indenter(find), **about), load_value
         return (self._patch(about) if kind is PatchForce else kind(**about)), load_value
 
     @property

@@ -22,13 +22,20 @@ from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.pads.pad import REGIONS
 
 
+@dataclass(frozen=True)
 class _Loading:
-    """Quantity that a path varies, and whether a rigid plate is bonded to the top."""
+    """Quantity that a path varies, and whether a rigid plate is bonded to the top; a path may go on where the pad
+    touches itself, the board or other bodies."""
 
     quantity: ClassVar[str] = "force"
     unit: ClassVar[str] = "N"
     components: ClassVar[int] = 3
     bonded_plate: ClassVar[bool] = False
+
+    self_contact: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        require("self_contact", self.self_contact, bool, "True or False")
 
     @property
     def gives_displacement(self) -> bool:
@@ -38,25 +45,11 @@ class _Loading:
     @property
     def goes_on(self) -> bool:
         """Whether a path goes on where the pad touches itself, the board or bodies."""
-        return False
-
-
-@dataclass(frozen=True)
-class _OwnLoading(_Loading):
-    """A load without a body, under which a path may go on where the pad touches itself, the board or other bodies."""
-
-    self_contact: bool = field(default=False, kw_only=True)
-
-    def __post_init__(self) -> None:
-        require("self_contact", self.self_contact, bool, "True or False")
-
-    @property
-    def goes_on(self) -> bool:
         return self.self_contact
 
 
 @dataclass(frozen=True)
-class SpreadForce(_OwnLoading):
+class SpreadForce(_Loading):
     """A total force, spread evenly over the undeformed top; it keeps its direction (a dead load).
 
     Parameters
@@ -76,7 +69,7 @@ class SpreadForce(_OwnLoading):
 
 
 @dataclass(frozen=True)
-class PatchForce(_OwnLoading):
+class PatchForce(_Loading):
     """A total force, spread evenly over a rectangle of the undeformed top; a dead load.
 
     Parameters
@@ -86,7 +79,7 @@ class PatchForce(_OwnLoading):
     size : tuple[float, float]
         Of the rectangle along x and y, in mm; parts outside the top carry no force.
     self_contact : bool
-        As of a `SpreadForce`; so it is for plates and pressures.
+        As of a `SpreadForce`; so it is for other loads.
     """
 
     centre: tuple[float, float]
@@ -118,14 +111,14 @@ class PatchForce(_OwnLoading):
 
 
 @dataclass(frozen=True)
-class PlateForce(_OwnLoading):
+class PlateForce(_Loading):
     """A force on a rigid plate bonded to the top, which moves but does not rotate, like the flange of a robot."""
 
     bonded_plate: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class PlateDisplacement(_OwnLoading):
+class PlateDisplacement(_Loading):
     """A displacement of a rigid plate bonded to the top, which does not rotate."""
 
     quantity: ClassVar[str] = "displacement"
@@ -134,7 +127,7 @@ class PlateDisplacement(_OwnLoading):
 
 
 @dataclass(frozen=True)
-class Pressure(_OwnLoading):
+class Pressure(_Loading):
     """A hydrostatic pressure on top and outside, normal to the deformed surface. The cells are vented."""
 
     quantity: ClassVar[str] = "pressure"
@@ -152,6 +145,7 @@ class IndenterDisplacement(_Loading):
     unit: ClassVar[str] = "mm"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require("indenter", self.indenter, Indenter, "an Indenter")
 
 
@@ -165,6 +159,7 @@ class IndenterForce(_Loading):
     indenter: Indenter
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require("indenter", self.indenter, Indenter, "an Indenter")
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sparse
@@ -50,6 +51,7 @@ class IndentedPad(LoadedPad):
 
     solves_between = True
     rubbed: Rubbed | None = None
+    _most_iterations: ClassVar[int] = MOST_ITERATIONS
 
     @cached_property
     def friction(self) -> Friction | None:
@@ -103,7 +105,7 @@ class IndentedPad(LoadedPad):
         pushed_by = self._likely_pushes(unknowns, value)
         state = self._pushed(unknowns, value, pushed_by)
         contact = self._contact(linearised.factor, state) if linearised else None
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in range(self._most_iterations):
             error = max(self._checked_error(state, unknowns, value, first), self._out_of_touch(state))
             settled = self._settled(state, unknowns, value)
             error_left = self._error(settled, unknowns, value)
@@ -125,15 +127,29 @@ class IndentedPad(LoadedPad):
                 change = contact.step(state, pushed_by, slip)
             if change is None:
                 raise Rejected("the contact with the indenter does not settle")
-            step, further = change
-            for _ in range(MOST_HALVINGS):
-                state = self._pushed(unknowns + step, value, pushed_by + further, with_tangent=False)
-                if state.min_jacobian > 0:
-                    break
-                step, further = 0.5 * step, 0.5 * further
+            share, state = self._share_of(change, unknowns, pushed_by, value, error)
+            step, further = share * change[0], share * change[1]
             unknowns, pushed_by = unknowns + step, pushed_by + further
             distance += float(np.abs(step[: self.numbering.displacements]).max())
-        raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+        raise Rejected(f"Newton's method does not converge in {self._most_iterations} iterations")
+
+    def _share_of(
+        self,
+        change: tuple[np.ndarray, np.ndarray],
+        unknowns: np.ndarray,
+        pushed_by: np.ndarray,
+        value: np.ndarray,
+        error: float,
+    ) -> tuple[float, Configuration]:
+        """How much of a change of unknowns and pressures to make, halved until no element is inverted, and the pad
+        there."""
+        share, (step, further) = 1.0, change
+        for _ in range(MOST_HALVINGS):
+            state = self._pushed(unknowns + share * step, value, pushed_by + share * further, with_tangent=False)
+            if state.min_jacobian > 0:
+                break
+            share *= 0.5
+        return share, state
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
         """The pad linearised at a state, by a factor of its tangent."""

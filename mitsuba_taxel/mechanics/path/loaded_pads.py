@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.indented_touching_pad import IndentedTouchingPad
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 
 
@@ -28,7 +30,20 @@ def loaded_pad(
     mesh: VolumeMesh, material: Material, load: Load, mirrors: tuple[Mirror, ...], bodies: RigidBodies | None = None
 ) -> LoadedPad:
     """The part of a pad between mirrors, kept off ``bodies`` where the load goes on."""
-    parts = mesh, material, load, mirrors, mirror_images(mesh, load)
+    return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies)
+
+
+def new_pad(
+    mesh: VolumeMesh,
+    material: Material,
+    load: Load,
+    mirrors: Sequence[Mirror],
+    images: Mapping[Mirror, np.ndarray],
+    bodies: RigidBodies | None = None,
+    share: float = 1.0,
+) -> LoadedPad:
+    """As :func:`loaded_pad`, one that nobody shares; ``share`` is that of a :class:`SelfTouchingPad`."""
+    indented, parts = isinstance(load, IndenterDisplacement), (mesh, material, load, mirrors, images)
     if load.goes_on:
-        return SelfTouchingPad(*parts, bodies=bodies)
-    return IndentedPad(*parts) if isinstance(load, IndenterDisplacement) else LoadedPad(*parts)
+        return (IndentedTouchingPad if indented else SelfTouchingPad)(*parts, bodies=bodies, share=share)
+    return (IndentedPad if indented else LoadedPad)(*parts)

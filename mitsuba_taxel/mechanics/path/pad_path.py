@@ -17,9 +17,11 @@ from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.feet import said_of
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
+from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
@@ -96,8 +98,10 @@ class PadPath:
     def driven(self) -> PadPath:
         """The path on which the body is moved that presses with a force."""
         assert isinstance(self.load, IndenterForce)
-        moved = IndenterDisplacement(self.load.indenter)
-        return pad_path(self.pad, self.material, moved, self.mesh_size, self.judged, step_tolerance=self.step_tolerance)
+        moved = IndenterDisplacement(self.load.indenter, self_contact=self.load.self_contact)
+        return pad_path(
+            self.pad, self.material, moved, self.mesh_size, self.judged, None, self.bodies, self.step_tolerance
+        )
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""
@@ -239,12 +243,25 @@ class PadPath:
 
     def _rate_of_force(self, value: np.ndarray) -> PathRate:
         with LOCK:
-            driven = self.driven
-            ((segment, s),) = driven.segments_to(self.driven_to(value, None))
-            pad = driven.pad_for(segment.origin, segment.direction)
-            node = driven._solved(segment, s, pad)
-            displacement = pad.split(node.tangent)[0] / stiffness_at(pad, segment, node)
-        return PathRate(value / np.linalg.norm(value), displacement)
+            rate, stiffness = self.rate_by_depth(value)
+        return PathRate(value / np.linalg.norm(value), rate / stiffness)
+
+    def rate_by_depth(self, value: np.ndarray) -> tuple[np.ndarray, float]:
+        """Change (N, 3) of the displacement under a force (3,) with the depth of the body, and the stiffness [N/mm]."""
+        driven = self.driven
+        ((segment, s),) = driven.segments_to(self.driven_to(value, None))
+        pad = driven.pad_for(segment.origin, segment.direction)
+        node = driven._solved(segment, s, pad)
+        return pad.split(node.tangent)[0], stiffness_at(pad, segment, node)
+
+    def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """(3,) N, that by which a canonical state presses on what moves it by ``value``, or on the board."""
+        if not self.load.goes_on:
+            return glued_force(self.mesh, self.material, displacement, pressure)
+        if isinstance(self.load, IndenterDisplacement):
+            body = Indentation(self.mesh, self.load.indenter, self.material.youngs_modulus)
+            return body.pressing(displacement, value).force
+        return glued_force(self.mesh, self.material, displacement, pressure, region="top")  # only a plate is there
 
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
@@ -408,7 +425,7 @@ class PadPath:
         further = ""
         if reason.startswith("touches") and self.load.goes_on:
             further = " It may go on with smaller elements."
-        elif reason.startswith("touches") and not isinstance(self.load, IndenterDisplacement | IndenterForce):
+        elif reason.startswith("touches"):
             further = " With self_contact = true it goes on."
         further = said_of(reason.removeprefix("touches "), self.mesh, place) + further
         at = f"{self.load.quantity} = {shown} {self.load.unit}"

@@ -92,8 +92,10 @@ class PushedPath(TimedPath):
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
         """(3,) mm, how far the body would move under the normal part of a force."""
         path = self._path
-        load = IndenterForce(replace(path.load.indenter, friction=0.0))  # type: ignore[union-attr]
-        return pad_path(path.pad, path.material, load, path.mesh_size, judged=False).driven_to(-force[2] * _DOWN, None)
+        assert isinstance(path.load, IndenterForce)
+        load = replace(path.load, indenter=replace(path.load.indenter, friction=0.0))
+        free = pad_path(path.pad, path.material, load, path.mesh_size, judged=False, bodies=path.bodies)
+        return free.driven_to(-force[2] * _DOWN, None)
 
     def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
         """(3,) N, force on the pad."""

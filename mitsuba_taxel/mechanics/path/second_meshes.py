@@ -16,7 +16,6 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.memory import memory_for
-from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated
@@ -81,9 +80,7 @@ class SecondMeshes:
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             of_force = share = 0.0
             if path.load.gives_displacement:
-                shapes = (path.mesh, displacement, pressure), (second.mesh, other, there)
-                glued = "top" if path.load.goes_on else "bottom"  # where nothing else touches the pad
-                forces = [glued_force(mesh, path.material, u, p, region=glued) for mesh, u, p in shapes]
+                forces = [path.force(value, displacement, pressure), second.force(value, other, there)]
                 of_force = comparison.force_error(*forces)
                 share = of_force / float(np.linalg.norm(forces[0])) if of_force else 0.0
             deviations = partial(comparison.deviations, displacement, other, share)
@@ -141,7 +138,7 @@ def carried_to(
 
     Without friction a state does not depend on the way to it.
     """
-    if not isinstance(path.load, IndenterDisplacement):
+    if not isinstance(path.load, IndenterDisplacement) or path.load.goes_on:  # of one carried, walls may meet
         return path.canonical(value, [], None)
     name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
     with cache.alone(name):

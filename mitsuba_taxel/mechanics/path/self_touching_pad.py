@@ -59,7 +59,7 @@ class SelfTouchingPad(LoadedPad):
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
         """The unknowns in balance near those of a state, with half the reach."""
         parts = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
-        return SelfTouchingPad(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
+        return type(self)(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
         return known + self._contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
@@ -77,7 +77,7 @@ class SelfTouchingPad(LoadedPad):
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
-        return SelfTouchingPad(self.whole, self.material, self.load, solver=self._solver_name, bodies=self._bodies)
+        return type(self)(self.whole, self.material, self.load, solver=self._solver_name, bodies=self._bodies)
 
     def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
@@ -152,7 +152,10 @@ class SelfTouchingPad(LoadedPad):
         return float(step[moved] @ self._left(state)[moved])
 
     def _evaluate(self, unknowns: np.ndarray, value: np.ndarray, with_tangent: bool = True) -> Configuration:
-        state = super()._evaluate(unknowns, value, with_tangent)
+        return self._kept_apart(super()._evaluate(unknowns, value, with_tangent), unknowns)
+
+    def _kept_apart(self, state: Configuration, unknowns: np.ndarray) -> Configuration:
+        """A state with the forces of contact added."""
         if not state.min_jacobian > 0:
             return state
         own, other = self._contacts.forces(self.split(unknowns)[0])

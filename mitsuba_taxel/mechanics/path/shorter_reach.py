@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
-from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
@@ -48,8 +48,7 @@ def with_reach(
 
     force_error = found.force_error
     if path.load.gives_displacement:
-        shapes = (displacement, pressure), (closer.displacement, closer.pressure)
-        here, there = (glued_force(path.mesh, path.material, *shape, region="top") for shape in shapes)
+        here, there = path.force(value, displacement, pressure), path.force(value, closer.displacement, closer.pressure)
         force_error += REMAINDER * float(np.linalg.norm(there - here))
     return StateComparison(found.error, both, force_error, found.seconds + closer.seconds)
 
@@ -60,15 +59,27 @@ def _closer(path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure
         arrays = cache.load(name)
         if arrays is None:
             began = time.perf_counter()
-            segment, _ = path.segments_to(value)[-1]
-            pad = path.pad_for(segment.origin, segment.direction)
-            assert isinstance(pad, SelfTouchingPad)  # as the load goes on
             try:
-                unknowns = pad.closer(pad.gather(displacement, pressure), value)
+                moved, squeezed = _solved_closer(path, value, displacement, pressure)
             except Rejected:
                 return None
-            moved, squeezed = pad.split(unknowns)
             seconds = np.array(time.perf_counter() - began)
             arrays = {"displacement": moved, "pressure": squeezed, "seconds": seconds}
             cache.store(name, arrays)
     return _Closer(arrays["displacement"], arrays["pressure"], float(arrays["seconds"]))
+
+
+def _solved_closer(
+    path: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and pressure of the state with half the reach; raises Rejected if it is not found."""
+    if isinstance(path.load, IndenterForce):  # the body moves on until it presses as before
+        driven, moved = path.driven, path.driven_to(value, None)
+        closer, squeezed = _solved_closer(driven, moved, displacement, pressure)
+        missing = float((value - driven.force(moved, closer, squeezed))[2])
+        rate, stiffness = path.rate_by_depth(value)
+        return closer - missing / stiffness * rate, squeezed
+    segment, _ = path.segments_to(value)[-1]
+    pad = path.pad_for(segment.origin, segment.direction)
+    assert isinstance(pad, SelfTouchingPad)  # as the load goes on
+    return pad.split(pad.closer(pad.gather(displacement, pressure), value))

@@ -22,6 +22,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.friction import Rubbed
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
@@ -31,9 +32,12 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
+from mitsuba_taxel.mechanics.path.loaded_pads import new_pad
+from mitsuba_taxel.mechanics.path.obstacles import refuse_at_rest
 from mitsuba_taxel.mechanics.path.pad_path import LOCK, PadPath
 from mitsuba_taxel.mechanics.path.reached import ON_ITS_WAY, Passed, Reached, Way, passed
 from mitsuba_taxel.mechanics.path.second_meshes import share_of
+from mitsuba_taxel.mechanics.path.shorter_reach import REMAINDER
 from mitsuba_taxel.mechanics.path.state import State, StateComparison, ViscoelasticMemory
 from mitsuba_taxel.mechanics.path.time_steps import (
     INTERPOLATION_TOLERANCE,
@@ -64,11 +68,13 @@ class TimedPath:
         Path of the same elastic pad, for its mesh and the comparison with another mesh.
     coarsening : int
         As in :class:`Stretch`.
+    share : float
+        Of the reach of contact, as of a :class:`SelfTouchingPad`.
     """
 
-    def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1) -> None:
-        self._path, self._material, self._coarsening = path, material, coarsening
-        self._moving = IndenterDisplacement(path.load.indenter) if isinstance(path.load, IndenterForce) else path.load
+    def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, share: float = 1.0) -> None:
+        self._path, self._material, self._coarsening, self._share = path, material, coarsening, share
+        self._moving = path.driven.load if isinstance(path.load, IndenterForce) else path.load
         self._response = response(self._moving, material)
         self._known: OrderedDict[tuple[Row, ...], Reached] = OrderedDict()
         self._count: dict[tuple[Row, ...], int] = {(): 0}
@@ -86,7 +92,10 @@ class TimedPath:
         """The deformed pad at the end of some rows, in which it must not touch ``obstacles``."""
         if obstacles is not None:
             self._refuse_contact(rows, obstacles)
-        path, (time, value), shape = self._path, rows[-1], self._passed(rows)
+        path = self._path
+        if path.bodies is not None:
+            refuse_at_rest(path.contact.at_rest)
+        (time, value), shape = rows[-1], self._passed(rows)
         at = self._solved(rows)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         memory = None
@@ -95,7 +104,7 @@ class TimedPath:
         return State(
             path.mesh, path.material, path.load, np.array(value), shape.displacement, shape.pressure, *figures,
             second_mesh=partial(self._comparison, rows), memory=memory, traction=at.traction,
-            indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None,
+            indenter_moved=at.moved if isinstance(self._moving, IndenterDisplacement) else None, bodies=path.bodies,
         )  # fmt: skip
 
     def reached(self, rows: tuple[Row, ...]) -> Reached:
@@ -335,13 +344,14 @@ class TimedPath:
             mirror for mirror in images if all(len(v) == 1 or np.array_equal(mirror.image(v), v) for v in values)
         )
         if mirrors not in self._pads:
-            kind = IndentedPad if isinstance(self._moving, IndenterDisplacement) else LoadedPad
             # A shared one must not have a history.
-            self._pads[mirrors] = kind(self._path.mesh, self._path.material, self._moving, mirrors, images)
+            parts = self._path.mesh, self._path.material, self._moving, mirrors, images
+            self._pads[mirrors] = new_pad(*parts, bodies=self._path.bodies, share=self._share)
         return self._pads[mirrors]
 
     def _touch(self, pad: LoadedPad, unknowns: np.ndarray) -> Contact | None:
-        return pad.contact.find(pad.split(unknowns)[0])
+        displacement = pad.split(unknowns)[0]
+        return (self._path.contact.find_package if pad.load.goes_on else pad.contact.find)(displacement)
 
     def _end(self, ended: Ended, start: float, duration: float) -> str:
         load = self._moving
@@ -375,16 +385,17 @@ class TimedPath:
             def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
                 other = self.of(second, self._material)
                 there, longer = other.reached(rows), self._longer.reached(rows)
-                solved = (self, at), (other, there), (self, longer)
-                force, force_there, force_longer = (one._board_force(rows, reached) for one, reached in solved)
-                of_steps = float(np.linalg.norm(force_longer - force))
+                closer = self._closer.reached(rows)
+                solved = (self, at), (other, there), (self, longer), (self._closer, closer)
+                force, force_there, *others = (one._board_force(rows, reached) for one, reached in solved)
+                of_steps, of_reach = (float(np.linalg.norm(other - force)) for other in others)
                 of_mesh = comparison.force_error(force, force_there) if self._path.load.gives_displacement else 0.0
                 deviations = partial(comparison.deviations, of_force=share_of(of_mesh, force))
                 return StateComparison(
                     comparison.error(at.displacement, there.displacement),
-                    partial(self._deviations, deviations, at, there, longer),
-                    of_mesh + of_steps if self._path.load.gives_displacement else 0.0,
-                    there.seconds + (0.0 if longer is at else longer.seconds),
+                    partial(self._deviations, deviations, at, there, longer, closer),
+                    of_mesh + of_steps + REMAINDER * of_reach if self._path.load.gives_displacement else 0.0,
+                    there.seconds + sum(other.seconds for other in (longer, closer) if other is not at),
                 )
 
             return self._path.second_meshes.first(told) or StateComparison()
@@ -394,12 +405,19 @@ class TimedPath:
         """The path in steps of twice the length under friction, whose error is proportional to it; else this path."""
         return type(self)(self._path, self._material, 2) if rubs(self._path.load) else self
 
+    @cached_property
+    def _closer(self) -> TimedPath:
+        """The path with half the reach of contact where it goes on; else this path."""
+        return type(self)(self._path, self._material, 1, 0.5) if self._path.load.goes_on else self
+
     def _deviations(
-        self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached
+        self, deviations: Callable[..., np.ndarray], at: Reached, there: Reached, longer: Reached, closer: Reached
     ) -> np.ndarray:
-        """Deviations of the elements, with those of time steps and of steps under friction added to the remainder."""
+        """Deviations of the elements, with those of time steps, of steps under friction, and by the reach of contact
+        added to the remainder."""
         found = deviations(at.displacement, there.displacement)
         found[1] += (at.deviation + at.displacement - longer.displacement) / ERROR_SHARE
+        found[1] += REMAINDER * (closer.displacement - at.displacement) / ERROR_SHARE
         return found
 
     def _overstress(self, rows: tuple[Row, ...], at: Reached | None = None) -> np.ndarray:
@@ -408,6 +426,10 @@ class TimedPath:
         return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
+        if self._path.load.goes_on:  # whose board may hold the pad where it is not glued
+            assert isinstance(self._moving, IndenterDisplacement)
+            body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
+            return -body.pressing(at.displacement, at.moved, traction=body.at_nodes(at.traction)).force
         overstress = self._overstress(rows, at) if self._material.prony else None
         return glued_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
 
@@ -420,6 +442,7 @@ class TimedPath:
             INTERPOLATION_TOLERANCE,
             available_solvers()[0],
             self._coarsening,
+            self._share,
         ]
         return cache.key("timed", path.key_parts, self._material.prony, numerics, rows)
 

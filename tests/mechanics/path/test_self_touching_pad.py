@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,13 +15,24 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import ACROSS_X
 from mitsuba_taxel.kernels.mesh_adapter import places_of
-from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, SpreadForce, Viscoelastic, linearise, load_path
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    IndenterForce,
+    NeoHookean,
+    PlateDisplacement,
+    SpreadForce,
+    Viscoelastic,
+    linearise,
+    load_path,
+)
 from mitsuba_taxel.mechanics import reactions as reactions_of
 from mitsuba_taxel.mechanics.contact.barrier import Barrier
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.body_barrier import BodyBarrier
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import couple_held, near_feet, where_linear
+from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
@@ -29,6 +41,7 @@ from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.path.state import StateComparison
+from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR
 from mitsuba_taxel.pads import REGIONS, Pad
 from mitsuba_taxel.sensing.audit import energy_audit
@@ -101,27 +114,28 @@ def test_forces_have_a_potential(touching):
     np.testing.assert_allclose((behind - ahead) / (2 * step), expected, atol=1e-4 * np.abs(expected).max())
 
 
+def stored(state):
+    """N mm, energy of the silicone, whose law is linear at its feet."""
+    mesh, here = state.mesh, slice(None)
+    elements = Assembly(mesh, LAW, number_unknowns(mesh, np.zeros(len(mesh.points), bool))).elements
+    gradient = elements.gradient(here, state.displacement) + np.eye(3)
+    pressure = elements.pressures(here, state.pressure)
+    strain = (gradient + np.swapaxes(gradient, -1, -2)) / 2 - np.eye(3)
+    squares = (strain**2).sum(axis=(-2, -1)) - np.trace(strain, axis1=-2, axis2=-1) ** 2 / 3
+    isochoric = np.where(near_feet(mesh), LAW.shear_modulus * squares, LAW.energy(gradient))
+    return (elements.weight * (isochoric + LAW.compressibility / 2 * pressure**2)).sum()
+
+
 @pytest.mark.parametrize("name", ["touching", "held"])
 def test_work_of_the_plate_is_stored_in_the_pad_or_done_against_contact(name, request):
     touching, step = request.getfixturevalue(name), 5e-4
     mesh, packages = touching.mesh, {"obstacles": PACKAGE} if name == "held" else {}
-    elements = Assembly(mesh, LAW, number_unknowns(mesh, np.zeros(len(mesh.points), bool))).elements
-
-    def energy(state):
-        here = slice(None)
-        gradient = elements.gradient(here, state.displacement) + np.eye(3)
-        pressure = elements.pressures(here, state.pressure)
-        strain = (gradient + np.swapaxes(gradient, -1, -2)) / 2 - np.eye(3)
-        squares = (strain**2).sum(axis=(-2, -1)) - np.trace(strain, axis1=-2, axis2=-1) ** 2 / 3
-        isochoric = np.where(near_feet(mesh), LAW.shear_modulus * squares, LAW.energy(gradient))
-        return (elements.weight * (isochoric + LAW.compressibility / 2 * pressure**2)).sum()
-
     depth = touching.value[2]
     less, more = pressed((0, 0, depth + step), (0, 0, depth - step), **packages)
     contact = sum(Contacts(mesh, LAW.youngs_modulus, touching.bodies).forces(touching.displacement))
     done = (contact * touching.path_rate().displacement).sum()
     assert done < -1e-3
-    assert (energy(more) - energy(less)) / (2 * step) == pytest.approx(reactions_of(touching).force[2] + done, rel=2e-5)
+    assert (stored(more) - stored(less)) / (2 * step) == pytest.approx(reactions_of(touching).force[2] + done, rel=2e-5)
 
 
 def scene(depth, package):
@@ -296,8 +310,6 @@ def test_what_does_not_go_with_it(touching, monkeypatch):
         linearise(touching)
     with pytest.raises(InputError, match="self_contact of a viscoelastic silicone is not available"):
         pressed(BEFORE, material=Viscoelastic(LAW, ((0.2, 1.0),)), times=[1.0])
-    with pytest.raises(InputError, match="self_contact is not allowed for load = 'indenter_displacement'"):
-        DeformablePad(load="indenter_displacement", indenter="plane", self_contact=True)
     with pytest.raises(InputError, match="self_contact = 1 is not allowed: True or False is needed"):
         SpreadForce(self_contact=1)
     monkeypatch.setitem(sys.modules, "ipctk", None)
@@ -305,7 +317,52 @@ def test_what_does_not_go_with_it(touching, monkeypatch):
         Barrier(touching.mesh, 1.0)
 
 
+BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.2)
+"""Displacement beside that of -1.58 mm at which walls touch under the ball."""
+
+
+def test_a_path_goes_on_under_an_indenter():
+    """What the body does is stored in the pad, or done against contact; nothing is out of balance."""
+    on, step = IndenterDisplacement(BALL, self_contact=True), 5e-4
+    with pytest.raises(ComputationError, match=r"touches itself .* -1\.5\d*\) mm\. With self_contact = true"):
+        pressed(DEEP, load=IndenterDisplacement(BALL))
+    less, state, more = pressed(*((0, 0, DEEP[2] + way) for way in (step, 0.0, -step)), load=on)
+    reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)
+    assert reactions.imbalance < 1e-8 and state.stability_checked
+    assert 0 < barrier.gap(state.displacement) < barrier.reach
+    contact = sum(Contacts(state.mesh, LAW.youngs_modulus, None).forces(state.displacement))
+    done = (contact * (more.displacement - less.displacement)).sum()
+    body = Indentation(state.mesh, BALL, LAW.youngs_modulus)
+
+    def energy(at):
+        return stored(at) + (body.slack * body.pressing(at.displacement, at.value).pressure ** 2).sum() / 2
+
+    expected = -2 * step * reactions.applied_force[2] + done
+    assert done < -1e-4 * expected and energy(more) - energy(less) == pytest.approx(expected, rel=2e-5)
+    (pushed,) = pressed((0, 0, reactions.applied_force[2]), load=IndenterForce(BALL, self_contact=True))
+    np.testing.assert_allclose(pushed.indenter_moved, DEEP, atol=1e-8)
+    np.testing.assert_allclose(pushed.displacement, state.displacement, atol=1e-6)
+
+
+def test_a_dragged_body_presses_walls_on_each_other():
+    """With friction of the body: some places slip under their bound, others stick."""
+    on = IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True)
+    (state,) = pressed((0.2, 0, -1.7), load=on)
+    barrier, reactions = Barrier(state.mesh, LAW.youngs_modulus), reactions_of(state)
+    assert reactions.imbalance < 1e-8 and reactions.applied_force[0] > 0.05
+    assert np.abs(barrier.forces(state.displacement)[0]).sum() > 1e-3
+    body, pressing = indentation_of(state)
+    share = np.linalg.norm(body.at_nodes(state.traction), axis=1) / np.maximum(0.3 * pressing.pressure, 1e-9)
+    touching = pressing.pressure > 0
+    assert share.max() < 1 + 1e-6 and share[~touching].max() == 0
+    assert 0 < np.mean(share[touching] > 1 - 1e-6) < 0.5
+
+
 def test_a_scene_goes_on_too():
+    names = {"indenter": "sphere", "indenter_radius": 2.5, "indenter_x": 1.0, "friction": 0.3, "self_contact": True}
+    indented, _ = DeformablePad(load="indenter_displacement", displacement=DEEP, **names).build_load()
+    assert indented == IndenterDisplacement(replace(BALL, at=(1.0, 0.0), friction=0.3), self_contact=True)
+    assert DeformablePad.of(PAD, LAW, indented, DEEP, None).build_load()[0] == indented
     load, value = DeformablePad(load="plate_displacement", displacement=BEYOND, self_contact=True).build_load()
     assert (load, value) == (ON, BEYOND)
     written = DeformablePad.of(PAD, LAW, ON, BEYOND, None)
