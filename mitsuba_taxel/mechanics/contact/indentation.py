@@ -180,6 +180,13 @@ class Indentation:
         turned = np.einsum("bqij,bqj->i", self._turning(here), _VALUES @ rate[self.faces] - direction)
         return np.where(here.pressure > 0, growth, 0.0) @ here.lift + turned
 
+    def force_gradient(self, here: Pressing) -> np.ndarray:
+        """(N, 3) derivative of the total force along z by the displacement of each node, N/mm."""
+        growth = np.where(here.pressure > 0, here.lift[:, 2] / self.slack, 0.0)
+        nodal = -(here.rate.T @ growth).reshape(-1, 3)
+        np.add.at(nodal, self.faces, np.einsum("bqj,qa->baj", self._turning(here)[:, :, 2], _VALUES))
+        return nodal
+
     def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """(N, 3) rate of nodal forces as the undeformed nodes move with ``velocity`` (N, 3), and the indenter with the
         highest of them."""

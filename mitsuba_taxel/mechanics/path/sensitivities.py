@@ -19,6 +19,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import array_of, refusal, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
+from mitsuba_taxel.mechanics.contact.indentation import Indentation, Pressing
 from mitsuba_taxel.mechanics.elements.element_rates import StrainedElements
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.load_rates import load_rate
@@ -82,20 +83,22 @@ def linearise(state: State) -> LinearisedState:
         if there is no stable equilibrium nearby, as at the end of some paths; or if memory does not suffice.
     """
     require("state", state, State, "a State, as load_path returns it,")
-    if isinstance(state.load, IndenterForce):
-        raise refusal("state", state.load, "derivatives of an indenter's displacement are needed, not of its force")
     if state.memory is not None:
         raise InputError("derivatives of a viscoelastic silicone are not available: leave prony out, or vary steps.")
     if rubs(state.load):
         raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
     if state.load.goes_on:
         raise InputError("derivatives with self_contact are not available: leave it out, or vary steps.")
+    load, value, kind = state.load, state.value, LinearisedState
+    if isinstance(load, IndenterForce):
+        assert state.indenter_moved is not None
+        load, value, kind = IndenterDisplacement(load.indenter), state.indenter_moved, PressedState
     with _told(state.load, state.value):
-        pad = loaded_pad(state.mesh, state.material, state.load, mirrors_of_state(state))
+        pad = loaded_pad(state.mesh, state.material, load, mirrors_of_state(state))
         blocks = _blocks(pad)
         unknowns = pad.gather(state.displacement, state.pressure)
-        solution, linearised = pad.solve_closely(unknowns, state.value)
-    return LinearisedState(pad, blocks, solution.unknowns, state.value, linearised)
+        solution, linearised = pad.solve_closely(unknowns, value)
+    return kind(pad, blocks, solution.unknowns, value, linearised)
 
 
 class LinearisedState:
@@ -312,6 +315,79 @@ class LinearisedState:
     def _plate_rates(self) -> list[np.ndarray]:
         """Derivatives (N, 3) of the displacement by each component of a driven plate's displacement."""
         return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
+
+
+class PressedState(LinearisedState):
+    """As a `LinearisedState`, under a force along z on an indenter, which moves on until that is as before.
+
+    Its value is the displacement of the indenter, from which the force follows.
+    """
+
+    def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        direction = array_of("direction", direction, (3,))
+        if direction[:2].any():
+            raise refusal("direction", direction.tolist(), "without friction an indenter only pushes, along z")
+        return direction[2] / self._stiffness * self._by_height
+
+    def by_material(self, name: str) -> np.ndarray:
+        return self._under_force(super().by_material(name), self._gain_by_material(name))
+
+    def by_shape(self, velocity: np.ndarray) -> np.ndarray:
+        rate = super().by_shape(velocity)
+        return self._under_force(rate, self._gain_by_shape(np.asarray(velocity, dtype=float)))
+
+    def by_place(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
+        moved = np.append(array_of("direction", direction, (2,)), 0.0)
+        if self._body.indenter.shape == "plane":  # it has no place
+            return np.zeros_like(self.displacement)
+        rate = super().by_value(moved)
+        return self._under_force(rate, float(self._body.force_rate(self._pressing, moved, np.zeros_like(rate))[2]))
+
+    def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
+        """As of a `LinearisedState`; the value has a derivative along z alone, others are NaN."""
+        gradient = array_of("gradient", gradient, self.displacement.shape)
+        by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
+        found = super().pull_back(gradient - by_force * self._body.force_gradient(self._pressing), shapes)
+        material = {name: along - by_force * self._gain_by_material(name) for name, along in found.material.items()}
+        shape = {
+            name: along - by_force * self._gain_by_shape(np.asarray((shapes or {})[name], dtype=float))
+            for name, along in found.shape.items()
+        }
+        return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
+
+    def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
+        """A rate of the displacement at a constant depth, corrected for what the force gains, ``gain`` of it at a
+        constant displacement."""
+        gain += float(self._body.force_rate(self._pressing, np.zeros(3), rate)[2])
+        return rate - gain / self._stiffness * self._by_height
+
+    def _gain_by_material(self, name: str) -> float:
+        """N per unit of a parameter, by the stiffness of contact."""
+        material = self._pad.material
+        modulus = material_rate(lambda other: np.array(other.youngs_modulus), material, name)
+        return float(modulus) / material.youngs_modulus * float(self._pressing.force[2])
+
+    def _gain_by_shape(self, velocity: np.ndarray) -> float:
+        return float(self._body.shape_rate(self.displacement, self._value, velocity).sum(axis=0)[2])
+
+    @cached_property
+    def _body(self) -> Indentation:
+        assert isinstance(self._pad.load, IndenterDisplacement)
+        return Indentation(self._pad.whole, self._pad.load.indenter, self._pad.material.youngs_modulus)
+
+    @cached_property
+    def _pressing(self) -> Pressing:
+        return self._body.pressing(self.displacement, self._value)
+
+    @cached_property
+    def _by_height(self) -> np.ndarray:
+        """(N, 3) rate of the displacement with the height of the indenter."""
+        return super().by_value((0.0, 0.0, 1.0))
+
+    @cached_property
+    def _stiffness(self) -> float:
+        """N/mm."""
+        return float(self._body.force_rate(self._pressing, np.array([0.0, 0.0, 1.0]), self._by_height)[2])
 
 
 def mirrors_of_state(state: State) -> tuple[Mirror, ...]:

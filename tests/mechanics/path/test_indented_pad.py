@@ -164,6 +164,46 @@ def test_derivatives_are_those_of_differences():
     assert np.abs(tangent.by_material("youngs_modulus")).max() < 1e-7
 
 
+def test_derivatives_under_a_force_are_those_of_differences():
+    """The body moves on until the force is as before."""
+    by_force, value = IndenterForce(ASIDE.indenter), (0, 0, -2.0)
+    (state,) = pressed(value, load=by_force)
+    tangent, rng = linearise(state), np.random.default_rng(3)
+    rate = state.path_rate()
+    np.testing.assert_allclose(tangent.by_value(rate.direction), rate.displacement, atol=1e-7)
+    more, less = (pressed(value, load=by_force, material=LAW.changed(youngs_modulus=e))[0] for e in (4.17, 4.15))
+    stiffer = tangent.by_material("youngs_modulus")
+    np.testing.assert_allclose(
+        stiffer, (more.displacement - less.displacement) / 0.02, atol=1e-4 * np.abs(stiffer).max()
+    )
+    velocity = 0.1 * rng.normal(size=state.mesh.points.shape)
+    velocity[np.isclose(state.mesh.points[:, 2], PAD.height), 2] = 0.3  # or another node is the highest
+
+    def under_force(mesh, aside=0.0):
+        pad, moved = IndentedPad(mesh, LAW, ASIDE), state.indenter_moved + (aside, 0, 0)
+        unknowns = pad.gather(state.displacement, state.pressure)
+        for _ in range(3):
+            unknowns = pad.balance(unknowns, moved)
+            pressing = pad.model.indentation.pressing(pad.split(unknowns)[0], moved)
+            moved = moved - [0, 0, (pressing.force[2] - value[2]) / tangent._stiffness]
+        return pad.split(unknowns)[0]
+
+    for changed, found in (
+        (lambda step: under_force(replace(state.mesh, points=state.mesh.points + step * velocity)),
+         tangent.by_shape(velocity)),
+        (lambda step: under_force(state.mesh, step), tangent.by_place((1, 0))),
+    ):  # fmt: skip
+        expected = (changed(1e-4) - changed(-1e-4)) / 2e-4
+        np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+    gradient = rng.normal(size=velocity.shape)
+    pulled = tangent.pull_back(gradient, {"any": velocity})
+    assert pulled.value[2] == pytest.approx(np.vdot(gradient, tangent.by_value((0, 0, 1))))
+    assert pulled.material["youngs_modulus"] == pytest.approx(np.vdot(gradient, stiffer))
+    assert pulled.shape["any"] == pytest.approx(np.vdot(gradient, tangent.by_shape(velocity)))
+    with pytest.raises(InputError, match="without friction an indenter only pushes, along z"):
+        tangent.by_value((1, 0, 0))
+
+
 def test_forces_change_with_the_shape_as_differences_say():
     (state,) = pressed((0, 0, -0.4))
     velocity = np.random.default_rng(2).normal(size=state.mesh.points.shape)
