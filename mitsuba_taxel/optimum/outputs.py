@@ -99,9 +99,6 @@ def slope_line(result: Optimum) -> str:
     """The slope that the best design leaves, and whether it is a local optimum."""
     error = f" ± {result.unbalanced_error:.1%}" if result.gradients > 1 else ""
     verdict = "a local optimum" if result.is_local else "not shown to be a local optimum"
-    if not math.isnan(result.beyond):
-        verdict += f"; on the finer mesh a descent from there gains {result.beyond:.2%}"
-        verdict += "" if result.beyond_ended else " or more"
     count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"
     return (
         f"Slope left by constraints and bounds: {result.unbalanced:.1%}{error} of the objective over the bounds, "
