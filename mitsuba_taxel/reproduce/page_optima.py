@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -62,10 +63,9 @@ mesh. *Held by* names active bounds, and *left* is the slope of the objective th
 relative to it and over the width of the bounds. Gradients scatter from mesh to mesh, so it is that of the mean of the
 best design's own, of that on the finer mesh, and of those of designs within {near:.0%} of the bounds; ± is its standard
 error. A design is called a local *optimum* if both together are at most {balanced:.0%}. Where they are not, a descent
-from it on the finer mesh tells what there is to gain: until its steps gain no more (*within*), or no more designs are
-allowed. One descent of at most
-{evaluations} designs was made for each shape, so a better design elsewhere within the bounds is not excluded;
-{effort}.
+from it on the finer mesh tells what there is to gain: until its steps gain no more (*within*, rounded up), or no more
+designs are allowed. One descent of at most {evaluations} designs was made for
+each shape, so a better design elsewhere within the bounds is not excluded; {effort}.
 
 ![Before and after](optimum/optima.png)
 """
@@ -220,9 +220,9 @@ def _optimal(one: xr.Dataset) -> str:
         return "yes"
     if np.isnan(one.attrs["beyond"]):
         return "not shown"
-    return (
-        f"within {one.attrs['beyond']:.1%}" if one.attrs["beyond_ended"] else f"{one.attrs['beyond']:.1%} or more off"
-    )
+    if one.attrs["beyond_ended"]:
+        return f"within {math.ceil(1e3 * one.attrs['beyond']) / 1e3:.1%}"
+    return f"{one.attrs['beyond']:.1%} or more off"
 
 
 def _left(one: xr.Dataset) -> str:

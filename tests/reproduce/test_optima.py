@@ -39,7 +39,7 @@ def made_up(before: float, best: float, said: list[str], cell: str) -> xr.Datase
     variables = {"variable": list(named), "best": list(named.values()), "at": ["low"] + [""] * (len(named) - 1)}
     numbers = {"gain": best / before - 1, "gain_error": 0.1, "unbalanced": 0.01, "designs": 9, "failed": 1}
     numbers |= {
-        "beyond": {"cylindrical": 0.004, "spherical": 0.03}.get(cell, np.nan),
+        "beyond": {"cylindrical": 0.0031, "spherical": 0.03}.get(cell, np.nan),
         "beyond_ended": cell == "cylindrical",
     }
     numbers |= {"unbalanced_error": {"cylindrical": 0.05, "spherical": np.nan}.get(cell, 0.02), "gradients": 3}
