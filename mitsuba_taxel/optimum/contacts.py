@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.optimum.figures import FIRST_CONTACT
-from mitsuba_taxel.optimum.plan import Design, Plan
+from mitsuba_taxel.optimum.figures import FIRST_CONTACT, TO_THE_END, Seen
+from mitsuba_taxel.optimum.plan import Design, Limit, Plan
 from mitsuba_taxel.sensing.first_contact import why_no_contact
 from mitsuba_taxel.studies.plan.batch import Batch
 
 
 class Contact(NamedTuple):
     """A first contact: its value, what is touched, why the path ends before, and derivatives with respect to each
-    variable, in the unit cube, and each parameter with a tolerance, per standard deviation."""
+    variable, in the unit cube, and each parameter with a tolerance, per standard deviation. Where a path ends, and its
+    derivatives are not known, they are ``missing``, and 0."""
 
     value: float
     touched: str
     ended: str
     by: list[float]
     off: list[float]
+    missing: bool = False
 
     @classmethod
     def told(cls, study: xr.Dataset, row: int, by: list[float], off: list[float]) -> Contact:
         """That of a row of a study."""
         touched, ended = (str(study[name].values[row]) if name in study else "" for name in ("touched", "ended"))
-        return cls(first_contact_in(study, row), touched, ended, by, off)
+        missing = bool(ended) and not np.isfinite([*by, *off]).all()
+        if missing:
+            by, off = [0.0] * len(by), [0.0] * len(off)
+        return cls(first_contact_in(study, row), touched, ended, by, off, missing)
 
 
 def first_contact_in(study: xr.Dataset, row: int, of: str = "") -> float:
@@ -56,3 +61,16 @@ def lines_untold(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[st
                 raise InputError(refused)
             found[line] = refused
     return found
+
+
+def why_untold(plan: Plan, seen: Seen, contacts: Mapping[str, Contact]) -> str:
+    """Why a figure of a design cannot be told where the derivatives of a path's end are missing; empty if it can, as
+    where the design bears as much as is asked for."""
+    for asked in (*plan.asked, *([plan.front[0]] if plan.front else [])):
+        end = contacts.get(asked.figure.told["along"]) if asked.figure.kind in TO_THE_END else None
+        if end is not None and end.missing:
+            least = asked.figure.components(seen).real.min()
+            bears = isinstance(asked, Limit) and asked.sign < 0 and asked.bound <= least
+            if least == abs(end.value) and not bears:
+                return end.ended
+    return ""

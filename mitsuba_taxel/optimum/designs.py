@@ -14,7 +14,7 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold
+from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold, why_untold
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
@@ -171,12 +171,16 @@ class Designs:
             needs += [np.array([each.value, *each.by]) for each in contacts.values()]
             if all(np.isfinite(each).all() for each in needs):
                 off = self._off(study, rows[design].loads, rates)
-                self._known[design] = self._seen(design, power[design], rates, off, contacts)
+                read = self._seen(design, power[design], rates, off, contacts)
+                ended = why_untold(self._plan, read.values, contacts)
+                if ended:
+                    self.failures[design] = ended
+                else:
+                    self._known[design] = read
             else:
                 why = [failed[number].message for each in rows.values() for number in each.all if number in failed]
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
-                ended = [each.ended for each in contacts.values() if each.ended]
-                self.failures[design] = next(iter([*why, *notes, *ended]), "a reading or a derivative is missing")
+                self.failures[design] = next(iter([*why, *notes]), "a reading or a derivative is missing")
 
     @property
     def _place(self) -> Path:
