@@ -24,7 +24,7 @@ from mitsuba_taxel.mechanics.path.timed_rows import Row
 FORCE_TOLERANCE = 1e-6
 """Of the force, relative."""
 POSE_TOLERANCE = 1e-3
-"""Of the place of the body, relative, by which an interval of time and its halves may differ."""
+"""Of the place of the body, relative to that at a row, by which an interval of time and its halves may differ."""
 MOST_POSES = 30
 SLIPS = 0.02
 """Stiffness sideways, relative to a guess of that along z, below which the body slips."""
@@ -39,22 +39,23 @@ class PushedPath(TimedPath):
     def _next(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
         began, at = clock.perf_counter(), self._pushed(before, rows)
         if rows[-1][0] > before.time:
-            at = self._halved(before, rows, at)
+            way = max(np.linalg.norm(at.moved), np.linalg.norm(before.moved))
+            at = self._halved(before, rows, at, POSE_TOLERANCE * float(way))
         return replace(at, seconds=before.seconds + clock.perf_counter() - began)
 
-    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached) -> Reached:
-        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one."""
+    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached, allowed: float) -> Reached:
+        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one, and
+        ``allowed`` in mm."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
         halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
         first = self._pushed(before, halves[0])
         second = self._pushed(first, halves[1])
-        off = np.linalg.norm(second.moved - whole.moved)
-        if off <= POSE_TOLERANCE * max(np.linalg.norm(second.moved), np.linalg.norm(before.moved)):
+        if np.linalg.norm(second.moved - whole.moved) <= allowed:
             missed = (second.displacement - whole.displacement) / 3  # that of the halves, if errors go with the square
             return replace(second, deviation=second.deviation + missed)
-        first = self._halved(before, halves[0], first)
-        return self._halved(first, halves[1], self._pushed(first, halves[1]))
+        first = self._halved(before, halves[0], first, allowed)
+        return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed)
 
     def _pushed(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""

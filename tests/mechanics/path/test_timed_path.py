@@ -298,5 +298,7 @@ def test_other_refusals():
         states([(0, 0, -0.1)], [1.0], LAW)
     with pytest.raises(InputError, match="without friction an indenter only pushes"):
         states([(0.1, 0, -0.1)], [1.0], load=BALL)
+    with pytest.raises(InputError, match=r"friction = 0\.3 is not allowed: under a force on a viscoelastic"):
+        states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0, friction=0.3)))
     with pytest.raises(InputError, match="viscoelastic silicone are not available"):
         linearise(states([(0, 0, -0.3)], [1.0])[0])
