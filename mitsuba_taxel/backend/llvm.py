@@ -72,8 +72,8 @@ def _skip_optional_passes(library: str) -> None:
     """Have kernels compiled in half the time, by LLVM without the passes that it can do without.
 
     What Dr.Jit hands over is in vectors and without what is not needed: results keep all their digits, and random paths
-    take up to 5 % longer, which long runs lose and first ones gain many times. Neither LLVM nor Dr.Jit offers a function for it, so it is the option
-    with which LLVM's developers seek a faulty pass; an LLVM that does not know it ignores it.
+    take up to 5 % longer, less than compiling saves but in long runs. Neither LLVM nor Dr.Jit offers a function for it,
+    so it is the option with which LLVM's developers seek a faulty pass; an LLVM that does not know it ignores it.
     """
     options = (b"mitsuba_taxel", b"-opt-bisect-verbose=0", b"-opt-bisect-limit=0")
     parse = ctypes.CDLL(library).LLVMParseCommandLineOptions
