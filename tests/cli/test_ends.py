@@ -173,7 +173,7 @@ def test_a_scheduler_that_dies_is_one_line(program, tmp_path):
     code = (
         "from distributed import LocalCluster; import sys, time\n"
         "if __name__ == '__main__':\n"
-        "    c = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None,\n"
+        "    c = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address='127.0.0.1:0',\n"
         "                     host='127.0.0.1', protocol='tcp', silence_logs=50)\n"
         "    print(c.scheduler_address, flush=True); time.sleep(600)\n"
     )

@@ -48,7 +48,7 @@ def jobs(folder):
 def cluster(tmp_path_factory):
     """The address of a Dask scheduler with one worker, which gets its jobs by way of a socket."""
     distributed = pytest.importorskip("distributed")
-    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": "127.0.0.1:0"}
     settings |= {"protocol": "tcp://", "host": "127.0.0.1", "silence_logs": 50}
     with distributed.LocalCluster(local_directory=str(tmp_path_factory.mktemp("dask")), **settings) as cluster:
         yield cluster.scheduler_address

@@ -40,7 +40,7 @@ def test_processes_give_the_same_to_the_bit(alone):
 
 def test_a_cluster_gives_the_same_to_the_bit(alone, tmp_path):
     distributed = pytest.importorskip("distributed")
-    settings = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    settings = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": "127.0.0.1:0"}
     with distributed.LocalCluster(
         host="127.0.0.1", local_directory=str(tmp_path), silence_logs=50, **settings
     ) as cluster:
