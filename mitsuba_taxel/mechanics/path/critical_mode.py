@@ -41,7 +41,7 @@ class CriticalMode:
     Raises
     ------
     ComputationError
-        if the state is not stable.
+        if the state is not stable, or its least stiff modes are too close to be told apart.
     """
 
     def __init__(self, state: State) -> None:
@@ -108,5 +108,7 @@ def _mode(block: TangentBlock, state: State) -> tuple[float, np.ndarray]:
         if abs(stiffness - before) < CONVERGED * abs(stiffness):
             break
         before = stiffness
+    else:
+        raise ComputationError(f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations.")
     mode = mode / np.linalg.norm(push)
     return float(mode @ symmetric_product(model.assembly.matrix(entries), mode)), mode

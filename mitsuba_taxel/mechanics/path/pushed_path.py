@@ -25,6 +25,8 @@ FORCE_TOLERANCE = 1e-6
 """Of the force, relative."""
 POSE_TOLERANCE = 1e-3
 """Of the place of the body, relative to that at a row, by which an interval of time and its halves may differ."""
+MOST_HALVINGS = 40
+"""Of an interval of time, one within the other: an instant at which the body jumps ends the path."""
 MOST_POSES = 30
 SLIPS = 0.02
 """Stiffness sideways, relative to a guess of that along z, below which the body slips."""
@@ -40,12 +42,12 @@ class PushedPath(TimedPath):
         began, at = clock.perf_counter(), self._pushed(before, rows)
         if rows[-1][0] > before.time:
             way = max(np.linalg.norm(at.moved), np.linalg.norm(before.moved))
-            at = self._halved(before, rows, at, POSE_TOLERANCE * float(way))
+            at = self._halved(before, rows, at, POSE_TOLERANCE * float(way), MOST_HALVINGS)
         return replace(at, seconds=before.seconds + clock.perf_counter() - began)
 
-    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached, allowed: float) -> Reached:
-        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one, and
-        ``allowed`` in mm."""
+    def _halved(self, before: Reached, rows: tuple[Row, ...], whole: Reached, allowed: float, left: int) -> Reached:
+        """The pad at the end of the last row, in as many even movements as it takes; ``whole`` is that by one,
+        ``allowed`` in mm, and ``left`` the number of further halvings."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
         halves = (*rows[:-1], middle), (*rows[:-1], middle, rows[-1])
@@ -54,8 +56,13 @@ class PushedPath(TimedPath):
         if np.linalg.norm(second.moved - whole.moved) <= allowed:
             missed = (second.displacement - whole.displacement) / 3  # that of the halves, if errors go with the square
             return replace(second, deviation=second.deviation + missed)
-        first = self._halved(before, halves[0], first, allowed)
-        return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed)
+        if not left:
+            raise ComputationError(
+                f"the indenter does not settle between {before.time:.4g} and {time:.4g} s: the load path ends there. "
+                "Smaller steps of the force may do."
+            )
+        first = self._halved(before, halves[0], first, allowed, left - 1)
+        return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
     def _pushed(self, before: Reached, rows: tuple[Row, ...]) -> Reached:
         """The pad at the end of the last row, if the body moves evenly; raises `ComputationError` if it slips."""

@@ -136,8 +136,11 @@ def failure_of(error: BaseException) -> Failure:
 
 
 def describe(values: Mapping[str, str]) -> str:
-    """Values of parameters, in words, without the load history, and what meshes are moved from."""
-    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS, TO_CONTACT)}
+    """Values of parameters, in words, without the load history, what meshes are moved from, and the way to contact if
+    any else is told."""
+    shown = {name: value for name, value in values.items() if name not in (HISTORY, MESHED_AS)}
+    if shown.keys() - {TO_CONTACT}:
+        shown.pop(TO_CONTACT, None)
     return ", ".join(" ".join(f"{name}={value}".split()) for name, value in shown.items())
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, State
+from mitsuba_taxel.mechanics.path import critical_mode
 from mitsuba_taxel.mechanics.path.critical_mode import CriticalMode
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 
@@ -63,3 +64,9 @@ def test_no_equilibrium_near_by_is_told(mesh):
     mode, still = CriticalMode(state_under(mesh, (0.0, 0.0, -0.1))), np.zeros((len(mesh.points), 3))
     with pytest.raises(ComputationError, match="no equilibrium of a pad that changes a little was found"):
         mode.after(still, still, np.array([0.0, 0.0, -200.0]), MATERIAL)
+
+
+def test_modes_that_cannot_be_told_apart_are_refused(mesh, monkeypatch):
+    monkeypatch.setattr(critical_mode, "MOST_ITERATIONS", 2)
+    with pytest.raises(ComputationError, match="the least stiff mode of the pad was not found in 2 iterations"):
+        CriticalMode(state_under(mesh, (0.01, 0.02, -0.2)))

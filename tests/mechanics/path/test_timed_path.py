@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics import (
     reactions,
     state_after,
 )
-from mitsuba_taxel.mechanics.path import time_steps, timed_path
+from mitsuba_taxel.mechanics.path import pushed_path, time_steps, timed_path
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.timed_path import TimedPath
 from mitsuba_taxel.pads import Pad
@@ -113,6 +113,13 @@ def test_a_force_that_grows_needs_no_rows_on_its_way():
     (whole,) = states([(0, 0, asked[-1])], [2.0], load=BALL)
     np.testing.assert_allclose(plate_forces(rows), asked, rtol=1e-5)
     assert depths([whole])[0] == pytest.approx(depths(rows)[-1], rel=1e-3)
+
+
+def test_a_body_that_does_not_settle_is_told(monkeypatch):
+    monkeypatch.setattr(pushed_path, "POSE_TOLERANCE", 0.0)
+    monkeypatch.setattr(pushed_path, "MOST_HALVINGS", 1)
+    with pytest.raises(ComputationError, match="the indenter does not settle between 0 and 1 s"):
+        states([(0, 0, -0.1)], [2.0], load=BALL)
 
 
 UP, DOWN = np.arange(1, 7) / 6, np.arange(5, -1, -1) / 6

@@ -8,7 +8,7 @@ import pytest
 
 from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.studies.run import job
-from mitsuba_taxel.studies.run.job import Failure, Job, JobResult
+from mitsuba_taxel.studies.run.job import Failure, Job, JobResult, describe
 
 
 def one_of(name, **parameters):
@@ -34,3 +34,8 @@ def test_no_scene_lives_on(llvm_mono, monkeypatch, parameters, kind):
         assert isinstance(job.run(one_of("pad.xml", **parameters)), kind)
         assert plugins() == before
     assert kind is Failure or (len(seen) == 3 and min(seen) > before)
+
+
+def test_values_in_words_leave_out_the_way_to_contact_unless_it_is_all_there_is():
+    assert describe({"fz": "-3", "to_contact": "fz=-40"}) == "fz=-3"
+    assert describe({"to_contact": "fz=-40"}) == "to_contact=fz=-40" and describe({}) == ""
