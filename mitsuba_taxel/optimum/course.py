@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Found, descend
+from mitsuba_taxel.optimum.descent import JUMP, JUMP_BARE, JUMP_MOVED, TOLERANCE, TOLERANCE_BARE, Found, descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
@@ -126,19 +126,27 @@ class Course:
             if anew is None:
                 beside = here
             placed[tuple(x.tolist())], placed[tuple(end.tolist())] = beside, there
-            return Found(judged(there), anew, JUMP_MOVED if there.family == beside.family else JUMP)
+            return Found(judged(there), anew, self._jump(there, beside))
+
+        tolerance = TOLERANCE if self.designs.has_parts else TOLERANCE_BARE
 
         for _ in range(ROUNDS if self.plan.tolerances else 1):
             try:
                 if self._read[start] is None or judged(start) is None:
                     return
-                x = descend(at, np.array(start.x))
+                x = descend(at, np.array(start.x), tolerance)
             except Enough:
                 return
             end = placed[tuple(x.tolist())]
             if self._read.get(end) is None or end == start:
                 return
             start = end
+
+    def _jump(self, one: Design, other: Design) -> float:
+        """Relative error of a comparison of two designs."""
+        if not self.designs.has_parts:
+            return JUMP_BARE
+        return JUMP_MOVED if one.family == other.family else JUMP
 
     def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
         """A design at ``x`` with the mesh of ``here``, moved, and ``here``; with its own mesh, if the one that it was

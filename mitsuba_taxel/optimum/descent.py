@@ -27,8 +27,12 @@ JUMP = 1e-3
 """Relative error of a figure that changes with the mesh."""
 JUMP_MOVED = 3e-5
 """The same where the mesh is moved."""
+JUMP_BARE = 1e-6
+"""The same of scenes without a pad, whose points are those of fixed seeds."""
 TOLERANCE = 3e-4
 """A descent ends where a relative improvement by less is expected."""
+TOLERANCE_BARE = 1e-6
+"""The same of scenes without a pad."""
 STEPS = 100
 
 

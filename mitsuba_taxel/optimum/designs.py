@@ -83,6 +83,8 @@ class Designs:
     failures : dict[Design, str]
         Why a design failed.
     notes : list[str]
+    has_parts : bool
+        Whether a design has deformable pads.
     untold : dict[str, str]
         Why no first contact is told along a line.
     """
@@ -109,7 +111,7 @@ class Designs:
                 raise InputError(f"tolerance of {name} cannot be told: {refused[name]}")
         self._by = [name for name in [*self._names, *others] if name not in refused]
         self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
-        self._may_touch = any(parts_of(plan.scene(design)) for design in first.values())
+        self.has_parts = any(parts_of(plan.scene(design)) for design in first.values())
         self.untold = lines_untold(plan, self._batch, list(first.values()))
         self.failures: dict[Design, str] = {}
         self.loads, self.seconds = 0, 0.0
@@ -203,7 +205,7 @@ class Designs:
     def _study(self, designs: Sequence[Design]) -> tuple[xr.Dataset, dict[Design, _Rows]]:
         """The study with these designs, and the rows of each."""
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
-        names += [*([MESHED_AS] if self._has_pads else []), *([TO_CONTACT] if self._may_touch else [])]
+        names += [*([MESHED_AS] if self._has_pads else []), *([TO_CONTACT] if self.has_parts else [])]
         ways = {line: load for line, load in self._plan.to_contact.items() if line not in self.untold}
         base = self._plan.base
         stored = stored_study(self._place).get("together", {})

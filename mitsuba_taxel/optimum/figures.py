@@ -204,8 +204,9 @@ def noise_equivalent_force(seen: Seen, along: str, noise: float | None = None) -
     return (seen.noise(along, noise) / _magnitude(seen.slopes(along))).ravel()
 
 
-def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -> np.ndarray:
-    """One standard deviation of each force if all are estimated from all readings at once.
+def resolution(seen: Seen, along: tuple[str, ...], of: tuple[str, ...] = (), noise: float | None = None) -> np.ndarray:
+    """One standard deviation of each load, or of those along the lines ``of``, if all are estimated from all readings
+    at once.
 
     They are the roots of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
     readings; NaN if these do not tell all forces.
@@ -213,9 +214,10 @@ def resolution(seen: Seen, along: tuple[str, ...], noise: float | None = None) -
     slopes = np.stack([seen.slopes(line) / seen.noise(line, noise)[0] for line in along], axis=1)
     sizes = np.linalg.norm(slopes.real, axis=0)
     alike = slopes.real / np.where(sizes > 0, sizes, 1.0)
+    told = [along.index(line) for line in of or along]
     if np.linalg.eigvalsh(alike.T @ alike)[0] < ALIKE**2:
-        return np.full(len(along), np.nan + 0j)
-    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+        return np.full(len(told), np.nan + 0j)
+    return np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes))[told])
 
 
 def largest_strain(seen: Seen, along: str) -> np.ndarray:
@@ -252,7 +254,7 @@ class Kind:
     components : Callable
         Function of a `Seen` and the figure's parameters.
     unit : str
-        With ``{u}`` for that of readings, and ``{f}`` for that of the parameter along its line.
+        With ``{u}`` for that of readings, and ``{f}`` for that of the parameter along its lines.
     takes : tuple[str, ...]
         Parameters besides its lines.
     steps, lines : int
@@ -277,7 +279,7 @@ KINDS: dict[str, Kind] = {
     "saturation": Kind(saturation, "1", steps=1),
     RANGE: Kind(measuring_range, "{f}"),
     "noise_equivalent_force": Kind(noise_equivalent_force, "{f}", ("noise",)),
-    "resolution": Kind(resolution, "{f}", ("noise",), lines=2),
+    "resolution": Kind(resolution, "{f}", ("noise", "of"), lines=2),
     "largest_strain": Kind(largest_strain, "1", steps=1),
     FIRST_CONTACT: Kind(first_contact, "{f}"),
     "clearance": Kind(clearance, "mm", steps=1),
@@ -299,9 +301,10 @@ class Figure:
     @property
     def words(self) -> str:
         """Such as ``nonlinearity along normal``."""
-        along = self.told.get("along", ())
+        along, of = self.told.get("along", ()), ", ".join(self.told.get("of", ()))
         lines = along if isinstance(along, str) else ", ".join(along)
-        return " ".join(filter(None, [self.kind.replace("_", " "), f"along {lines}" if lines else ""]))
+        named = [self.kind.replace("_", " "), f"of {of}" if of else "", f"along {lines}" if lines else ""]
+        return " ".join(filter(None, named))
 
     def components(self, seen: Seen) -> np.ndarray:
         """(N,) complex."""

@@ -234,10 +234,23 @@ class _Asked:
         if kind.lines:
             told["along"] = self._along(name, told.get("along"))
         self._check(name, told)
+        return Figure(name, told, kind.unit.format(u="W" if self.circuit is None else "V", f=self._unit(name, told)))
+
+    def _unit(self, name: str, told: dict[str, Any]) -> str:
+        """That of the loads whose components are told; ``of`` becomes a tuple of their lines."""
         along = told.get("along", ())
-        first = along if isinstance(along, str) else next(iter(along), "")
-        of = self.units.get(self.lines[first][0], "1") if first else "1"
-        return Figure(name, told, kind.unit.format(u="W" if self.circuit is None else "V", f=of))
+        lines = tuple([along] if isinstance(along, str) else along)
+        if "of" in told:
+            given = told["of"]
+            told["of"] = of = tuple([given] if isinstance(given, str) else given if isinstance(given, list) else ())
+            if not of or not set(of) <= set(lines):
+                raise InputError(f"{name}: of = {given!r} is not allowed: some of {', '.join(lines)} are needed.")
+            lines = of
+        units = sorted({self.units.get(self.lines[line][0], "1") for line in lines if line})
+        if len(units) > 1:
+            several = f"{', '.join(lines)} is in {' and '.join(units)}"
+            raise InputError(f"{name} of {several}: of = a line, or lines of one unit, is needed.")
+        return units[0] if units else "1"
 
     def _along(self, name: str, given: Any) -> str | tuple[str, ...]:
         several = KINDS[name].lines > 1

@@ -76,6 +76,7 @@ def test_values():
     slopes = np.array([[1.5, 3.0], [1.0, -2.0]]).T / 0.1
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     np.testing.assert_allclose(of("resolution", along=("z", "x"), noise=0.1), expected)
+    np.testing.assert_allclose(of("resolution", along=("z", "x"), of=("x",), noise=0.1), expected[1:])
 
 
 @pytest.mark.parametrize("readings", [[[2.0], [1.0]], [[2.0, 1.0], [4.0, 2.0]], [[2.0, 1.0], [0.0, 0.0]]])
@@ -133,4 +134,5 @@ def test_what_a_circuit_shows_of_a_design():
 
 def test_words():
     assert Figure("resolution", {"along": ("z", "x")}, "N").words == "resolution along z, x"
+    assert Figure("resolution", {"along": ("z", "x"), "of": ("x",)}, "N").words == "resolution of x along z, x"
     assert Figure("least_wall", {}, "mm").words == "least wall"

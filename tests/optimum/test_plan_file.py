@@ -77,6 +77,13 @@ def test_a_plan(plan):
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nmost = 1\n', "without a table [circuit], or a noise"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nalong = ["side"]\nmost = 1\n', "two or more"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 0\nmost = 1\n', "noise = 0"),
+        (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 1\nof = "top"\nmost = 1\n', "of = 'top' is not allowed"),
+        (
+            WHOLE.replace("fx = [0, 0.1]", "poisson_ratio = [0.4, 0.45]")
+            + CONSTRAINT
+            + 'figure = "resolution"\nnoise = 1\nmost = 1\n',
+            "resolution of normal, side is in 1 and N: of = a line",
+        ),
         (WHOLE + CONSTRAINT + 'figure = "saturation"\nmost = 1\n', "without a table [circuit]"),
         *(
             (
