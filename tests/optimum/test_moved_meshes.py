@@ -65,6 +65,7 @@ class Families:
     """Designs of one taxel: at rest 2 + (x - 0.7)^2, times what its mesh makes of it; meshes reach 0.25 far."""
 
     failures: dict = {}
+    has_parts = True
 
     def __init__(self, reach):
         self.reach, self.seen = reach, []

@@ -28,6 +28,8 @@ LIMIT = '[[optimise.constraints]]\nfigure = "largest_reading"\nmost = 1.01\n'
 class Parabola:
     """Designs of one taxel, at rest ``scale`` times 1 + (x - ``least``)^2."""
 
+    has_parts = True
+
     def __init__(self, least, scale):
         self._least, self._scale = least, scale
         self.failures, self.untold, self.seconds_of, self.notes = {}, {}, {}, []
