@@ -12,7 +12,9 @@ import pytest
 from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.parts import Part, Side
 from mitsuba_taxel.sensing import find_scene
+from mitsuba_taxel.specification import specifications
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
+from mitsuba_taxel.specification.plugin_pages import plugin_page
 from mitsuba_taxel.studies import read_steps
 from mitsuba_taxel.studies.plan.templates import SUFFIXES, write_template
 
@@ -120,6 +122,27 @@ def test_the_scene_uses_each_of_its_defaults(template, kind):
     declared = [element.get("name") for element in root.iter("default")]
     used = {name for e in root.iter() for value in e.attrib.values() for name in re.findall(r"\$(\w+)", value)}
     assert len(set(declared)) == len(declared) > 20 and set(declared) == used
+
+
+@pytest.mark.parametrize("kind", ["scene", "touch", "pad.xml"])
+def test_numbers_are_the_defaults_of_the_plugins(template, kind):
+    """Such as the modulus: what a parameter is without being given is stated once."""
+    root = ElementTree.parse(template.get(kind) or find_scene(kind)).getroot()
+    given = {element.get("name"): element.get("value") for element in root.iter("default")}
+    compared = {}
+    for element in root.iter():
+        if element.get("type") in specifications():
+            defaults = {row.name: row.default_text for row in plugin_page(element.get("type")).parameters}
+            for child in element:
+                name = child.get("value", "")[1:]
+                if child.get("value", "").startswith("$") and child.tag in ("float", "integer", "string"):
+                    compared[child.get("name")] = given[name], defaults[child.get("name")]
+    for name in ("rows", "columns"):
+        compared.pop(name, None)  # as many photo-reflectors as the pad has cells
+    numbers = {name: pair for name, pair in compared.items() if re.match(r"-?[0-9.]+(,|$)", pair[1])}
+    assert {"youngs_modulus", "poisson_ratio"} <= set(numbers)
+    for name, (value, default) in numbers.items():
+        assert float(value) == float(default.split(",")[0]), name
 
 
 def test_the_study_names_scenes_and_parameters_that_exist(template):
