@@ -1,8 +1,8 @@
 """Differences of second order."""
 
-STENCILS = (
-    ((0.5, 1), (-0.5, -1)),
-    ((1.5, 0), (-2, -1), (0.5, -2)),
-    ((-1.5, 0), (2, 1), (-0.5, 2)),
-)
-"""Weights and steps: central, or one-sided if the other side is not allowed."""
+CENTRAL = ((0.5, 1), (-0.5, -1))
+BEHIND = ((1.5, 0), (-2, -1), (0.5, -2))
+AHEAD = ((-1.5, 0), (2, 1), (-0.5, 2))
+"""Weights and steps."""
+STENCILS = (CENTRAL, BEHIND, AHEAD)
+"""Central, or one-sided if the other side is not allowed."""

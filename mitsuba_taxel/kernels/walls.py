@@ -27,6 +27,12 @@ def wall_at(bsdf: mi.BSDF, region: str) -> mi.BSDF | None:
     return bsdf.walls.get(region) if is_region(bsdf) else bsdf
 
 
+def scatters_evenly(bsdf: mi.BSDF) -> bool:
+    """Whether a part of its walls scatters light isotropically."""
+    walls = (wall for wall in walls_by_region(bsdf).values() if is_wall(wall))
+    return any(wall.scattering == "isotropic" or bool(wall.specification.isotropic) for wall in walls)
+
+
 def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
     """Set the wavelength of walls with a reflectance table, if all LEDs have the same."""
     for wall in _walls_with_table(scene):

@@ -186,6 +186,7 @@ class _OfCell:
         self._at = self._rest + self._patches.carried(whole.state.displacement)
         self._displaced = [self._patches.carried(each.displacement) for each in nodal]
         self._velocities = [self._velocity(*each) for each in zip(nodal, self._displaced, strict=True)]
+        self._sides = [each.side for each in nodal]
         self._others = others
 
     def found(self, with_errors: bool, second: _Second | None) -> _Found:
@@ -199,7 +200,8 @@ class _OfCell:
             by_patch = self._by_patch(coarse, gradient)
             there = by_patch.sum(axis=1)
             spread = self._of_wider_horizon(coarse, gradient)
-            of_derivatives = np.hypot(LIGHT_SHARE * (values - there), HORIZON_SHARE * spread)
+            changes = [LIGHT_SHARE * (values - there), HORIZON_SHARE * spread, self._of_sides(coarse)]
+            of_derivatives = np.linalg.norm(changes, axis=0)
             light = np.array([reading_error(fine.reading, coarse.reading), *of_derivatives])
             if second is not None:
                 against = self._against(second, coarse.reading, by_patch, gradient)
@@ -211,6 +213,17 @@ class _OfCell:
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
+
+    def _of_sides(self, cell: Cell) -> np.ndarray:
+        """(P,) how far derivatives that are the mean of those on two sides are from either."""
+        change = [np.subtract(*each.sum(axis=1)) / 2 for each in self._bent(cell)]
+        return np.array([0.0 if side else each for side, each in zip(self._sides, change, strict=True)])
+
+    def _bent(self, cell: Cell) -> list[np.ndarray]:
+        """(2, F) derivatives by each change of the light between points of one plane, which walls at rest have."""
+        if self._whole.state.displacement.any():
+            return [np.zeros((2, len(self._rest)))] * len(self._velocities)
+        return [cell.bent(velocity) for velocity in self._velocities]
 
     def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> _Against:
         """The coarser solution compared with that of a second mesh."""
@@ -233,7 +246,10 @@ class _OfCell:
 
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
         """(P, F + 1) derivatives by the movement of each patch, and by changes of other parts."""
-        by_walls = [(gradient * velocity).sum(axis=(1, 2)) for velocity in self._velocities]
+        by_walls = [
+            (gradient * velocity).sum(axis=(1, 2)) + (bent[0 if side > 0 else 1] if side else bent.mean(axis=0))
+            for velocity, side, bent in zip(self._velocities, self._sides, self._bent(cell), strict=True)
+        ]
         return np.column_stack([by_walls, [self._by_parts(cell, scenes) for scenes in self._others]])
 
     def _by_parts(self, cell: Cell, scenes: list[tuple[float, DiffuseCells]]) -> float:

@@ -29,11 +29,14 @@ class Nodal:
         Rate of their displacement, and their own before it, in mm.
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
+    side : int
+        Side of a pad at rest on which it is pressed: 1 with a larger, -1 with a smaller parameter, 0 if with neither.
     """
 
     displacement: np.ndarray
     velocity: np.ndarray
     dimensions: dict[str, float]
+    side: int = 0
 
 
 class LinearisedPad:
@@ -68,7 +71,7 @@ class LinearisedPad:
         if change.load.any():
             displacement += self._by_load(change.load)
         if not self.pad.is_loaded:  # only a load displaces a pad at rest
-            return Nodal(displacement, velocity, change.pad)
+            return Nodal(displacement, velocity, change.pad, _side(change.load))
         if change.place.any():
             displacement += self._linear.by_place(change.place)
         for name, rate in change.material.items():
@@ -90,3 +93,9 @@ class LinearisedPad:
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
         return self._linear.by_value(load)
+
+
+def _side(load: np.ndarray) -> int:
+    """Of a change of a load, a pressure or a vector that presses downwards."""
+    presses = load[0] if len(load) == 1 else -load[-1]
+    return int(np.sign(presses))

@@ -9,7 +9,7 @@ step, the scatter of independent randomisations the noise. The step is chosen by
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,9 +17,10 @@ import numpy as np
 
 from mitsuba_taxel.base import stages
 from mitsuba_taxel.base.convergence import FACETS_SHARE
-from mitsuba_taxel.base.differences import STENCILS
+from mitsuba_taxel.base.differences import AHEAD, BEHIND, CENTRAL, STENCILS
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.replicates import standard_error
+from mitsuba_taxel.kernels.walls import scatters_evenly
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS, Derivatives, unit_of
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.mechanics_error import restored
@@ -119,8 +120,10 @@ class _PadAndSecond:
 class _Along:
     """Differences along one parameter of a scene, in which ``walls`` of a pad move if it has one."""
 
-    def __init__(self, effort: _Effort, change: Rates, walls: MovingWalls | None = None) -> None:
-        self._effort, self._change, self._walls = effort, change, walls
+    def __init__(
+        self, effort: _Effort, change: Rates, walls: MovingWalls | None = None, stencils: Sequence[Stencil] = STENCILS
+    ) -> None:
+        self._effort, self._change, self._walls, self._stencils = effort, change, walls, stencils
         self._scene = MovedScene(effort.ready, change)
 
     def found(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +179,7 @@ class _Along:
     def _stencil(self, largest: float, seed: int, points: int) -> tuple[_Differences, float]:
         """Differences by the first stencil of the largest step at which the scene exists, twice as far, too."""
         for level in range(LEVELS):
-            for stencil in STENCILS:
+            for stencil in self._stencils:
                 read, step = _Differences(self._scene, stencil, seed, points), largest / FINER**level
                 try:
                     read.over(FINER * step, self._walls)
@@ -193,7 +196,9 @@ class _AlongWithPad(_Along):
     def __init__(self, effort: _Effort, pad: _PadAndSecond, change: Rates, nodal: Nodal) -> None:
         self._pad, self._mesh = pad, pad.pad.state.mesh
         self._moving = walls_on(self._mesh, pad.linear, nodal)
-        super().__init__(effort, change, self._moving)
+        has_sides = nodal.side and scatters_evenly(pad.pad.bsdf())
+        stencils = (AHEAD if nodal.side > 0 else BEHIND,) if has_sides else STENCILS
+        super().__init__(effort, change, self._moving, stencils)
 
     def _of_shape(self, chosen: _Chosen, read: _Differences, near: np.ndarray, mean: Mean) -> list[float]:
         errors = []
@@ -221,7 +226,7 @@ class _AlongWithPad(_Along):
             return near
         scene = MovedScene(self._effort.ready, replace(self._change, beside=[]))
         still = Nodal(displacement, np.zeros_like(displacement), {})
-        read = _Differences(scene, STENCILS[0], self._effort.seed, chosen.points)
+        read = _Differences(scene, CENTRAL, self._effort.seed, chosen.points)
         return read.over(chosen.step, MovingWalls(self._moving.displacement, still))
 
 

@@ -9,7 +9,7 @@ Equations of the Second Kind, Cambridge University Press, 1997.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,8 @@ from mitsuba_taxel.transport.rules import triangle_rule
 
 DISTANCE = 0.8
 """As for :func:`cut_near`: with twice the value, readings change by 3e-5 and derivatives by 2e-4."""
+BEND = 1e-5
+"""Movement in mm of the walls that shows how light begins to pass between points of one plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +143,11 @@ class Cell:
     def _between_walls(self, box: Box | None) -> Exchange:
         """Exchange from the points at which W is known to those of all patches, with a box between them if given."""
         pairs, places = self._mesh.pairs, self._walls.places
-        standing = box if box is not None and box.below_top(places) else None
-        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, standing)
+        return Exchange(self._starts, *pairs.points.placed(places), pairs.target, pairs.point, self._standing(box))
+
+    def _standing(self, box: Box | None) -> Box | None:
+        """The box, if it may stand between walls."""
+        return box if box is not None and box.below_top(self._walls.places) else None
 
     def _exchanged(self, between: Exchange) -> np.ndarray:
         """(T, T) K."""
@@ -169,6 +174,30 @@ class Cell:
         )
         total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
         return total + mesh.targets.gradient(places, by_start, by_area)
+
+    def bent(self, velocity: np.ndarray) -> np.ndarray:
+        """(2, F) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
+        that it leaves: for walls that begin to move with a velocity (F, 15, 3), and with its opposite. They are not
+        opposite to each other: points of a plane see each other when it is bent inwards, and not when outwards."""
+        pairs, own, places = self._mesh.pairs, self._mesh.own, self._walls.places
+        found, fastest = np.zeros((2, len(places))), np.abs(velocity).max()
+        if not (fastest > 0 and self._in_plane.any()):
+            return found
+        target, point = pairs.target[self._in_plane], pairs.point[self._in_plane]
+        given = pairs.weight[self._in_plane] * self._adjoint[target] * (self._mesh.shares @ self.response)[point]
+        for side, step in enumerate((BEND / fastest, -BEND / fastest)):
+            moved = places + step * velocity
+            at, area = self._mesh.targets.placed(moved)
+            normal = area / np.linalg.norm(area, axis=1, keepdims=True)
+            starts = replace(self._starts, at=at, normal=normal)
+            light = Exchange(starts, *pairs.points.placed(moved), target, point, self._standing(self._box))
+            found[side] = np.bincount(own[target], given * light.values() / step, len(places))
+        return found
+
+    @cached_property
+    def _in_plane(self) -> np.ndarray:
+        """(N,) which pairs are of points in one plane."""
+        return self._between_walls(None).in_plane()
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:
         """First-order change of the reading.

@@ -20,6 +20,8 @@ from mitsuba_taxel.transport.box import Box, Passage
 
 HORIZON = 4e-3
 """Cosine up to which a direction counts as one along the horizon."""
+IN_PLANE = 1e-10
+"""Cosine up to which points count as points of one plane, which see nothing of each other."""
 _TURN = threading.Lock()
 """Lock of threads that launch kernels."""
 
@@ -88,6 +90,13 @@ class Exchange:
             value = pair.per_facing * pair.facing
             return np.array(value if self._box is None else value * self._passage(self._box).share)
 
+    def in_plane(self) -> np.ndarray:
+        """(N,) whether both ends of a pair lie in one plane, of which each sees the other as soon as it is bent."""
+        with _TURN:
+            pair = self._pairs()
+            most = IN_PLANE * pair.distance
+            return np.array((dr.abs(pair.leaving) <= most) & (dr.abs(pair.facing) <= most * dr.norm(pair.area)))
+
     def slopes(self, given: np.ndarray, wider: float = 1.0) -> LightRates:
         """Derivatives of the values, times ``given`` (N,), with a horizon that is ``wider`` by a factor."""
         with _TURN:
@@ -132,7 +141,7 @@ class _Pairs:
         squared = dr.dot(d, d)
         self.isotropic, self.distance = isotropic, dr.sqrt(squared)
         self.facing, self.leaving = -dr.dot(area, d), dr.dot(normal, d)
-        seen = (self.facing > 0) & (self.leaving > 0)
+        seen = (self.facing > 0) & (self.leaving > IN_PLANE * self.distance)
         self.over = dr.select(seen, 1 / squared, 0)
         self.even = isotropic / (2 * math.pi) * self.over * dr.sqrt(self.over)
         self.cosine = lambertian / math.pi * self.over * self.over

@@ -14,10 +14,11 @@ from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.results.largest_strain import LargestStrain
 from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 from mitsuba_taxel.pads import mesh_velocity
+from mitsuba_taxel.parameters import parameters_of
 from mitsuba_taxel.sensing import diffuse_cells
 from mitsuba_taxel.sensing.derivative_values import BY_PATHS
 from mitsuba_taxel.sensing.derivatives import derivatives_by
-from mitsuba_taxel.sensing.deterministic_light import deterministic_light
+from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, deterministic_light
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
 from mitsuba_taxel.sensing.scene_rates import rates
 from mitsuba_taxel.transport import exchange
@@ -145,6 +146,35 @@ def test_slopes_of_domes_at_rest_are_those_of_a_small_load(cell):
     np.testing.assert_allclose(found.standard_errors, expected.standard_errors, rtol=0.02)
 
 
+def flat_at(*force, scattering="isotropic", cell="parallelepiped"):
+    """A cell with a flat roof, on the elements of loaded ones."""
+    return pad_scene({"scattering": scattering}, cell=cell, force=[float(each) for each in force])
+
+
+@pytest.mark.parametrize("cell", ["parallelepiped", "cylindrical"])
+def test_the_slope_of_a_flat_isotropic_roof_at_rest_is_that_of_pressing_it(cell):
+    """Points of a plane see each other once it is bent; pulled, the roof has another slope."""
+    at_rest = derivatives(flat_at(0, 0, 0, cell=cell), "fz")
+    read = {fz: deterministic_light(flat_at(0, 0, fz, cell=cell).load(), False).power[0] for fz in (-2e-3, -1e-3, 2e-3)}
+    pressing = (4 * (read[-1e-3] - at_rest.power[0]) - (read[-2e-3] - at_rest.power[0])) / -2e-3
+    pulling = (read[2e-3] - at_rest.power[0]) / 2e-3
+    assert at_rest.values[0, 0] == pytest.approx(pressing, rel=1e-4)
+    assert abs(pulling - pressing) > 0.02 * abs(pressing)
+    loaded = derivatives(flat_at(0, 0, -1e-3, cell=cell), "fz")
+    assert at_rest.values[0, 0] == pytest.approx(loaded.values[0, 0], rel=1e-3)
+
+
+def test_a_derivative_between_two_sides_has_their_distance_as_error():
+    """Of a sideways force on a flat roof at rest; of Lambertian roofs both sides agree."""
+    found, ends = derivatives(flat_at(0, 0, 0), "fx", with_errors=True), (1e-3, -1e-3)
+    read = [deterministic_light(flat_at(fx, 0, 0).load(), False).power[0] for fx in ends]
+    slopes = (np.array(read) - found.power[0]) / ends
+    assert found.values[0, 0] == pytest.approx(np.mean(slopes), abs=1e-3 * np.ptp(slopes))
+    assert found.standard_errors[0, 0] > 0.49 * np.ptp(slopes) > 0.1 * abs(np.mean(slopes))
+    smooth = derivatives(flat_at(0, 0, 0, scattering="lambertian"), "fx", with_errors=True)
+    assert smooth.standard_errors[0, 0] < 0.2 * found.standard_errors[0, 0]
+
+
 def by(derivatives, name):
     column = derivatives.parameters.index(name)
     return derivatives.values[0, column], derivatives.standard_errors[0, column]
@@ -164,28 +194,64 @@ def test_derivatives_are_differences_of_the_whole_chain(name, found):
     assert strain_rate(found, name) == pytest.approx((ahead - behind) / (2 * step), rel=3e-3, abs=1e-9)
 
 
-def difference_on_morphed_meshes(scene, amounts, step=2e-3):
-    """Of the reading and the largest strain, along a change of dimensions by some amounts."""
-    cells = DiffuseCells(scene.load())
-    state, pad = cells.pad.state, cells.pad.pad
-    walls, ends = cells.patches(0).walls, []
-    for sign in (1, -1):
+def reading_and_strain(cells, amounts, degree):
+    """Of the one cell in equilibrium, with parameters changed by some amounts: its mesh is morphed by dimensions."""
+    state, pad, patches = cells.pad.state, cells.pad.pad, cells.patches(0)
+    forces, constants = (
+        {name: by for name, by in amounts.items() if name in names}
+        for names in (COMPONENTS, parameters_of(type(state.material)))
+    )
+    dimensions = {name: by for name, by in amounts.items() if name not in forces | constants}
+    value = tuple(np.add(state.value, [forces.get(name, 0.0) for name in COMPONENTS]))
+    material = state.material.changed(**{name: getattr(state.material, name) + by for name, by in constants.items()})
+    mesh, moved = state.mesh, patches.walls
+    if dimensions:
         mesh, moved = (
-            replace(
-                each,
-                points=each.points + sign * step * sum(a * mesh_velocity(pad, each, n) for n, a in amounts.items()),
-            )
-            for each in (state.mesh, walls)
+            replace(each, points=each.points + sum(by * mesh_velocity(pad, each, n) for n, by in dimensions.items()))
+            for each in (mesh, moved)
         )
-        loaded = LoadedPad(mesh, state.material, state.load)
-        solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), state.value)
-        changed = pad.changed(**{name: pad.dimensions[name] + sign * step * by for name, by in amounts.items()})
+        changed = pad.changed(**{name: pad.dimensions[name] + by for name, by in dimensions.items()})
         patches = WallPatches(mesh, moved, changed, cells.cells[0].faces, LATTICE)
-        displacement, _ = loaded.split(solution.unknowns)
-        places = patches.rest + patches.carried(displacement)
-        strain = LargestStrain(replace(state, mesh=mesh, displacement=displacement)).value
-        ends.append([cells.taxels[0].power * cells.solved(0, Mesh(patches.rest), places).reading, strain])
-    return np.subtract(*ends) / (2 * step)
+    loaded = LoadedPad(mesh, material, state.load)
+    solution, _ = loaded.solve(loaded.gather(state.displacement, state.pressure), value)
+    displacement, _ = loaded.split(solution.unknowns)
+    light = Mesh(patches.rest, degree) if dimensions else cells.light_mesh(0, degree)
+    read = cells.solved(0, light, patches.rest + patches.carried(displacement)).reading
+    strain = LargestStrain(replace(state, mesh=mesh, displacement=displacement)).value
+    return np.array([cells.taxels[0].power * read, strain])
+
+
+def difference_on_morphed_meshes(scene, amounts, step=2e-3, degree=FINE):
+    """Of the reading and the largest strain, along a change of parameters by some amounts."""
+    cells = DiffuseCells(scene.load())
+    ahead, behind = (
+        reading_and_strain(cells, {name: sign * step * by for name, by in amounts.items()}, degree) for sign in (1, -1)
+    )
+    return (ahead - behind) / (2 * step)
+
+
+COMPONENTS = "fx", "fy", "fz"
+SOME, OTHERS = ("fx", "fz", "youngs_modulus", "cell_size", "wall"), ("fy", "poisson_ratio", "height", "cell_height")
+SHAPES = [
+    *((cell, "isotropic", (0.05, 0.02, -0.8), SOME) for cell in ("parallelepiped", "cylindrical", "spherical")),
+    *((cell, "lambertian", (0.0, -0.1, -0.6), OTHERS) for cell in ("parallelepiped", "cylindrical", "spherical")),
+    ("hemispheric", "lambertian", (-0.1, 0.05, -0.4), ("wall", "fz", *OTHERS)),
+    ("parallelepiped", "isotropic", (0.0, 0.0, -0.6), ("fz", *OTHERS[1:])),
+]
+
+
+@pytest.mark.parametrize(("cell", "scattering", "force", "names"), SHAPES)
+def test_all_shapes_walls_and_loads_have_the_derivatives_of_equilibria(cell, scattering, force, names):
+    """Within 0.5 %, or what is 0.2 % of the largest by parameters of the same unit; of the coarser solution."""
+    scene = pad_scene({"scattering": scattering}, cell=cell, mesh_size=2.2, force=list(force))
+    found = derivatives_by([rates(scene, name) for name in names], scene.load(), False, degree=COARSE)
+    steps = {"youngs_modulus": 0.01, "poisson_ratio": 1e-4}
+    expected = np.array(
+        [difference_on_morphed_meshes(scene, {name: 1.0}, steps.get(name, 2e-3), COARSE)[0] for name in names]
+    )
+    units = np.array(found.units)
+    largest = np.array([np.abs(expected[units == unit]).max() for unit in units])
+    assert np.all(np.abs(found.values[0] - expected) < 5e-3 * np.abs(expected) + 2e-3 * largest)
 
 
 @pytest.mark.parametrize("name", ["cell_size", "height", "wall", "cell_height"])

@@ -15,6 +15,7 @@ from plate_reference import image_power, plate_power
 from scipy.stats import qmc
 
 from mitsuba_taxel import InputError, Scene, measure
+from mitsuba_taxel.base.differences import BEHIND, STENCILS
 from mitsuba_taxel.bench.domes import dome_scene
 from mitsuba_taxel.bench.sphere_light import SPACING, Dome
 from mitsuba_taxel.kernels.mesh_adapter import places_of
@@ -90,6 +91,29 @@ def test_diffuse_cells_have_the_derivatives_without_random_numbers(cell, names):
     assert np.all(off < 4 * found.standard_errors)
     assert found.strain_rates == pytest.approx(expected.strain_rates)
     assert found.units == expected.units
+
+
+@pytest.mark.parametrize(
+    ("roof", "force", "name", "stencils"),
+    [
+        ({"scattering": "isotropic"}, (0.0, 0.0, 0.0), "fz", (BEHIND,)),
+        ({"scattering": "mixed", "specular": 0.6, "isotropic": 0.4}, (0.0, 0.0, 0.0), "fz", (BEHIND,)),
+        ({"scattering": "isotropic"}, (0.0, 0.0, 0.0), "fx", STENCILS),
+        ({"scattering": "isotropic"}, (0.0, 0.0, -0.1), "fz", STENCILS),
+        (MIRROR, (0.0, 0.0, 0.0), "fz", STENCILS),
+    ],
+)
+def test_flat_roofs_at_rest_are_pressed_where_that_matters(roof, force, name, stencils, monkeypatch):
+    """Isotropic ones have another slope when they are pulled."""
+    tried = []
+
+    def found(along, _):
+        tried.append(along._stencils)
+        return np.zeros((2, 1))
+
+    monkeypatch.setattr(path_derivatives._AlongWithPad, "found", found)
+    by_paths(pressed(roof, "parallelepiped", force=force), name, points=16)
+    assert tried == [stencils]
 
 
 CHAIN = [

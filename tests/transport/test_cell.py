@@ -141,6 +141,20 @@ def test_derivatives_by_places_are_those_of_differences(law, rim, isotropic):
     assert (gradient * velocity).sum() == pytest.approx((ahead - behind) / (2 * step), rel=2e-4)
 
 
+def test_points_of_a_plate_see_each_other_on_the_side_on_which_it_is_bent_inwards():
+    """Like a saddle: part of the light comes with the bend, part with its opposite."""
+    flat, step = plate(2.5, 0.6, 3), 1e-5
+    velocity = np.zeros_like(flat)
+    velocity[..., 2] = flat[..., 0] ** 2 - 0.5 * flat[..., 1] ** 2 + 0.3 * flat[..., 0]
+    plain = cell(flat, 1, 0.7, LAMBERTIAN)
+    ahead, behind = (cell(flat + sign * step * velocity, 1, 0.7, LAMBERTIAN, rest=flat).reading for sign in (1, -1))
+    slopes = np.array([ahead - plain.reading, plain.reading - behind]) / step
+    sides = plain.bent(velocity).sum(axis=1)
+    assert (plain.gradient() * velocity).sum() + sides == pytest.approx(slopes, rel=2e-4)
+    assert sides[0] < 0 < sides[1] or sides[1] < 0 < sides[0]
+    assert abs(sides).min() > 0.05 * abs(slopes).max()
+
+
 def bent_plate(cuts, angle):
     """The cell under a plate bent like an S, by the phase of the bend, and the rate of the plate."""
     flat = plate(2.5, 0.6, cuts)
