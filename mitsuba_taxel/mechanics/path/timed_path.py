@@ -386,15 +386,20 @@ class TimedPath:
                 other = self.of(second, self._material)
                 there, longer = other.reached(rows), self._longer.reached(rows)
                 closer = self._closer.reached(rows)
-                solved = (self, at), (other, there), (self, longer), (self._closer, closer)
-                force, force_there, *others = (one._board_force(rows, reached) for one, reached in solved)
-                of_steps, of_reach = (float(np.linalg.norm(other - force)) for other in others)
-                of_mesh = comparison.force_error(force, force_there) if self._path.load.gives_displacement else 0.0
-                deviations = partial(comparison.deviations, of_force=share_of(of_mesh, force))
+                deviations, of_force = comparison.deviations, 0.0
+                if self._path.load.gives_displacement:
+                    force = self._board_force(rows, at)
+                    of_steps, of_reach = (
+                        0.0 if reached is at else float(np.linalg.norm(one._board_force(rows, reached) - force))
+                        for one, reached in ((self, longer), (self._closer, closer))
+                    )
+                    of_mesh = comparison.force_error(force, other._board_force(rows, there))
+                    of_force = of_mesh + of_steps + REMAINDER * of_reach
+                    deviations = partial(deviations, of_force=share_of(of_mesh, force))
                 return StateComparison(
                     comparison.error(at.displacement, there.displacement),
                     partial(self._deviations, deviations, at, there, longer, closer),
-                    of_mesh + of_steps + REMAINDER * of_reach if self._path.load.gives_displacement else 0.0,
+                    of_force,
                     there.seconds + sum(other.seconds for other in (longer, closer) if other is not at),
                 )
 
