@@ -47,8 +47,9 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
     if any(there is None for there in places):
         return before, None
     changes = []
-    for part in zip(*places, strict=True):
-        with moved(scene, pads, list(part)):
+    with restored(scene, pads):
+        for part in zip(*places, strict=True):
+            move(scene, pads, list(part))
             changes.append(powers() - before)
     return before, np.array(changes)
 
