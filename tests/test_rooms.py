@@ -15,7 +15,7 @@ FLOORS = re.findall(r"^\| `(?:mitsuba_taxel/)?(\w+)` \|", (ROOT / "CONTRIBUTING.
 
 TOGETHER = {
     "check": {"broken_scenes"},
-    "cli": {"bad_input", "circuit", "derivatives", "ends", "program"},
+    "cli": {"bad_input", "circuit", "ends", "program"},
     "docs": {"pages"},
     "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
     "optimum": {"moved_meshes", "thin_roof", "to_the_end"},

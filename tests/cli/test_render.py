@@ -1,4 +1,4 @@
-"""`taxel render --explain`, and that what it says was left out was not even imported."""
+"""`taxel render`: what `--explain` says was left out, which was not even imported, and the table of `--derivatives`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ UNLOADED = "pad without load: meshed, nothing solved"
 KEPT = "meshes and solutions kept on disk: nothing meshed or solved anew"
 
 PAD = one_cell(mesh_size=1.6, integrator="taxel_tracer", fz=0)
+CYLINDER = one_cell(cell="cylindrical", mesh_size=1.7, scattering="$roof", fz=-0.5, roof="lambertian")
 
 
 @pytest.fixture
@@ -82,3 +83,54 @@ def test_a_map_is_not_left_out(taxel):
 
 def test_without_the_option_nothing_is_said(taxel):
     assert "left_out" not in json.loads(taxel("render", "plate.xml", "--points", 64, "--json").stdout)
+
+
+@pytest.fixture
+def of_cylinder(taxel, tmp_path):
+    """`taxel` beside a cylindrical cell."""
+    (tmp_path / "pad.xml").write_text(CYLINDER)
+    return taxel
+
+
+def test_json_and_table_of_derivatives_say_the_same(of_cylinder):
+    words = "render", "pad.xml", "--points", 16, "--derivatives", "fz, spacing"
+    rows = json.loads(of_cylinder(*words, "--json").stdout)["derivatives"]
+    assert [(row["taxel"], row["parameter"], row["unit"]) for row in rows] == [(1, "fz", "W/N"), (1, "spacing", "W/mm")]
+    assert all(0 < row["standard_error"] < 0.1 * abs(row["value"]) for row in rows)
+    assert {row["method"] for row in rows} == {"without random numbers"}
+    table = of_cylinder(*words).stdout
+    assert "Derivatives of the readings (without random numbers), +- standard error" in table and "fz [W/N]" in table
+    assert all(f"{row['value']:.4e} +- {row['standard_error']:.0e}" in table for row in rows)
+
+
+def test_mirrors_have_derivatives_by_random_paths(of_cylinder):
+    words = "render", "pad.xml", "--points", 16, "--derivatives", "spacing", "-D", "roof=mirror", "-D", "fz=0"
+    (row,) = json.loads(of_cylinder(*words, "--json").stdout)["derivatives"]
+    assert row["method"] == "differences of random paths" and row["standard_error"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--derivatives", "roof"), "roof = 'lambertian' has no derivative: it is not a number."),
+        (("--derivatives", "hight"), "hight has no derivative: it is no number of the scene (parameters: fz, roof)"),
+    ],
+)
+def test_what_has_no_derivative_is_refused_in_one_line(words, said, of_cylinder):
+    done = of_cylinder("render", "pad.xml", "--points", 16, *words)
+    assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_a_sweep_takes_its_slopes_from_derivatives(of_cylinder, tmp_path):
+    words = "sweep", "pad.xml", "--vary", "fz=0:-0.5:-0.5", "--points", 16, "--derivatives", "fz,spacing", "-o", "out"
+    done = of_cylinder(*words, "--json")
+    (row,) = json.loads(done.stdout)["sensitivity"]
+    from mitsuba_taxel import open_study
+
+    study = open_study(tmp_path / "out").squeeze("taxel")
+    at = study.derivative.sel(parameter="fz")
+    assert row["zero_slope_W_per_N"] == pytest.approx(float(at.sel(fz=0)))
+    assert abs(row["max_slope_W_per_N"]) >= float(abs(at).max()) and row["max_slope_error_W_per_N"] > 0
+    said = of_cylinder("characterise", "out", "-o", "figures").stdout
+    assert "Slopes: from derivatives, without random numbers" in said
+    assert study.derivative_unit.values.tolist() == ["W/N", "W/mm"]
