@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stand_ins import mortal, take_threads
 
 from mitsuba_taxel import Pad, PadSensor, PhotoReflector, Scene, measure, sweep, write_xml
 from mitsuba_taxel.studies.run import pool, processes
@@ -20,12 +20,6 @@ from mitsuba_taxel.studies.run.pool import open_pool
 
 VARY = {"z": "0.6,0.7", "law": "lambertian,uniform_solid_angle"}
 RUN = {"points": 256, "seed": 7}
-
-
-@pytest.fixture
-def stand_ins(monkeypatch):
-    """Worker processes find the functions of this file, which need not be on their path."""
-    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[3])])
 
 
 @pytest.fixture(scope="module")
@@ -53,14 +47,13 @@ def job_of(file, points, seed):
     return Job(0, file, {}, {}, points, seed, mesh_size=None, mechanics_error=False, meshes=False, maps=False)
 
 
-@pytest.mark.usefixtures("stand_ins")
 def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     """Meshing, solving and tracing, each time from nothing: by one thread, by two, and by as many as there are."""
     reflectors = PhotoReflector(rows=1, columns=1)
     sensor = PadSensor(pad=Pad("parallelepiped", 1, 1), photo_reflector=reflectors, force=(0.1, 0.2, -0.5))
     write_xml(sensor.scene().with_mesh_size(2.0), tmp_path / "pad.xml")
     job = job_of(tmp_path / "pad.xml", points=64, seed=1)
-    monkeypatch.setattr(processes, "_begin", _take_threads)
+    monkeypatch.setattr(processes, "_begin", take_threads)
     readings = []
     for threads in (1, 2):
         monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path / str(threads)))
@@ -72,14 +65,6 @@ def test_pads_read_the_same_with_any_number_of_threads(tmp_path, monkeypatch):
     readings.append(measure(Scene(job.file), points=64, seed=1, mechanics_error=False).replicates)
     np.testing.assert_array_equal(readings[0], readings[1])
     np.testing.assert_array_equal(readings[0], readings[2])
-
-
-def _take_threads(count: int) -> None:
-    """Stand-in for the sharing of cores: as many threads as there are workers."""
-    import drjit as dr
-
-    os.environ["RAYON_NUM_THREADS"] = str(count)
-    dr.set_thread_count(count)
 
 
 def curves_of(*sizes: int) -> list[list[Job]]:
@@ -154,16 +139,6 @@ class TestDealing:
             assert list(doers.outcomes([[], []])) == []
 
 
-def mortal(job: Job, threads: int) -> int:
-    """Stand-in for the work: job 2 kills its process, and job 4 the first that is at it; a job's folder knows."""
-    before = job.file / str(job.number)
-    if job.number == 2 or (job.number == 4 and not before.exists()):
-        before.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return os.getpid()
-
-
-@pytest.mark.usefixtures("stand_ins")
 def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch, tmp_path):
     monkeypatch.setattr(pool, "do", mortal)
     curves = [[replace(job, file=tmp_path) for job in curve] for curve in curves_of(3, 3)]
@@ -174,7 +149,6 @@ def test_a_job_that_kills_its_process_does_not_stop_the_others(monkeypatch, tmp_
     assert not any(isinstance(outcome, Failure) for outcome in done.values())
 
 
-@pytest.mark.usefixtures("stand_ins")
 def test_a_process_that_dies_when_it_has_nothing_to_do_is_replaced(monkeypatch, tmp_path):
     monkeypatch.setattr(pool, "do", mortal)
     with open_pool(workers=1) as workers:
