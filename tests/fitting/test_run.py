@@ -11,6 +11,11 @@ from one_cell import one_cell
 from mitsuba_taxel import sweep
 
 CELL = one_cell(scattering="isotropic", fz=0, youngs_modulus=4)
+SOFT = one_cell(scattering="isotropic", fz=-0.4, youngs_modulus=2, time=0, history="", g=0.2, tau=4.0).replace(
+    '<vector name="force"',
+    '<string name="prony" value="$g $tau"/> <float name="time" value="$time"/>'
+    ' <string name="history" value="$history"/> <vector name="force"',
+)
 STUDY = """
 scene = "cell.xml"
 points = 16
@@ -60,3 +65,23 @@ def test_a_circuit_under_a_plate(taxel, tmp_path):
     assert done.returncode == 0 and "by differences of readings, with their noise: z" in done.stdout, done.stderr
     table = np.genfromtxt(tmp_path / "out" / "fit.csv", delimiter=",", names=True, dtype=None, encoding=None)
     assert table["value"] == pytest.approx([0.8, 1e4], rel=0.02)
+
+
+def test_a_prony_term_of_a_hold(taxel, tmp_path):
+    """Of a pad that creeps under a force: 0.3 of its stress relaxes within 5 s."""
+    (tmp_path / "cell.xml").write_text(SOFT)
+    times = [0.01, 4, 60]
+    steps = {"time": times, "fz": [-0.4] * 3}
+    study = sweep(tmp_path / "cell.xml", {}, {"g": 0.3, "tau": 5}, together=steps, points=16)
+    power = study.power.values[:, 0]
+    assert power[2] > power[1] > power[0]
+    rows = "\n".join(f"{time},{watts}" for time, watts in zip(times, power, strict=True))
+    (tmp_path / "data.csv").write_text(f"time_s,p1_W\n{rows}\n")
+    unknowns = "g = { start = 0.25, low = 0.05, high = 0.8 }\ntau = { start = 4, low = 0.5, high = 30 }\n"
+    head = 'scene = "cell.xml"\npoints = 16\n[fit]\ndata = "data.csv"\n[fit.unknowns]\n'
+    (tmp_path / "fit.toml").write_text(head + unknowns)
+    done = taxel("fit", "fit.toml", "-o", "out", "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert [unknown["value"] for unknown in answer["unknowns"]] == pytest.approx([0.3, 5.0], rel=5e-3)
+    assert len(answer["notes"]) == 2 and all("the pad is viscoelastic" in note for note in answer["notes"])

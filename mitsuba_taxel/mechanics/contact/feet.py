@@ -15,6 +15,7 @@ from mitsuba_taxel.mechanics.contact.rim_corners import rim_corners
 from mitsuba_taxel.mechanics.elements.elements import Elements, SmallStrain, quadrature_places
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.symmetric import tensors
 
 RADIUS = 1 / 15
 """Distance from a foot, relative to the pad's height, within which the law of a pad that goes on is linear."""
@@ -46,18 +47,25 @@ def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
 
 
 def couple_held(
-    mesh: VolumeMesh, material: Material, linear: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+    mesh: VolumeMesh,
+    material: Material,
+    linear: np.ndarray,
+    displacement: np.ndarray,
+    pressure: np.ndarray,
+    overstress: np.ndarray | None = None,
 ) -> np.ndarray:
     """(3,) N mm, moment about the origin of the nodal forces of the linear law, at quadrature points (m, q).
 
     That of other laws is zero. This one knows small rotations alone, and resists others as the board does to which the
-    feet are glued.
+    feet are glued. ``overstress`` (m, q, 6) in MPa is the viscoelastic stress in addition to that of the law.
     """
     at = np.flatnonzero(linear.any(axis=1))
     elements, every = Elements(replace(mesh, tets=mesh.tets[at]), material), slice(None)
     where, gradient = linear[at], elements.gradient(every, displacement)
     stress = elements.pressures(every, pressure)[..., None, None] * np.eye(3)
     stress[where] += SmallStrain(where, gradient[where]).stress(material.shear_modulus)
+    if overstress is not None:
+        stress[where] += tensors(overstress[at][where])
     virial = np.einsum("mq,mqij,mqkj->ik", elements.weight * where, gradient, stress)
     return np.array([virial[1, 2] - virial[2, 1], virial[2, 0] - virial[0, 2], virial[0, 1] - virial[1, 0]])
 

@@ -160,13 +160,17 @@ class Elements:
             stress = stress + p[..., None, None] * cofactor
             excess = determinant - 1 - self.material.compressibility * p
             if small is not None:
-                stress[small.at] += small.stress(self.material.shear_modulus)
+                share = 1.0 if past is None else past.share
+                stress[small.at] += share * small.stress(self.material.shear_modulus)
                 excess[small.at] += small.growth
             forces[here] = self.on_nodes(here, stress)
             volumes[here] = self.on_corners(here, excess)
             if matrices is None:
                 return
-            turning = p if small is None else np.where(small.at, 0.0, p)  # its force does not turn with the solid
+            turning = p
+            if small is not None:  # whose forces do not turn with the solid
+                turning = np.where(small.at, 0.0, p)
+                kept = None if kept is None else np.where(small.at[..., None, None], 0.0, kept)
             matrices.blocks[here] = self._stiffness(here, state, turning, past, kept)
             normal = _columns(weight, cofactor).reshape(len(p), -1, 3, 1, 3) * _PRESSURE_SHAPES[:, None, :, None]
             mixed = (by_node @ normal.reshape(len(p), -1, 12)).reshape(len(p), 10, 4, 3)
@@ -196,15 +200,18 @@ class Elements:
         return past.share * moduli.stiffness(weight, gradients)
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3)."""
+        """(m, q, 6) MPa, second Piola-Kirchhoff stress of the material at a displacement (N, 3); where the law is
+        linear, that of small strain."""
 
         def stress(start: int) -> np.ndarray:
             here = slice(start, start + ELEMENTS_AT_ONCE)
-            gradient = self.gradient(here, displacement) + np.eye(3)
+            gradient, small = self._at_rest(here, self.gradient(here, displacement) + np.eye(3))
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             inverse_transpose = cofactor / determinant[..., None, None]
             first = self.material.stress(gradient, determinant, inverse_transpose)
+            if small is not None:
+                first[small.at] += small.stress(self.material.shear_modulus)
             return components(np.swapaxes(inverse_transpose, -1, -2) @ first)
 
         return np.concatenate(in_turns(stress, len(self.nodes)))
@@ -221,7 +228,8 @@ class Elements:
     def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """(m, 10, 3) forces of second Piola-Kirchhoff stresses (m, q, 6) at a displacement (N, 3)."""
         every = slice(None)
-        return self.on_nodes(every, (self.gradient(every, displacement) + np.eye(3)) @ tensors(stress))
+        gradient = self._at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
+        return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
         """(m, 10, 3) forces of stresses (m, q, 3, 3) at the quadrature points of some elements."""

@@ -70,6 +70,7 @@ class SelfTouchingPad(LoadedPad):
             super().refuse_unstable(unknowns, entries, value)
         elif self.mirrors and self._solver.knows_inertia:
             whole = self._of_whole
+            whole.past = self.past and self.past.on(whole.part, self.whole)
             alike = whole.gather(displacement, pressure)
             tangent = whole._evaluate(alike, value).entries
             assert tangent is not None  # no element is inverted
@@ -77,7 +78,8 @@ class SelfTouchingPad(LoadedPad):
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
-        return type(self)(self.whole, self.material, self.load, solver=self._solver_name, bodies=self._bodies)
+        parts = self.whole, self.material, self.load
+        return type(self)(*parts, solver=self._solver_name, bodies=self._bodies, share=self._share)
 
     def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
@@ -171,10 +173,19 @@ class SelfTouchingPad(LoadedPad):
     ) -> Linearised:
         stiffness = self._contacts.stiffness(self.split(unknowns)[0], steady)
         added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
-        lower = sparse.csc_matrix(self.model.assembly.matrix(entries) + added)
-        lower.sort_indices()
+        lower = _sum(self.model.assembly.matrix(entries), added)
         pattern = lower.indptr.tobytes(), lower.indices.tobytes()
         if pattern != self._pattern:  # other pairs: it has to be analysed again
             self._solver, self._pattern = make_solver(self._solver_name), pattern
         held = self.model.held(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
+
+
+def _sum(lower: sparse.csc_matrix, further: sparse.csr_array) -> sparse.csc_matrix:
+    """The sum of two triangles; zeros of the first stay: without compressibility, pressures have such on the
+    diagonal."""
+    parts = lower.tocoo(), further.tocoo()
+    values, rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("data", "row", "col"))
+    found = sparse.csc_matrix((values, (rows, columns)), shape=lower.shape)
+    found.sort_indices()
+    return found

@@ -1,7 +1,7 @@
 """Time steps between two rows of a load, of lengths for which the stress changes evenly enough.
 
-Within a step, the stress of the law is a parabola over the step's :class:`Course`, that begins with its rate; under an
-indenter, it is linear in time.
+Within a step, the stress of the law is a parabola over the step's :class:`Course`, that begins with its rate; in
+contact, with an indenter or of the pad with itself, it is linear in time.
 """
 
 from __future__ import annotations
@@ -287,7 +287,8 @@ class Stretch:
             pad.rubbed = here.rubbed
         guess = here.unknowns
         if here.velocity is not None:
-            guess = guess + (1 / course.rate(0.0) if course else min(time, here.relaxing.step)) * here.velocity
+            ahead = (1 / course.rate(0.0) if course else min(time, here.relaxing.step)) * here.velocity
+            guess = pad.towards(guess, guess + ahead)
         value = self._load[0] + share * self._load[1]
         solution, self._near = pad.solve_next(guess, value, self._near)
         moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
@@ -377,7 +378,7 @@ class Stretch:
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
     """Whether steps may lead beyond rows."""
-    return bool(material.prony) and not isinstance(pad, IndentedPad)
+    return bool(material.prony) and not pad.solves_between
 
 
 def response(load: Load, material: Viscoelastic) -> Response:

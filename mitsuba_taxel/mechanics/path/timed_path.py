@@ -431,12 +431,13 @@ class TimedPath:
         return spread(at.relaxing.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
 
     def _board_force(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
-        if self._path.load.goes_on:  # whose board may hold the pad where it is not glued
-            assert isinstance(self._moving, IndenterDisplacement)
+        goes_on = self._path.load.goes_on  # where the board may hold the pad beside the glue, too
+        if goes_on and isinstance(self._moving, IndenterDisplacement):
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
             return -body.pressing(at.displacement, at.moved, traction=body.at_nodes(at.traction)).force
         overstress = self._overstress(rows, at) if self._material.prony else None
-        return glued_force(self._path.mesh, self._path.material, at.displacement, at.pressure, overstress)
+        solved = self._path.mesh, self._path.material, at.displacement, at.pressure, overstress
+        return -glued_force(*solved, region="top") if goes_on else glued_force(*solved)
 
     def _name(self, rows: tuple[Row, ...]) -> str:
         path = self._path

@@ -35,8 +35,6 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
                 load.check(value)
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
         return tuple((0.0, tuple(map(float, value))) for value in [*first, *values])
-    if load.goes_on:
-        raise InputError("self_contact of a viscoelastic silicone is not available: leave self_contact or prony out.")
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     if isinstance(load, IndenterForce):

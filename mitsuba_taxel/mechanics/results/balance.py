@@ -104,7 +104,7 @@ def reactions(state: State) -> Reactions:
         board += touched
     moment = np.cross(places, board).sum(axis=0)
     if linear is not None:
-        moment -= couple_held(mesh, state.material, linear, state.displacement, state.pressure)
+        moment -= couple_held(mesh, state.material, linear, state.displacement, state.pressure, overstress)
     return Reactions(
         board.sum(axis=0),
         moment,

@@ -21,6 +21,7 @@ from mitsuba_taxel.mechanics import (
     IndenterForce,
     NeoHookean,
     PlateDisplacement,
+    PlateForce,
     SpreadForce,
     Viscoelastic,
     linearise,
@@ -308,8 +309,6 @@ def test_a_symmetric_part_touches_as_the_whole_does(touching):
 def test_what_does_not_go_with_it(touching, monkeypatch):
     with pytest.raises(InputError, match="derivatives with self_contact are not available"):
         linearise(touching)
-    with pytest.raises(InputError, match="self_contact of a viscoelastic silicone is not available"):
-        pressed(BEFORE, material=Viscoelastic(LAW, ((0.2, 1.0),)), times=[1.0])
     with pytest.raises(InputError, match="self_contact = 1 is not allowed: True or False is needed"):
         SpreadForce(self_contact=1)
     monkeypatch.setitem(sys.modules, "ipctk", None)
@@ -356,6 +355,64 @@ def test_a_dragged_body_presses_walls_on_each_other():
     touching = pressing.pressure > 0
     assert share.max() < 1 + 1e-6 and share[~touching].max() == 0
     assert 0 < np.mean(share[touching] > 1 - 1e-6) < 0.5
+
+
+SOFT, LEFT = Viscoelastic(LAW, ((0.2, 1.0), (0.3, 10.0))), 0.5 * LAW.shear_modulus
+"""A silicone with a memory, and the shear modulus in MPa that lasts; its compressibility is that of the law."""
+_MODULUS = 9 * LEFT / (3 + LEFT * LAW.compressibility)
+LASTING = NeoHookean(_MODULUS, _MODULUS / (2 * LEFT) - 1)
+LATE = 1e7
+"""A time in s at which nothing else is left."""
+
+
+def in_the_long_run(state):
+    """The elastic pad of the lasting law near a state, which the same barriers keep apart."""
+    pad = SelfTouchingPad(state.mesh, LASTING, state.load, bodies=state.bodies)
+    pad._contacts = Contacts(state.mesh, LAW.youngs_modulus, state.bodies)
+    return pad.split(pad.balance(pad.gather(state.displacement, state.pressure), state.value))
+
+
+@pytest.mark.parametrize(("value", "bodies"), [(BEYOND, {}), (HELD, {"obstacles": PACKAGE})])
+def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, bodies):
+    at_once, late = pressed(value, value, material=SOFT, times=[0.0, LATE], **bodies)
+    (elastic,) = pressed(value, **bodies)
+    np.testing.assert_allclose(at_once.displacement, elastic.displacement, atol=1e-8)
+    np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-7)
+    forces = [reactions_of(state) for state in (at_once, late)]
+    assert forces[1].force[2] == pytest.approx(0.5 * forces[0].force[2], rel=0.06)  # it does not fill gaps as before
+    assert max(reactions.imbalance for reactions in forces) < 1e-8
+    assert at_once.stability_checked and late.stability_checked
+
+
+def test_a_pad_creeps_onto_the_board():
+    """Which it does not touch at first, under a force on a plate."""
+    load = PlateForce(self_contact=True)
+    first, late = pressed(*[(0, 0, -15.85)] * 2, load=load, material=SOFT, times=[0.0, LATE])
+    pushed = [Barrier(s.mesh, LAW.youngs_modulus).forces(s.displacement)[1][:, 2].sum() for s in (first, late)]
+    assert pushed[0] == 0 and pushed[1] > 0.5
+    np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-6)
+    assert max(reactions_of(state).imbalance for state in (first, late)) < 1e-8
+
+
+def test_a_ball_sinks_in_until_walls_touch():
+    on = IndenterDisplacement(BALL, self_contact=True)
+    (state,) = pressed(DEEP, load=on, material=SOFT, times=[1.0])
+    reactions, barrier = reactions_of(state), Barrier(state.mesh, LAW.youngs_modulus)
+    assert reactions.imbalance < 1e-8 and state.stability_checked
+    assert 0 < barrier.gap(state.displacement) < barrier.reach
+
+
+def test_moments_balance_of_a_leaning_pad_with_a_memory():
+    (state,) = pressed(ASIDE, material=SOFT, times=[2.0])
+    assert reactions_of(state).imbalance < 1e-8
+
+
+def test_an_incompressible_pad_goes_on_too():
+    law = NeoHookean(LAW.youngs_modulus, 0.5)
+    (with_it,), (without,) = (pressed(CLEAR, material=law, load=load) for load in (ON, PlateDisplacement()))
+    roof = np.unique(without.mesh.faces[without.mesh.face_region == REGIONS["roof"]])
+    change = np.abs(with_it.displacement - without.displacement)[roof].max()
+    assert 0 < change < 1e-3 * np.abs(without.displacement[roof]).max()
 
 
 def test_a_scene_goes_on_too():

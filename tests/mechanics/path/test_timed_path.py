@@ -270,6 +270,17 @@ def test_a_second_mesh_tells_the_error():
     assert state.deviations.shape == (2, *state.displacement.shape)
 
 
+def test_the_error_of_a_path_that_goes_on_includes_the_reach():
+    """At once, as much as that of the elastic pad."""
+    pytest.importorskip("ipctk")
+    on, value = PlateDisplacement(self_contact=True), (0, 0, -0.5)
+    (state,), (elastic,) = states([value], [0.0], load=on), load_path(PAD, LAW, [value], load=on, mesh_size=SIZE)
+    (without,) = states([value], [0.0])
+    assert state.force_error == pytest.approx(elastic.force_error, rel=1e-3)
+    assert state.force_error > 1.001 * without.force_error
+    assert state.error.relative == pytest.approx(elastic.error.relative, rel=1e-3)
+
+
 def test_a_path_that_ends_says_when():
     with pytest.raises(ComputationError, match=r"the load path ends at displacement = \(0, 0, -.* mm, 0\..* s\."):
         states([(0, 0, -4.5)], [1.0])
