@@ -25,6 +25,7 @@ from mitsuba_taxel.sensing.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene import Scene, parser_config
 from mitsuba_taxel.specification import Specification, specifications
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import Material
@@ -33,7 +34,7 @@ STEP = 1e-3
 """Step relative to a parameter, or to 1 if it is 0."""
 NOISE = 1e-9
 """Rates due to rounding."""
-PAD = DeformablePad.plugin
+PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 COMPONENTS = {
     name: (quantity, index)
     for quantity, names in (("force", ("fx", "fy", "fz")), ("displacement", ("ux", "uy", "uz")))
@@ -220,6 +221,8 @@ def _differences(
         _add(material, weight, _numbers(other.build_material()))
         _add(dimensions, weight, {} if other.filename else _undeformed(other).dimensions)
     others_change = any(_others(base) != _others(state) for _, state in states)
+    if pad and pad.self_contact and any(_others(base, PACKAGES) != _others(state, PACKAGES) for _, state in states):
+        raise InputError(f"{parameter.name} has no derivative with self_contact: it moves what the pad may touch.")
     for _, state in states if others_change else []:
         _with_pad_of(base, state, config)  # refuses values that a part does not allow
 
@@ -261,8 +264,6 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
         raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")
     if pad.friction:
         raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
-    if pad.self_contact:
-        raise InputError("derivatives are not available: the pad touches itself (self_contact); vary steps instead.")
     return pad
 
 
@@ -289,12 +290,12 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
         total[name] = total.get(name, 0.0) + weight * number
 
 
-def _others(state: mi.parser.ParserState) -> list[dict[str, Any]]:
-    """Parameters of each part except the pad, as comparable values."""
+def _others(state: mi.parser.ParserState, kind: str = "") -> list[dict[str, Any]]:
+    """Parameters of each part except the pad, or of those of a kind, as comparable values."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
         for node in state.nodes
-        if node.props.plugin_name() != PAD
+        if node.props.plugin_name() != PAD and kind in ("", node.props.plugin_name())
     ]
 
 

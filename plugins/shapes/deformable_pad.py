@@ -259,7 +259,7 @@ class DeformablePad(mi.Mesh):
         """The state on elements of another size, with which derivatives are compared; see `second_state`."""
         from mitsuba_taxel.mechanics import second_state
 
-        return second_state(self.pad, self.material, self.value, **self._how_loaded)
+        return second_state(self.pad, self.material, self.value, bodies=self.state.bodies, **self._how_loaded)
 
     @property
     def _how(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.elements.elements import ELEMENTS_AT_ONCE, Elements, cofactors, in_turns
+from mitsuba_taxel.mechanics.elements.elements import ELEMENTS_AT_ONCE, Elements, SmallStrain, cofactors, in_turns
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import Moduli
 
@@ -22,15 +22,28 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class _Piece:
-    """Some of the elements at a state: F, det F, its cofactors and p at their points, the total stress, its moduli."""
+    """Some of the elements at a state: F; F again, det F, its cofactors, p and the moduli as the law has them, which is
+    at rest where it is linear; and what it leaves out there."""
 
     here: slice
+    deformed: np.ndarray
     gradient: np.ndarray
     determinant: np.ndarray
     cofactor: np.ndarray
     pressure: np.ndarray
-    stress: np.ndarray
     moduli: Moduli
+    small: SmallStrain | None
+
+    def of(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
+        """Total stress in MPa with a material, and the relative excess of volume."""
+        inverse = self.cofactor / self.determinant[..., None, None]
+        stress = material.stress(self.gradient, self.determinant, inverse)
+        stress = stress + self.pressure[..., None, None] * self.cofactor
+        excess = self.determinant - 1 - material.compressibility * self.pressure
+        if self.small is not None:
+            stress[self.small.at] += self.small.stress(material.shear_modulus)
+            excess[self.small.at] += self.small.growth
+        return stress, excess
 
 
 class StrainedElements:
@@ -42,12 +55,13 @@ class StrainedElements:
         def piece(start: int) -> _Piece:
             here = slice(start, start + ELEMENTS_AT_ONCE)
             p = elements.pressures(here, pressure)
-            gradient = elements.gradient(here, displacement) + np.eye(3)
+            deformed = elements.gradient(here, displacement) + np.eye(3)
+            gradient, small = elements.at_rest(here, deformed)
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
-            state = gradient, determinant, cofactor / determinant[..., None, None]
-            stress = elements.material.stress(*state) + p[..., None, None] * cofactor
-            return _Piece(here, gradient, determinant, cofactor, p, stress, elements.material.moduli(*state, p))
+            turning = p if small is None else np.where(small.at, 0.0, p)  # its force does not turn with the solid
+            moduli = elements.material.moduli(gradient, determinant, cofactor / determinant[..., None, None], turning)
+            return _Piece(here, deformed, gradient, determinant, cofactor, p, moduli, small)
 
         self._pieces = in_turns(piece, len(elements.nodes))
 
@@ -55,24 +69,20 @@ class StrainedElements:
         """Forces and volumes with another material."""
 
         def forces(piece: _Piece) -> Forces:
-            inverse = piece.cofactor / piece.determinant[..., None, None]
-            stress = material.stress(piece.gradient, piece.determinant, inverse)
-            stress += piece.pressure[..., None, None] * piece.cofactor
-            excess = piece.determinant - 1 - material.compressibility * piece.pressure
+            stress, excess = piece.of(material)
             return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
 
         return _joined([forces(piece) for piece in self._pieces])
 
     def rates(self, velocity: np.ndarray) -> Forces:
         """Rates of these while the undeformed nodes move by a velocity (N, 3)."""
-        compressibility = self._elements.material.compressibility
 
         def rate(piece: _Piece) -> Forces:
             spread = self._elements.gradient(piece.here, velocity)
-            change, growth = spread - piece.gradient @ spread, np.trace(spread, axis1=-2, axis2=-1)
-            turned = growth[..., None, None] * piece.stress - piece.stress @ np.swapaxes(spread, -1, -2)
-            excess = growth * (piece.determinant - 1 - compressibility * piece.pressure)
-            excess += (piece.cofactor * change).sum(axis=(-2, -1))
+            change, growth = spread - piece.deformed @ spread, np.trace(spread, axis1=-2, axis2=-1)
+            stress, excess = piece.of(self._elements.material)
+            turned = growth[..., None, None] * stress - stress @ np.swapaxes(spread, -1, -2)
+            excess = growth * excess + (piece.cofactor * change).sum(axis=(-2, -1))
             stress = piece.moduli.along(change) + turned
             return self._elements.on_nodes(piece.here, stress), self._elements.on_corners(piece.here, excess)
 

@@ -146,7 +146,7 @@ class Elements:
             here = slice(start, start + ELEMENTS_AT_ONCE)
             weight, p = self.weight[here], self.pressures(here, pressure)
             by_node = self._by_node[here]
-            gradient, small = self._at_rest(here, self.gradient(here, displacement) + np.eye(3))
+            gradient, small = self.at_rest(here, self.gradient(here, displacement) + np.eye(3))
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             least[here] = determinant.min(axis=1)
@@ -182,7 +182,7 @@ class Elements:
         lowest = float(least.min())
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
-    def _at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
+    def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
         """F (m, q, 3, 3) of some elements, that of rest where the law is linear, and what it leaves out there."""
         if self.linear is None or not self.linear[here].any():
             return gradient, None
@@ -205,7 +205,7 @@ class Elements:
 
         def stress(start: int) -> np.ndarray:
             here = slice(start, start + ELEMENTS_AT_ONCE)
-            gradient, small = self._at_rest(here, self.gradient(here, displacement) + np.eye(3))
+            gradient, small = self.at_rest(here, self.gradient(here, displacement) + np.eye(3))
             cofactor = cofactors(gradient)
             determinant = (gradient[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)
             inverse_transpose = cofactor / determinant[..., None, None]
@@ -228,7 +228,7 @@ class Elements:
     def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """(m, 10, 3) forces of second Piola-Kirchhoff stresses (m, q, 6) at a displacement (N, 3)."""
         every = slice(None)
-        gradient = self._at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
+        gradient = self.at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
         return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:

@@ -162,6 +162,11 @@ class IndenterForce(_Loading):
         super().__post_init__()
         require("indenter", self.indenter, Indenter, "an Indenter")
 
+    @property
+    def driven(self) -> IndenterDisplacement:
+        """The displacement of the indenter that follows."""
+        return IndenterDisplacement(self.indenter, self_contact=self.self_contact)
+
     def check(self, value: Sequence[float] | np.ndarray) -> None:
         """Refuse forces that contact cannot transmit; raises `InputError`."""
         x, y, z = value

@@ -120,6 +120,16 @@ def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarra
     return lower @ vector + lower.T @ vector - lower.diagonal() * vector
 
 
+def sum_of_triangles(lower: sparse.csc_matrix, further: sparse.csr_array) -> sparse.csc_matrix:
+    """The sum of two triangles; zeros of the first stay: without compressibility, pressures have such on the
+    diagonal."""
+    parts = lower.tocoo(), further.tocoo()
+    values, rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("data", "row", "col"))
+    found = sparse.csc_matrix((values, (rows, columns)), shape=lower.shape)
+    found.sort_indices()
+    return found
+
+
 class _SuperLuFactorisation:
     negative_pivots: int | None = None
 

@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import (
@@ -130,6 +131,11 @@ class LoadedPad:
         self.height = float(np.ptp(mesh.points[:, 2]))
         self.step = natural_step(mesh, material, self.load)
         self.past: Past | None = None
+
+    @property
+    def contacts(self) -> Contacts | None:
+        """What the pad is kept off, if its load goes on there."""
+        return None
 
     def _linear(self) -> np.ndarray | None:
         """(M, q) whether the law is linear at the quadrature points of the whole pad; None if at none."""

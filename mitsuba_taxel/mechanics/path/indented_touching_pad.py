@@ -46,7 +46,7 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         these."""
         step, further = change
         known, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
-        share, least = self._contacts.free_share(known, guess), math.inf
+        share, least = self.contacts.free_share(known, guess), math.inf
         best: tuple[float, Configuration] | None = None
         for _ in range(MOST_HALVINGS):
             tried = unknowns + share * step

@@ -98,10 +98,8 @@ class PadPath:
     def driven(self) -> PadPath:
         """The path on which the body is moved that presses with a force."""
         assert isinstance(self.load, IndenterForce)
-        moved = IndenterDisplacement(self.load.indenter, self_contact=self.load.self_contact)
-        return pad_path(
-            self.pad, self.material, moved, self.mesh_size, self.judged, None, self.bodies, self.step_tolerance
-        )
+        parts = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
+        return pad_path(*parts, None, self.bodies, self.step_tolerance)
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
         """How far the body moves under a force (3,)."""

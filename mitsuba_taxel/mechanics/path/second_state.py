@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
+from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.mesh_sizes import chosen_size
@@ -44,11 +45,12 @@ def second_state(
     mesh_size: float | None = None,
     mesh_tolerance: float | None = None,
     judged_on: float | None = None,
+    bodies: RigidBodies | None = None,
 ) -> SecondState | None:
     """The state of :func:`load_path` under ``value`` on the second mesh that tells its error; None if no mesh does."""
     with LOCK:
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
-        path = pad_path(pad, material, load, size, judged_on=judged_on)
+        path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
 
         def told(second: PadPath, comparison: RoofComparison) -> SecondState:
             state = second.state(np.array(value, dtype=float))

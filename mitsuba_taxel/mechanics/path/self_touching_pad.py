@@ -14,7 +14,7 @@ from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.elements.model import Configuration
-from mitsuba_taxel.mechanics.elements.solvers import make_solver
+from mitsuba_taxel.mechanics.elements.solvers import make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balanced, LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 
@@ -45,7 +45,7 @@ class SelfTouchingPad(LoadedPad):
         return where_linear(self.whole, self.load, self._share)
 
     @cached_property
-    def _contacts(self) -> Contacts:
+    def contacts(self) -> Contacts:
         return Contacts(self.whole, self.material.youngs_modulus, self._bodies, self._share)
 
     @cached_property
@@ -62,11 +62,11 @@ class SelfTouchingPad(LoadedPad):
         return type(self)(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        return known + self._contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
+        return known + self.contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
         displacement, pressure = self.split(unknowns)
-        if not self._contacts.stiffness(displacement).nnz:
+        if not self.contacts.stiffness(displacement).nnz:
             super().refuse_unstable(unknowns, entries, value)
         elif self.mirrors and self._solver.knows_inertia:
             whole = self._of_whole
@@ -160,8 +160,8 @@ class SelfTouchingPad(LoadedPad):
         """A state with the forces of contact added."""
         if not state.min_jacobian > 0:
             return state
-        own, other = self._contacts.forces(self.split(unknowns)[0])
-        return replace(state, residual=state.residual - self._expansion.T @ (own + other).ravel() / self.part.copies)
+        forces = self.contacts.all_forces(self.split(unknowns)[0]).ravel()
+        return replace(state, residual=state.residual - self._expansion.T @ forces / self.part.copies)
 
     def _linearised(
         self,
@@ -171,21 +171,11 @@ class SelfTouchingPad(LoadedPad):
         near: Linearised | None = None,
         steady: bool = False,
     ) -> Linearised:
-        stiffness = self._contacts.stiffness(self.split(unknowns)[0], steady)
+        stiffness = self.contacts.stiffness(self.split(unknowns)[0], steady)
         added = sparse.tril(self._expansion.T @ stiffness @ self._expansion / self.part.copies)
-        lower = _sum(self.model.assembly.matrix(entries), added)
+        lower = sum_of_triangles(self.model.assembly.matrix(entries), added)
         pattern = lower.indptr.tobytes(), lower.indices.tobytes()
         if pattern != self._pattern:  # other pairs: it has to be analysed again
             self._solver, self._pattern = make_solver(self._solver_name), pattern
         held = self.model.held(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, held, self.numbering.displacements, near)
-
-
-def _sum(lower: sparse.csc_matrix, further: sparse.csr_array) -> sparse.csc_matrix:
-    """The sum of two triangles; zeros of the first stay: without compressibility, pressures have such on the
-    diagonal."""
-    parts = lower.tocoo(), further.tocoo()
-    values, rows, columns = (np.concatenate([getattr(part, name) for part in parts]) for name in ("data", "row", "col"))
-    found = sparse.csc_matrix((values, (rows, columns)), shape=lower.shape)
-    found.sort_indices()
-    return found

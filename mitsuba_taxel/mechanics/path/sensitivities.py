@@ -87,14 +87,12 @@ def linearise(state: State) -> LinearisedState:
         raise InputError("derivatives of a viscoelastic silicone are not available: leave prony out, or vary steps.")
     if rubs(state.load):
         raise InputError("derivatives with friction are not available: leave friction out, or vary steps.")
-    if state.load.goes_on:
-        raise InputError("derivatives with self_contact are not available: leave it out, or vary steps.")
     load, value, kind = state.load, state.value, LinearisedState
     if isinstance(load, IndenterForce):
         assert state.indenter_moved is not None
-        load, value, kind = IndenterDisplacement(load.indenter), state.indenter_moved, PressedState
+        load, value, kind = load.driven, state.indenter_moved, PressedState
     with _told(state.load, state.value):
-        pad = loaded_pad(state.mesh, state.material, load, mirrors_of_state(state))
+        pad = loaded_pad(state.mesh, state.material, load, mirrors_of_state(state), state.bodies)
         blocks = _blocks(pad)
         unknowns = pad.gather(state.displacement, state.pressure)
         solution, linearised = pad.solve_closely(unknowns, value)
@@ -264,7 +262,7 @@ class LinearisedState:
             entries: Any = self._tangents[own].entries
             if model.part is not own.part:
                 entries = model.evaluate(*self._on(block), self._value).entries
-            self._tangents[model] = block.factored(entries, self._on(block)[0], self._value)
+            self._tangents[model] = block.factored(entries, self._on(block)[0], self._value, self._pad.contacts)
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
@@ -286,22 +284,31 @@ class LinearisedState:
     def _push_of_material(self, name: str) -> Push:
         block = self._blocks[0]  # which contains the state
         strained, assembly = self._strained(block), block.model.assembly
+        apart = block.forces(self._kept_apart / self._pad.material.youngs_modulus)
 
         def put_up(material: Material) -> np.ndarray:
             held = block.model.pushed_as(material, self._on(block)[0], self._value)
-            return assembly.over_unknowns(*strained.of(material)) - held
+            return assembly.over_unknowns(*strained.of(material)) - held - material.youngs_modulus * apart
 
         return {block: -material_rate(put_up, self._pad.material, name)}
 
     def _push_of_shape(self, velocity: np.ndarray) -> Push:
         pad, push = self._pad, {}
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
+        if pad.contacts:
+            loads = loads + pad.contacts.shape_rate(self.displacement, velocity)
         for block in self._blocks:
             part = block.of_field(velocity)
             if np.abs(part).max() > NO_PART * np.abs(velocity).max():
                 inside = self._strained(block).rates(part)
                 push[block] = block.forces(loads) - block.model.assembly.over_unknowns(*inside)
         return push
+
+    @cached_property
+    def _kept_apart(self) -> np.ndarray:
+        """(N, 3) N, forces of contact with walls, board and bodies."""
+        contacts = self._pad.contacts
+        return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
 
     @cached_property
     def _pushes_of_units(self) -> list[Push]:

@@ -17,8 +17,10 @@ import scipy.sparse as sparse
 
 from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
+from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.model import Model
-from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
+from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
 from mitsuba_taxel.mechanics.path.linearised import Linearised
@@ -101,21 +103,44 @@ class TangentBlock:
         found = sparse.csr_array((sign[rows], (rows, unknown[rows])), shape=shape)
         return reflection(self._turn, self._images[self._turn], corners) @ found if self._turn else found
 
-    def factored(self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray) -> Linearised:
+    def factored(
+        self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
+    ) -> Linearised:
         """The factored tangent of given entries, where the part has a ``displacement`` (n, 3) under a load's ``value``.
+
+        Parameters
+        ----------
+        contacts : Contacts, optional
+            What the whole pad is kept off. They do not make it unstable by forces that turn about corners, as of a
+            `SelfTouchingPad`.
 
         Raises
         ------
         Rejected
             if the state is unstable.
         """
-        numbering = self.model.numbering
-        lower = self.model.assembly.matrix(entries)
-        held = self.model.held(displacement, value)
-        found = Linearised(entries, lower, self._factor, held, numbering.displacements)
-        if found.negative not in (None, numbering.pressures):
-            raise Rejected("the equilibrium is unstable")
+        held, stable = self.model.held(displacement, value), (None, self.model.numbering.pressures)
+        found = self._linearised(entries, self._lower(entries, displacement, contacts), held)
+        if found.negative not in stable:
+            steady = contacts and self._linearised(entries, self._lower(entries, displacement, contacts, True), held)
+            if not steady or steady.negative not in stable:
+                raise Rejected("the equilibrium is unstable")
         return found
+
+    def _lower(
+        self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False
+    ) -> sparse.csc_matrix:
+        """Lower triangle of the tangent, with that of contact."""
+        lower, part = self.model.assembly.matrix(entries), self.model.part
+        if contacts is None:
+            return lower
+        stiffness = contacts.stiffness(part.expand(displacement, np.zeros(part.mesh.corner_count))[0], steady)
+        moves = self.expansion[: stiffness.shape[0]]
+        self._solver = make_solver()  # other pairs: it has to be analysed again
+        return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / part.copies))
+
+    def _linearised(self, entries: np.ndarray, lower: sparse.csc_matrix, held: Held) -> Linearised:
+        return Linearised(entries, lower, self._factor, held, self.model.numbering.displacements)
 
     def _factor(self, lower: sparse.csc_matrix) -> Factorisation:
         try:

@@ -76,6 +76,12 @@ def touching():
     return pressed(BEYOND)[0]
 
 
+@pytest.fixture(scope="module")
+def leaning():
+    """Pressed onto the board, and aside."""
+    return pressed((0.3, 0, -8.0), load=PlateForce(self_contact=True))[0]
+
+
 def test_a_path_goes_on_where_the_pad_touches_itself_and_the_board(touching):
     with pytest.raises(
         ComputationError, match=r"touches the board.* -0\.99\d*\) mm\. With self_contact = true it goes on"
@@ -307,13 +313,42 @@ def test_a_symmetric_part_touches_as_the_whole_does(touching):
 
 
 def test_what_does_not_go_with_it(touching, monkeypatch):
-    with pytest.raises(InputError, match="derivatives with self_contact are not available"):
-        linearise(touching)
     with pytest.raises(InputError, match="self_contact = 1 is not allowed: True or False is needed"):
         SpreadForce(self_contact=1)
     monkeypatch.setitem(sys.modules, "ipctk", None)
     with pytest.raises(InputError, match="self_contact needs the package ipctk: pip install ipctk"):
         Barrier(touching.mesh, 1.0)
+
+
+@pytest.mark.parametrize("name", ["held", "leaning"])
+def test_derivatives_are_those_of_differences(name, request):
+    """By value, material and shape at once, where board or package push, and feet have a linear law."""
+    state = request.getfixturevalue(name)
+    answer, rng = linearise(state), np.random.default_rng(5)
+    velocity = state.mesh.points * (0.1, -0.1, 0.05) + state.mesh.points[:, 2:] * rng.uniform(-0.1, 0.1, (1, 3))
+    direction = np.array([1.0, 0.5, 0.3])
+
+    def moved(step):
+        mesh = replace(state.mesh, points=state.mesh.points + step * velocity)
+        law = LAW.changed(poisson_ratio=LAW.poisson_ratio + step)
+        pad = SelfTouchingPad(mesh, law, state.load, bodies=state.bodies)
+        start = pad.gather(state.displacement, state.pressure)
+        return pad.split(pad.balance(start, state.value + step * direction))[0]
+
+    by_material, by_shape = answer.by_material("poisson_ratio"), answer.by_shape(velocity)
+    found, expected = answer.by_value(direction) + by_material + by_shape, (moved(1e-6) - moved(-1e-6)) / 2e-6
+    np.testing.assert_allclose(found, expected, atol=3e-5 * np.abs(expected).max())
+    gradient = rng.standard_normal(velocity.shape)
+    back = answer.pull_back(gradient, {"shape": velocity})
+    assert back.material["poisson_ratio"] == pytest.approx(np.vdot(gradient, by_material), rel=1e-9)
+    assert back.shape["shape"] == pytest.approx(np.vdot(gradient, by_shape), rel=1e-9)
+
+
+def test_under_a_force_moduli_and_forces_scale(leaning):
+    """Of twice the modulus under twice the force, the pad is displaced as before."""
+    answer = linearise(leaning)
+    by_force, by_modulus = answer.by_value(leaning.value), answer.by_material("youngs_modulus")
+    np.testing.assert_allclose(-LAW.youngs_modulus * by_modulus, by_force, atol=1e-8 * np.abs(by_force).max())
 
 
 BALL, DEEP = Indenter("sphere", radius=2.5), (0, 0, -2.2)
@@ -343,6 +378,17 @@ def test_a_path_goes_on_under_an_indenter():
     np.testing.assert_allclose(pushed.displacement, state.displacement, atol=1e-6)
 
 
+def test_a_roof_is_held_by_a_package_below_an_indenter():
+    """The body then presses more, by what the package bears."""
+    on, deep = IndenterDisplacement(BALL, self_contact=True), (0, 0, -1.2)
+    (held,), (free,) = pressed(deep, load=on, obstacles=PACKAGE), pressed(deep, load=on)
+    assert TOP < lowest(held) and lowest(free) < TOP - 0.02
+    borne = BodyBarrier(held.mesh, LAW.youngs_modulus, held.bodies).forces(held.displacement)[:, 2].sum()
+    more = reactions_of(free).applied_force[2] - reactions_of(held).applied_force[2]
+    assert borne > 0.1 and 0 < more < borne
+    assert reactions_of(held).imbalance < 1e-8 and held.stability_checked
+
+
 def test_a_dragged_body_presses_walls_on_each_other():
     """With friction of the body: some places slip under their bound, others stick."""
     on = IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True)
@@ -368,7 +414,7 @@ LATE = 1e7
 def in_the_long_run(state):
     """The elastic pad of the lasting law near a state, which the same barriers keep apart."""
     pad = SelfTouchingPad(state.mesh, LASTING, state.load, bodies=state.bodies)
-    pad._contacts = Contacts(state.mesh, LAW.youngs_modulus, state.bodies)
+    pad.contacts = Contacts(state.mesh, LAW.youngs_modulus, state.bodies)
     return pad.split(pad.balance(pad.gather(state.displacement, state.pressure), state.value))
 
 
