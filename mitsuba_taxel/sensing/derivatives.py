@@ -7,6 +7,7 @@ scattering of walls: dP = dP/dx . dx + dP/d(ends).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -43,7 +44,12 @@ APART_SHARE = 0.25
 
 
 def derivatives_by(
-    changes: list[Rates], live: mi.Scene, with_errors: bool = True, degree: int = FINE, wider: float = 1.0
+    changes: list[Rates],
+    live: mi.Scene,
+    with_errors: bool = True,
+    degree: int = FINE,
+    wider: float = 1.0,
+    of_light_alone: bool = False,
 ) -> Derivatives:
     """Derivatives of the readings of a loaded scene by the parameters whose :func:`rates` are given.
 
@@ -55,6 +61,8 @@ def derivatives_by(
         Of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the time.
     wider : float
         Factor of the width over which the step at the horizon is spread.
+    of_light_alone : bool
+        Whether to leave out strain and clearance of the pad; they are NaN then.
 
     Raises
     ------
@@ -68,7 +76,7 @@ def derivatives_by(
             cells = DiffuseCells(live)
             begins = not cells.pad.is_loaded and any(change.load.any() for change in changes)
             state = cells.pad.at_onset() if begins else cells.pad.state
-            return _Linearised(cells, degree, state, wider).by(changes, with_errors)
+            return _Linearised(cells, degree, state, wider).by(changes, with_errors, of_light_alone)
     except NotDiffuse as reason:
         raise NotDiffuse(f"derivatives are not available: {reason}.") from reason
 
@@ -82,7 +90,7 @@ class _Linearised:
         self.linear = LinearisedPad(cells.pad, state)
         self.patches = [cells.patches(number, self.state.mesh) for number in range(len(cells.cells))]
 
-    def by(self, changes: list[Rates], with_errors: bool) -> Derivatives:
+    def by(self, changes: list[Rates], with_errors: bool, of_light_alone: bool) -> Derivatives:
         nodal = [self.linear.nodal(change) for change in changes]
         scenes = [change.scenes() for change in changes]
         others = [[(weight, DiffuseCells(live)) for weight, live in each] for each in scenes]
@@ -114,6 +122,10 @@ class _Linearised:
             mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
+        strain = clearance = math.nan, np.full(len(changes), math.nan)
+        if not of_light_alone:
+            strain = self.linear.strain(nodal)
+            clearance = clearances(self.state, nodal, self.cells.scene, scenes)
         return Derivatives(
             tuple(change.name for change in changes),
             tuple(unit_of(change.unit) for change in changes),
@@ -121,8 +133,8 @@ class _Linearised:
             power * errors,
             (power * reading)[:, 0],
             (power * reading_errors)[:, 0],
-            *self.linear.strain(nodal),
-            *clearances(self.state, nodal, self.cells.scene, scenes),
+            *strain,
+            *clearance,
         )
 
     def _second(self, changes: list[Rates]) -> _Second | None:

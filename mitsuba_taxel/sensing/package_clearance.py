@@ -86,9 +86,13 @@ def _nearest(places: np.ndarray, body: np.ndarray, least: float) -> tuple[float,
     """
     low, high = body.min(axis=(0, 1)), body.max(axis=(0, 1))
     lower = np.linalg.norm(np.maximum(np.maximum(low - places, places - high), 0), axis=1)
-    order, nearest = np.argsort(lower, kind="stable"), -1
-    for some in np.split(order, range(_AT_ONCE, len(order), _AT_ONCE)):
-        if not len(some) or lower[some[0]] >= least:
+    first = int(lower.argmin())
+    bound = min(least, float(np.linalg.norm(_feet(places[first : first + 1], body) - places[first])))
+    near = np.flatnonzero(lower <= bound)
+    order, nearest = near[np.argsort(lower[near], kind="stable")], -1
+    for start in range(0, len(order), _AT_ONCE):
+        some = order[start : start + _AT_ONCE]
+        if lower[some[0]] >= least:
             break
         distances = np.linalg.norm(_feet(places[some], body) - places[some], axis=1)
         best = int(distances.argmin())

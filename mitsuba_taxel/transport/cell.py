@@ -107,6 +107,7 @@ class Cell:
         kept = lu_factor(np.eye(len(mesh.own)) - self._exchange)
         self.response = lu_solve(kept, self._reception.value)
         self._adjoint = lu_solve(kept, self._emission.power, trans=1)
+        self._gradients: dict[float, np.ndarray] = {}
 
     @property
     def emitted(self) -> np.ndarray:
@@ -157,7 +158,12 @@ class Cell:
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
         """(F, 15, 3) derivatives of the reading by the positions of the patches, per mm; see
-        :meth:`Exchange.slopes`."""
+        :meth:`Exchange.slopes`. They are kept, as studies ask for them again."""
+        if wider not in self._gradients:
+            self._gradients[wider] = self._gradient(wider)
+        return self._gradients[wider]
+
+    def _gradient(self, wider: float) -> np.ndarray:
         pairs, mesh, places = self._mesh.pairs, self._mesh, self._walls.places
         points, size = pairs.shares.shape
         response = np.einsum("pq,pq->p", pairs.shares, self.response.reshape(-1, size)[pairs.points.face])

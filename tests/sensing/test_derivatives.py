@@ -21,8 +21,7 @@ from mitsuba_taxel.sensing.derivatives import derivatives_by
 from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, deterministic_light
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
 from mitsuba_taxel.sensing.scene_rates import rates
-from mitsuba_taxel.transport import exchange
-from mitsuba_taxel.transport.cell import Mesh
+from mitsuba_taxel.transport.cell import Cell, Mesh
 from mitsuba_taxel.transport.patches import LATTICE
 
 FORCE = [0.05, 0.02, -0.8]
@@ -79,16 +78,14 @@ def test_derivatives_past_a_package_are_differences_of_the_whole_chain(name):
     assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
 
 
-def test_the_horizon_of_bent_roofs_shows_in_random_paths(monkeypatch):
+def test_the_horizon_of_bent_roofs_shows_in_random_paths():
     """The mean slope along a tangential force, by differences of readings of random paths that share their numbers."""
     forces, plain, without, traced = (0.9, 1.2, 1.5), [], [], []
     for force in forces:
         scene = pad_scene(cell="parallelepiped", force=[force, 0, -1.0])
         live, changes = scene.load(), [rates(scene, "fx")]
         plain.append(derivatives_by(changes, live, with_errors=False).values[0, 0])
-        with monkeypatch.context() as patch:
-            patch.setattr(exchange, "HORIZON", 1e-12)
-            without.append(derivatives_by(changes, live, with_errors=False).values[0, 0])
+        without.append(derivatives_by(changes, live, with_errors=False, wider=1e-9).values[0, 0])
         if force != forces[1]:
             traced.append(measure(live, points=65536, seed=3, mechanics_error=False).replicates[:, 0])
     slopes = (traced[1] - traced[0]) / (forces[2] - forces[0])
@@ -173,6 +170,21 @@ def test_a_derivative_between_two_sides_has_their_distance_as_error():
     assert found.standard_errors[0, 0] > 0.49 * np.ptp(slopes) > 0.1 * abs(np.mean(slopes))
     smooth = derivatives(flat_at(0, 0, 0, scattering="lambertian"), "fx", with_errors=True)
     assert smooth.standard_errors[0, 0] < 0.2 * found.standard_errors[0, 0]
+
+
+def test_what_is_asked_for_again_is_not_computed_again(monkeypatch):
+    """As studies do, of a state in which they looked for steps and meshes; strain and clearance are left out there."""
+    scene, solved = flat_at(0, 0, -0.7), []
+    own = Cell._gradient
+    monkeypatch.setattr(Cell, "_gradient", lambda cell, wider: solved.append(wider) or own(cell, wider))
+    first = derivatives_by([rates(scene, "fz")], scene.load(), of_light_alone=True)
+    assert sorted(solved) == [1, 1, 1, 2]  # finer, coarser and on the second mesh, and with the wider horizon
+    again = derivatives_by([rates(scene, "fz")], scene.load())
+    assert len(solved) == 4
+    np.testing.assert_array_equal(again.values, first.values)
+    np.testing.assert_array_equal(again.standard_errors, first.standard_errors)
+    assert np.isnan([first.strain, *first.strain_rates, first.clearance, *first.clearance_rates]).all()
+    assert again.strain > 0 and again.clearance > 0
 
 
 def by(derivatives, name):

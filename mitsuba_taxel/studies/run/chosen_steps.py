@@ -110,7 +110,8 @@ class _Curve:
         from mitsuba_taxel.sensing.scene_rates import rates
 
         try:
-            found = derivatives_by([rates(scene, self._name)], prepare(scene).scene, False, COARSE)
+            change = rates(scene, self._name)
+            found = derivatives_by([change], prepare(scene).scene, False, COARSE, of_light_alone=True)
         except NotDiffuse as error:
             raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
         except (InputError, ComputationError) as error:

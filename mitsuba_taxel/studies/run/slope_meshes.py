@@ -54,7 +54,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
     for _ in range(MOST_MESHES):
         try:
             ready = prepare(scene)
-            found = derivatives_by([rates(scene, name) for name in forces], ready.scene)
+            found = derivatives_by([rates(scene, name) for name in forces], ready.scene, of_light_alone=True)
         except ComputationError:  # the load path fails a little earlier
             if not tried:
                 raise

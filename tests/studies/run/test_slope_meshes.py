@@ -37,7 +37,7 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
     """Errors fall with the square of the size; the third mesh is too fine, one halfway to it is not."""
     tried = []
 
-    def read(changes, size):
+    def read(changes, size, of_light_alone):
         tried.append(size)
         if size < 0.4:
             raise ComputationError("too fine")
