@@ -247,7 +247,7 @@ SOME, OTHERS = ("fx", "fz", "youngs_modulus", "cell_size", "wall"), ("fy", "pois
 SHAPES = [
     *((cell, "isotropic", (0.05, 0.02, -0.8), SOME) for cell in ("parallelepiped", "cylindrical", "spherical")),
     *((cell, "lambertian", (0.0, -0.1, -0.6), OTHERS) for cell in ("parallelepiped", "cylindrical", "spherical")),
-    ("hemispheric", "lambertian", (-0.1, 0.05, -0.4), ("wall", "fz", *OTHERS)),
+    ("hemispheric", "lambertian", (-0.1, 0.05, -0.4), ("wall", "fx", "fz", *OTHERS)),
     ("parallelepiped", "isotropic", (0.0, 0.0, -0.6), ("fz", *OTHERS[1:])),
 ]
 
