@@ -70,9 +70,9 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     import pandas
 
     force = np.array([0.0]) if not plan.force else mean[plan.force].values
-    name = "smooth_power" if "smooth_power" in samples else "replicate_power"
-    nominal, exact = _readings(plan, mean, name)[0], _readings(plan, samples, name)
-    if name != "smooth_power" and bool((samples.standard_error > 0).any()):
+    nominal = _readings(plan, mean, "smooth_power" if is_smooth(mean) else "replicate_power")[0]
+    exact = _readings(plan, samples, "replicate_power")
+    if bool((samples.standard_error > 0).any()):
         notes = [*notes, NOISY]
     known = np.isfinite(exact).all(axis=(1, 2))
     lost = int((~known).sum())
@@ -106,6 +106,11 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         table = _samples(plan, {**found, **linear}, every)
         table.insert(len(plan.laws), "exact", np.arange(len(every)) < len(z))
     return Tolerance(spread, shares, _parameters(plan, spread, shares), table, notes)
+
+
+def is_smooth(mean: xr.Dataset) -> bool:
+    """Whether all light of the mean sensor is known without random numbers."""
+    return "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
 
 
 def _samples(plan: TolerancePlan, found: dict[str, np.ndarray], z: np.ndarray) -> pandas.DataFrame:

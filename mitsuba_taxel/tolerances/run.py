@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.arguments import check_flags, check_progress, path_of
@@ -21,14 +20,11 @@ from mitsuba_taxel.studies.plan.vary import STEP
 from mitsuba_taxel.studies.run.pool import open_pool
 from mitsuba_taxel.studies.run.study import Progress, run_batch
 from mitsuba_taxel.studies.store.folder import begin_tree
-from mitsuba_taxel.tolerances.analysis import Tolerance, analysed
+from mitsuba_taxel.tolerances.analysis import Tolerance, analysed, is_smooth
 from mitsuba_taxel.tolerances.plan import TolerancePlan, read_plan
 
 if TYPE_CHECKING:
     import pandas
-
-FEW_POINTS = 16
-"""Points of the random readings that accompany those without random numbers."""
 
 
 def run_tolerance(
@@ -83,13 +79,9 @@ def run_tolerance(
 
 
 def _like(mean: xr.Dataset, plan: TolerancePlan) -> Batch:
-    """The samples, read like the mean sensor: without random numbers if possible, by derivatives if readings have
-    them."""
-    points = int(mean.attrs["points"])
-    smooth = points > 0 and "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
-    batch = plan.samples(min(points, FEW_POINTS) if smooth else points, mean.attrs.get("mesh_size"))
-    by = plan.force or str(mean.parameter.values[0]) if smooth else ""
-    return replace(batch, derivatives=(by,)) if smooth else batch
+    """The samples, read like the mean sensor: without random numbers if possible."""
+    points = 0 if is_smooth(mean) else int(mean.attrs["points"])
+    return plan.samples(points, mean.attrs.get("mesh_size"))
 
 
 def _as_tree(plan: TolerancePlan) -> dict[str, Any]:
