@@ -17,8 +17,8 @@ import pytest
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""
-LONGEST = {"docs", "test_readme.py"}
-"""Folders and files whose tests take up to half a minute each."""
+LONGEST = {"docs", "test_readme.py", "test_pressed_ball.py", "test_thin_roof.py"}
+"""Folders and files with tests of up to half a minute each."""
 
 
 @pytest.hookimpl(wrapper=True)

@@ -63,6 +63,6 @@ def _with_derivatives(made: xr.Dataset, path: str, power: np.ndarray, slope: np.
     ).assign_coords(parameter=forces)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_study():
     return study

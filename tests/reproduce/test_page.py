@@ -33,7 +33,7 @@ def at_rest(cell: str) -> float:
     return 0.01 * (paper.NORMAL[cell] / paper.NORMAL["hemispheric"]) ** 2
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def nominal(make_study):
     """Straight lines: each taxel rises with the normal force, and by its place with a tangential one."""
     studies = {}
@@ -50,7 +50,7 @@ def nominal(make_study):
     return studies
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def found(make_study, nominal):
     """Every part of a rerun."""
     z, spacings = np.arange(0.02, 2.5, 0.1), np.array(plate.PEAK_SPACINGS)

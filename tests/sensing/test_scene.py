@@ -24,7 +24,6 @@ def no_collector():
     gc.enable()
 
 
-@pytest.mark.usefixtures("llvm_mono", "no_collector")
 def resident() -> int:
     """Memory of this process in kB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -43,6 +42,7 @@ def test_readings_of_many_scenes_take_no_memory(llvm_mono):
     assert (read(range(120, 180)) - full) / 60 < 8
 
 
+@pytest.mark.usefixtures("llvm_mono", "no_collector")
 def test_a_scene_in_a_cycle_is_freed_before_the_next_is_built():
     ring = [Scene.from_file("plate.xml").load()]
     emitter = weakref.ref(ring[0].emitters()[0])
