@@ -48,6 +48,10 @@ would be distorted along its rim."""
 SLENDER = 10.0
 """Height of a side wall, relative to the size of the cell, beyond which only the dome gets small elements: its wall
 would have them all the way down."""
+SLENDER_WALL, ALONG_SLENDER_WALL = 0.3, 0.19
+"""Thickness of walls, relative to the height of their sides, below which their elements are at most this share of that
+height long: such walls buckle in waves about as long as they are high, and larger elements, which divide them unevenly,
+bend them before."""
 REFINEMENTS = (1.0, 1.06, 1.12, 1.18, 1.25, 1.35, 1.5, 2.0, 3.0)
 """Divisors of all local sizes, tried in turn until no element is too distorted: close to 1, or larger elements would be
 more."""
@@ -160,14 +164,15 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
     finer = _finer(pad, mesh_size) ** (CAP_EXPONENT if pad.cell == CAP else 1.0)
-    sizes = finer * mesh_size / FACE_REFINEMENT[pad.cell], mesh_size / RIM_REFINEMENT
-    if pad.cell == "parallelepiped":
-        return sizes
-    thinnest = min(pad.thinnest_wall, pad.height - pad.top_of_cell)
+    wall, largest = pad.thinnest_wall, math.inf
     if pad.rows * pad.columns > 1:
-        thinnest = min(thinnest, pad.pitch - pad.cell_size)
-    largest = math.sqrt(pad.cell_size * thinnest)  # the sagitta of a chord s of a circle of diameter d is s^2 / (4 d)
-    return min(sizes[0], largest), min(sizes[1], largest)
+        wall = min(wall, pad.pitch - pad.cell_size)
+    if wall < SLENDER_WALL * pad.side_height:
+        largest = ALONG_SLENDER_WALL * pad.side_height
+    if pad.cell != "parallelepiped":
+        thinnest = min(wall, pad.height - pad.top_of_cell)
+        largest = min(largest, math.sqrt(pad.cell_size * thinnest))  # a chord s of a circle has a sagitta s^2 / (4 d)
+    return min(finer * mesh_size / FACE_REFINEMENT[pad.cell], largest), min(mesh_size / RIM_REFINEMENT, largest)
 
 
 def _finer(pad: Pad, mesh_size: float) -> float:

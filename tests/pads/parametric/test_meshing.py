@@ -174,6 +174,21 @@ def test_thin_walls_beside_round_cells(cell, wall, size):
     assert jacobians(mesh.points, mesh.tets).min() > 0.1
 
 
+@pytest.mark.parametrize(("wall", "is_slender"), [(0.3, True), (1.0, False)])
+def test_elements_of_slender_walls_follow_their_height(wall, is_slender):
+    """Five and more along it, however large the others are: a wall buckles at the load of the silicone's thickness."""
+    pad = Pad("parallelepiped", rows=1, columns=2, pitch=2.55 + wall, wall=wall)
+
+    def longest(size):
+        mesh = mesh_pad(pad, size)
+        corners = mesh.points[mesh.faces[mesh.face_region == REGIONS["side"], :3]]
+        return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max()
+
+    coarse, default = longest(2.5), longest(pad.default_mesh_size)
+    assert (coarse < 0.5 * pad.side_height) == is_slender and default < 0.7 * pad.side_height
+    assert (coarse < 1.2 * default) == is_slender
+
+
 @pytest.mark.parametrize("factor", [1 / 12, 1000 / 12])
 def test_pads_of_any_size_mesh_alike(factor):
     pad = Pad("hemispheric", rows=1, columns=1)
