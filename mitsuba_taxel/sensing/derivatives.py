@@ -228,14 +228,15 @@ class _OfCell:
 
     def _of_sides(self, cell: Cell) -> np.ndarray:
         """(P,) how far derivatives that are the mean of those on two sides are from either."""
-        change = [np.subtract(*each.sum(axis=1)) / 2 for each in self._bent(cell)]
-        return np.array([0.0 if side else each for side, each in zip(self._sides, change, strict=True)])
+        each = zip(self._velocities, self._sides, strict=True)
+        return np.array([0.0 if side else np.ptp(self._bent(cell, rate, side).sum(axis=1)) / 2 for rate, side in each])
 
-    def _bent(self, cell: Cell) -> list[np.ndarray]:
-        """(2, F) derivatives by each change of the light between points of one plane, which walls at rest have."""
+    def _bent(self, cell: Cell, velocity: np.ndarray, side: int) -> np.ndarray:
+        """(S, F) derivatives of the light between points of one plane, which walls at rest have: on the side on which
+        the pad is pressed, or on both."""
         if self._whole.state.displacement.any():
-            return [np.zeros((2, len(self._rest)))] * len(self._velocities)
-        return [cell.bent(velocity) for velocity in self._velocities]
+            return np.zeros((1, len(self._rest)))
+        return np.array([cell.bent(velocity, one) for one in ((side,) if side else (1, -1))])
 
     def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> _Against:
         """The coarser solution compared with that of a second mesh."""
@@ -259,8 +260,8 @@ class _OfCell:
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
         """(P, F + 1) derivatives by the movement of each patch, and by changes of other parts."""
         by_walls = [
-            (gradient * velocity).sum(axis=(1, 2)) + (bent[0 if side > 0 else 1] if side else bent.mean(axis=0))
-            for velocity, side, bent in zip(self._velocities, self._sides, self._bent(cell), strict=True)
+            (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
+            for velocity, side in zip(self._velocities, self._sides, strict=True)
         ]
         return np.column_stack([by_walls, [self._by_parts(cell, scenes) for scenes in self._others]])
 

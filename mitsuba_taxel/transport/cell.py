@@ -181,24 +181,22 @@ class Cell:
         total = self._emission.gradient(self.response) + pairs.points.gradient(places, by_end, by_facing)
         return total + mesh.targets.gradient(places, by_start, by_area)
 
-    def bent(self, velocity: np.ndarray) -> np.ndarray:
-        """(2, F) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
-        that it leaves: for walls that begin to move with a velocity (F, 15, 3), and with its opposite. They are not
-        opposite to each other: points of a plane see each other when it is bent inwards, and not when outwards."""
+    def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
+        """(F,) derivatives of the light between points of one plane, which :meth:`gradient` leaves out, by the patch
+        that it leaves, for walls that move along a velocity (F, 15, 3): where they begin to, for ``side`` 1, or come
+        to their places, for -1. Points of a plane see each other when it is bent inwards, and not when outwards."""
         pairs, own, places = self._mesh.pairs, self._mesh.own, self._walls.places
-        found, fastest = np.zeros((2, len(places))), np.abs(velocity).max()
+        fastest = np.abs(velocity).max()
         if not (fastest > 0 and self._in_plane.any()):
-            return found
+            return np.zeros(len(places))
         target, point = pairs.target[self._in_plane], pairs.point[self._in_plane]
         given = pairs.weight[self._in_plane] * self._adjoint[target] * (self._mesh.shares @ self.response)[point]
-        for side, step in enumerate((BEND / fastest, -BEND / fastest)):
-            moved = places + step * velocity
-            at, area = self._mesh.targets.placed(moved)
-            normal = area / np.linalg.norm(area, axis=1, keepdims=True)
-            starts = replace(self._starts, at=at, normal=normal)
-            light = Exchange(starts, *pairs.points.placed(moved), target, point, self._standing(self._box))
-            found[side] = np.bincount(own[target], given * light.values() / step, len(places))
-        return found
+        step = side * BEND / fastest
+        moved = places + step * velocity
+        at, area = self._mesh.targets.placed(moved)
+        starts = replace(self._starts, at=at, normal=area / np.linalg.norm(area, axis=1, keepdims=True))
+        light = Exchange(starts, *pairs.points.placed(moved), target, point, self._standing(self._box))
+        return np.bincount(own[target], given * light.values() / step, len(places))
 
     @cached_property
     def _in_plane(self) -> np.ndarray:

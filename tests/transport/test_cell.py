@@ -148,7 +148,7 @@ def test_points_of_a_plate_see_each_other_on_the_side_on_which_it_is_bent_inward
     plain = cell(flat, 1, 0.7, LAMBERTIAN)
     ahead, behind = (cell(flat + sign * step * velocity, 1, 0.7, LAMBERTIAN, rest=flat).reading for sign in (1, -1))
     slopes = np.array([ahead - plain.reading, plain.reading - behind]) / step
-    sides = plain.bent(velocity).sum(axis=1)
+    sides = np.array([plain.bent(velocity, side).sum() for side in (1, -1)])
     assert (plain.gradient() * velocity).sum() + sides == pytest.approx(slopes, rel=2e-4)
     assert sides[0] < 0 < sides[1] or sides[1] < 0 < sides[0]
     assert abs(sides).min() > 0.05 * abs(slopes).max()
