@@ -153,7 +153,7 @@ class IndenterDisplacement(_Loading):
 class IndenterForce(_Loading):
     """A force on a rigid indenter, which does not rotate; its displacement follows.
 
-    It is guided along z but for changes of the force sideways, along which it moves as well; they need friction.
+    It moves along z, and along sideways parts of the force, which need friction; else it is guided.
     """
 
     indenter: Indenter

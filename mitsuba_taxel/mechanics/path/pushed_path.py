@@ -1,7 +1,7 @@
 """The states of a pad whose past counts under forces of an indenter: at poses at which it presses as asked.
 
-While the force changes along z alone, the body is guided along z; else it also moves along the sideways change of the
-force. Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
+The body moves along z, and along the sideways parts of its force and of that of the row before; else it is guided.
+Poses are found by Broyden's method (Math. Comput. 19, 1965), each from the state at the row before.
 
 On a viscoelastic silicone the force changes linearly between rows. The body moves evenly between times that are halved
 until this hardly changes where it ends.
@@ -32,6 +32,8 @@ SLIPS = 0.02
 """Stiffness sideways, relative to a guess of that along z, below which the body slips."""
 GIVES_WAY = 0.7
 """First guess of the stiffness sideways, relative to that along z."""
+PARALLEL = 1e-6
+"""Sideways forces count as parallel if what is across is less than this share."""
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -70,17 +72,16 @@ class PushedPath(TimedPath):
         duration = time - before.time
         if not force.any():
             return self._moved(before, rows, np.zeros(3), duration)
-        sideways = (force - np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3))) * [1.0, 1.0, 0.0]
-        ways = np.array([_DOWN, *([sideways / np.linalg.norm(sideways)] if sideways.any() else [])])
+        ways = np.array([_DOWN, *_sideways(force, np.array(rows[-2][1] if len(rows) > 1 else np.zeros(3)))])
         pad, free = self._pad_for(rows), self._without_friction(force)
         stiffness = 1.5 * abs(force[2] / free[2])
-        slope = stiffness * np.diag([1.0, GIVES_WAY])[: len(ways), : len(ways)]
+        slope = stiffness * np.diag([1.0, GIVES_WAY, GIVES_WAY][: len(ways)])
         at, left, count, change = before, ways @ force, 0, -free[2:]
         if before.moved.any():
-            left = ways @ (force - self._pressed(rows, before))
+            left = ways @ (force - self._pressed(rows[:-1], before))
             change = np.linalg.solve(slope, left)
         change = np.append(change, np.zeros(len(ways) - len(change)))
-        for _ in range(MOST_POSES):
+        for tried in range(MOST_POSES):
             if before.moved.any() and change.any():
                 change = change * min(1.0, pad.step / np.linalg.norm(change))
             pose = at.moved + change @ ways
@@ -89,10 +90,12 @@ class PushedPath(TimedPath):
             left = ways @ (force - self._pressed(rows, at))
             if np.linalg.norm(left) < FORCE_TOLERANCE * np.linalg.norm(force):
                 return at
-            if left[-1] > 0 and (last - left)[-1] < SLIPS * stiffness * change[-1] and len(ways) > 1:
-                break
-            if change.any():
-                slope = slope + np.outer(last - left - slope @ change, change) / (change @ change)
+            if change.any() and (tried or not duration):  # else the force has changed in time, too
+                gained, aside = last - left, change[1:]
+                mostly = np.linalg.norm(aside) > abs(change[0])
+                if mostly and left[1:] @ aside > 0 and gained[1:] @ aside < SLIPS * stiffness * (aside @ aside):
+                    break
+                slope = slope + np.outer(gained - slope @ change, change) / (change @ change)
             change = np.linalg.solve(slope, left)
         reached = ", ".join(f"{part:.4g}" for part in np.round(self._pressed(rows, at), 12) + 0.0)
         raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
@@ -108,3 +111,9 @@ class PushedPath(TimedPath):
     def _pressed(self, rows: tuple[Row, ...], at: Reached) -> np.ndarray:
         """(3,) N, force on the pad."""
         return -self._board_force(rows, at)
+
+
+def _sideways(force: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """(n, 3) orthonormal directions of the sideways parts of two forces (3,): at most two."""
+    _, sizes, ways = np.linalg.svd(np.stack([force, before]) * [1.0, 1.0, 0.0])
+    return ways[:2][sizes > PARALLEL * sizes[0]]

@@ -38,9 +38,6 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     if isinstance(load, IndenterForce):
-        if load.indenter.friction > 0:
-            needed = "under a force on a viscoelastic silicone, 0 is needed; a displacement may have friction"
-            raise refusal("friction", load.indenter.friction, needed)
         for value in values:
             load.check(value)
     when = array_of("times", times, (len(values),))

@@ -86,13 +86,16 @@ def depths(found):
     return np.array([-state.indenter_moved[2] for state in found])
 
 
-def test_creep_below_a_punch():
-    """Its contact does not grow, so that a very small force and its depth are proportional in time, too."""
-    times, force = [0, 2.0], -1e-5
-    found = states([(0, 0, force)] * len(times), times, load=IndenterForce(Indenter("punch", radius=1.0)))
-    sunk = depths(found)
-    np.testing.assert_allclose(sunk / sunk[0], creep(np.array(times)), rtol=1e-3)
-    np.testing.assert_allclose(plate_forces(found), force, rtol=1e-5)
+def test_creep_below_a_punch_that_sticks():
+    """Its contact neither grows nor slips, so that very small forces, down and sideways, and its place are proportional
+    in time, too."""
+    times, force = [0, 0, 0.5], 1e-5
+    load, rows = IndenterForce(Indenter("punch", radius=1.0, friction=2.0)), [(0, 0, -force), *[(force, 0, -force)] * 2]
+    found = states(rows, times, load=load)
+    at_once, later = (state.indenter_moved[[0, 2]] for state in found[1:])
+    np.testing.assert_allclose(later / at_once, creep(np.array([0.5]))[0], rtol=1e-3)
+    for state, asked in zip(found, rows, strict=True):
+        np.testing.assert_allclose(reactions(state).applied_force, asked, atol=1e-5 * force)
 
 
 BALL = IndenterForce(Indenter("sphere", radius=5.0))
@@ -104,6 +107,16 @@ def test_a_force_on_a_ball_is_met_by_long_term_and_by_instantaneous_silicone():
     for found, modulus in ((at_once, 2.0), (lasting, 1.0)):
         (elastic,) = load_path(PAD, NeoHookean(modulus, 0.5), [force], load=BALL, mesh_size=SIZE)
         assert depths(found)[0] == pytest.approx(depths([elastic])[0], rel=5e-4)
+
+
+def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad():
+    """And met, also where a sideways force is held while the normal one grows."""
+    load, rows = IndenterForce(Indenter("sphere", radius=5.0, friction=0.3)), [(0, 0, -0.3), (0.03, 0, -0.3)]
+    rows = [*rows, (0.03, 0, -0.5)]
+    elastic = load_path(PAD, LAW, rows, load=load, mesh_size=SIZE)
+    for one, other, asked in zip(states(rows, [0, 0, 0], load=load), elastic, rows, strict=True):
+        np.testing.assert_allclose(one.displacement, other.displacement, atol=1e-9)
+        np.testing.assert_allclose(reactions(one).applied_force, asked, atol=1e-6)
 
 
 def test_a_force_that_grows_needs_no_rows_on_its_way():
@@ -316,7 +329,5 @@ def test_other_refusals():
         states([(0, 0, -0.1)], [1.0], LAW)
     with pytest.raises(InputError, match="without friction an indenter only pushes"):
         states([(0.1, 0, -0.1)], [1.0], load=BALL)
-    with pytest.raises(InputError, match=r"friction = 0\.3 is not allowed: under a force on a viscoelastic"):
-        states([(0, 0, -0.1)], [1.0], load=IndenterForce(Indenter("sphere", radius=5.0, friction=0.3)))
     with pytest.raises(InputError, match="viscoelastic silicone are not available"):
         linearise(states([(0, 0, -0.3)], [1.0])[0])
