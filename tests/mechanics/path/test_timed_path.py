@@ -121,8 +121,8 @@ def test_forces_with_friction_that_jump_are_those_of_the_elastic_pad():
 
 def test_a_force_that_grows_needs_no_rows_on_its_way():
     """The depth with a row between is that without, and the ball is pushed as asked in each."""
-    asked = np.array([-0.1, -0.3])
-    rows = states([(0, 0, force) for force in asked], [2 / 3, 2.0], load=BALL)
+    asked = np.array([-0.05, -0.1])
+    rows = states([(0, 0, force) for force in asked], [1.0, 2.0], load=BALL)
     (whole,) = states([(0, 0, asked[-1])], [2.0], load=BALL)
     np.testing.assert_allclose(plate_forces(rows), asked, rtol=1e-5)
     assert depths([whole])[0] == pytest.approx(depths(rows)[-1], rel=1e-3)
