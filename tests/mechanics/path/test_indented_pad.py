@@ -71,6 +71,23 @@ def test_what_the_body_does_is_stored_in_the_pad():
     assert energy(states[2]) - energy(states[0]) == pytest.approx(done, rel=1e-5)
 
 
+def test_points_between_nodes_are_inside_by_less_on_smaller_elements():
+    """Where means around nodes are bounded by the stiffness of contact."""
+
+    def inside(size):
+        (state,) = load_path(PAD, LAW, [(0, 0, -0.3)], load=BALL, mesh_size=size)
+        body = Indentation(state.mesh, BALL.indenter, LAW.youngs_modulus)
+        here = body.pressing(state.displacement, state.value)
+        touched = (here.pressure[body.numbers] > 0).all(axis=1)
+        depths = -here.at.size.reshape(len(body.faces), -1)[touched]
+        assert (-here.gap / body.area).max() < 4e-4 * 0.3
+        return depths.max(), np.sqrt(np.square(np.maximum(depths, 0)).mean())
+
+    (coarse, rough), (fine, smooth) = inside(3.0), inside(0.9)
+    assert fine < 1.3e-3 and coarse > 1.5 * fine
+    assert smooth < 8e-4 * 0.3 and rough > 3 * smooth
+
+
 def test_a_force_presses_as_deep_as_it_takes(fresh):
     (moved,) = pressed((0, 0, -0.3), load=ASIDE)
     force = reactions(moved).applied_force[2]
