@@ -21,6 +21,7 @@ from mitsuba_taxel.reproduce.pad_comparison import (
 )
 from mitsuba_taxel.reproduce.pad_fit import lateness, modulus, residuals
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.taxel_spread import own_sensitivity
 
 PREDICTED = 17
 """The taxel whose change is missed most."""
@@ -74,14 +75,8 @@ def rings(values: np.ndarray) -> np.ndarray:
 
 
 def expected_at(found: Results) -> tuple[float, float, float]:
-    """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed itself.
-
-    That is by the ratio of its measured to its computed changes, by least squares.
-    """
-    one = found.taxels[PREDICTED]
-    borne = np.isfinite(one.change_at_force)
-    here, there = one.change_at_force[borne], one.measured.change[borne]
-    share = float(here @ there / (here @ here))
+    """Of :data:`PREDICTED` in the map: measured, computed, and computed if it is as sensitive as when pressed
+    itself."""
     place = np.unravel_index(PREDICTED - 1, found.moved.shape)
     computed = float(found.moved[place])
-    return float(np.array(measured.HELD_MAP)[place]), computed, share * computed
+    return float(np.array(measured.HELD_MAP)[place]), computed, own_sensitivity(found.taxels[PREDICTED]) * computed

@@ -134,14 +134,28 @@ def _missing() -> str:
             "excludes it. No sum of terms leaves less, as widths and remainders of small shares add up: no linear "
             "viscosity, whatever its constants, makes both records"
         )
-    at_travel = measured.VOLTAGE_LOOP_AT_TRAVEL
     return (
         f"A further term of the series that opens such a loop, at best one of {time:.0f} s, would leave at least "
         f"{100 * left:.1f} % of the change {measured.TAIL_TIMES[-1]:g} s after the release (a linear solid), where "
-        f"{100 * there:.2f} % is measured: that {verdict}. At equal travel "
-        "nearly nothing but the shape of the pad determines the voltage, and yet the measured one differs by "
-        f"{at_travel:g} %, as much as {at_travel / 100 * measured.PRESSES[measured.PRESSED].travels[-1]:.2f} mm of "
-        "travel: on the way back the pad did not have the shape it had on the way down. Not modelled are softening by "
-        "the first strain (Mullins' effect), give of the robot, and slip of the pad in its frame or of the walls on "
-        "the collars."
+        f"{100 * there:.2f} % is measured: that {verdict}. {_widths_alone()}"
+    )
+
+
+def _widths_alone() -> str:
+    """What the measured widths exclude and leave, if changes of voltage and force are proportional to travel."""
+    force, at_travel, at_force = measured.FORCE_LOOP, measured.VOLTAGE_LOOP_AT_TRAVEL, measured.VOLTAGE_LOOP_AT_FORCE
+    play = at_travel / 100 * measured.PRESSES[measured.PRESSED].travels[-1]
+    lower, higher = abs(force - at_travel), force + at_travel
+    less = abs(lower - at_force) < abs(higher - at_force)
+    return (
+        "The widths by themselves say more, if voltage and force are nearly proportional to each other and to travel. "
+        f"The force lacks {force:g} % on the way back. If at equal travel the voltage is then lower by its "
+        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %, and if it is higher, by {higher:.1f} %; "
+        f"measured is {at_force:g} %. So roofs are {'less' if less else 'more'} pressed on the way back at equal "
+        "travel. Softening or relaxation that is the same everywhere leaves the shape of a pad as it is at a given "
+        f"travel, and is excluded as the only cause; so is play of the robot, which would be {play:.2f} mm, or slip of "
+        "the pad: they change nothing at equal force. Give of the robot that is elastic opens no loop. What remains is "
+        "softening by the first strain (Mullins' effect) that is larger below the indenter than at the roofs, or a "
+        f"softening by {min(lower, at_force):.0f} to {max(lower, at_force):.0f} % together with play or slip; these "
+        "data do not tell which, and none of it is modelled."
     )

@@ -11,6 +11,7 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import bench_pad, measured, validation_figures
 from mitsuba_taxel.reproduce.pad_comparison import FINER, MAP_TRAVEL, Compared, Results, ring
 from mitsuba_taxel.reproduce.page_words import paragraph
+from mitsuba_taxel.reproduce.taxel_spread import ROUNDING, band
 
 FORCE_TARGET, CHANGE_TARGET, MAP_TARGET, PREDICTED_TARGET = 5.0, 5.0, 5.0, 10.0
 """What counts as agreement, set before the fit: in percent of the largest, and points of the map."""
@@ -63,7 +64,7 @@ gain is needed, and no reading comes near saturation.
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
 While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {held}. All taxels in percent
-of that, in their places, measured / here (at {MAP_TRAVEL:g} mm):
+of that, in their places, measured / here (at {MAP_TRAVEL:g} mm), with ± one standard deviation of what is told below:
 
 {markdown_table(heads, _map_rows(found))}
 
@@ -71,6 +72,8 @@ Fitted to the asymmetry of the four nearest taxels: the indenter stands {x} alon
 middle of taxel {fitted}. All else in the map is predicted.
 
 {paragraph(_map_words(found))}
+
+{paragraph(_band_words(found))}
 """
 
 
@@ -202,10 +205,10 @@ def _errors(found: Results) -> str:
 
 
 def _map_rows(found: Results) -> list[list[str]]:
-    there = np.array(measured.HELD_MAP)
+    rows = zip(measured.HELD_MAP, found.moved, band(found).deviation, strict=True)
     return [
-        [f"row {row + 1}", *(f"{a} / {round(b)}" for a, b in zip(there[row], found.moved[row], strict=True))]
-        for row in range(bench_pad.SIDE)
+        [f"row {number}", *(f"{a} / {round(b)} ± {c:.1f}" for a, b, c in zip(*row, strict=True))]
+        for number, row in enumerate(rows, start=1)
     ]
 
 
@@ -225,6 +228,26 @@ def _map_words(found: Results) -> str:
     return (
         f"The largest difference is {difference[worst]:+.0f} points, in {where}; among the eight neighbours it is "
         f"{near.max():.0f}; {verdict}. Without the offset the largest would be {centred:.0f}. {_widest(found)}"
+    )
+
+
+def _band_words(found: Results) -> str:
+    """What differences between taxels explain of the map."""
+    one, difference = band(found), np.abs(found.moved - np.array(measured.HELD_MAP))
+    times = difference / np.maximum(one.deviation, ROUNDING)
+    row, column = np.unravel_index(int(times.argmax()), times.shape)
+    shares = " / ".join(f"{share:.2f}" for share in one.own.values())
+    missed = [f"{off:.1f} ({100 * one.chance(off):.0f} %)" for off in np.sort(times[difference > MAP_TARGET])]
+    beyond = f" Those that are, are off by {', '.join(missed)} times the ±." if missed else ""
+    return (
+        f"Pressed themselves, taxels {' / '.join(map(str, one.own))} change {shares} times as much as computed: their "
+        f"sensitivities differ by {100 * one.spread:.0f} % (one standard deviation). A number of the map is a ratio of "
+        "two taxels, so that it may be off by the root of two times as much, and by the rounding of what is measured: "
+        f"the ± of the table. By these, {one.expected_beyond(MAP_TARGET):.1f} taxels would be further off than "
+        f"{MAP_TARGET:g} points. In brackets is the chance of as much or more, by Student's distribution, as "
+        f"{len(one.own)} taxels tell little of a spread.{beyond} By most times it is the taxel in row {row + 1}, "
+        f"column {column + 1}, that is off: {times[row, column]:.1f} ({100 * one.chance(times[row, column]):.0f} %), "
+        "where voltages hardly change."
     )
 
 
