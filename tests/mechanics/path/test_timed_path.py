@@ -132,7 +132,7 @@ def test_a_body_that_does_not_settle_is_told(monkeypatch):
     monkeypatch.setattr(pushed_path, "POSE_TOLERANCE", 0.0)
     monkeypatch.setattr(pushed_path, "MOST_HALVINGS", 1)
     with pytest.raises(ComputationError, match="the indenter does not settle between 0 and 1 s"):
-        states([(0, 0, -0.1)], [2.0], load=BALL)
+        states([(0, 0, -0.12)], [2.0], load=BALL)  # which no other test keeps
 
 
 UP, DOWN = np.arange(1, 7) / 6, np.arange(5, -1, -1) / 6
