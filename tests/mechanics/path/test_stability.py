@@ -122,7 +122,7 @@ def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
     """So it does not do to test the last of a path."""
     pad, load = Pad(rows=1, columns=1, wall=0.05), PlateDisplacement()
     path = pad_path(pad, LAW, load, 2.0, judged=False)
-    value = np.array((0.0, 0.0, -0.17))
+    value = np.array((0.0, 0.0, -0.28))
     path.state(value)
     ((segment, _),) = path.segments_to(value)
     part = path.pad_for(segment.origin, segment.direction)
