@@ -243,7 +243,7 @@ class _Asked:
         if "of" in told:
             given = told["of"]
             told["of"] = of = tuple([given] if isinstance(given, str) else given if isinstance(given, list) else ())
-            if not of or not set(of) <= set(lines):
+            if not of or not all(one in lines for one in of):
                 raise InputError(f"{name}: of = {given!r} is not allowed: some of {', '.join(lines)} are needed.")
             lines = of
         units = sorted({self.units.get(self.lines[line][0], "1") for line in lines if line})

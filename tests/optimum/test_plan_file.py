@@ -78,6 +78,7 @@ def test_a_plan(plan):
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nalong = ["side"]\nmost = 1\n', "two or more"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 0\nmost = 1\n', "noise = 0"),
         (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 1\nof = "top"\nmost = 1\n', "of = 'top' is not allowed"),
+        (WHOLE + CONSTRAINT + 'figure = "resolution"\nnoise = 1\nof = [[1]]\nmost = 1\n', "of = [[1]] is not allowed"),
         (
             WHOLE.replace("fx = [0, 0.1]", "poisson_ratio = [0.4, 0.45]")
             + CONSTRAINT

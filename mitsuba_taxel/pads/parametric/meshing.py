@@ -120,6 +120,12 @@ def check_room(pad: Pad, mesh_size: float) -> None:
     smallest = (8 * math.prod(pad.extent) / MOST_ELEMENTS) ** (1 / 3)
     if mesh_size < smallest:
         raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {smallest:.2g} is needed for this pad.")
+    wall, largest = _slender_wall(pad)
+    if FACE_REFINEMENT[pad.cell] * largest < smallest:
+        raise InputError(
+            f"rows = {pad.rows}, columns = {pad.columns} are not allowed with walls of {wall:g} mm, which need "
+            f"elements of {largest:.2g} mm: fewer cells or thicker walls are needed."
+        )
 
 
 def _generated(pad: Pad, mesh_size: float, refinement: float) -> VolumeMesh:
@@ -164,15 +170,20 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     Where silicone is thin beside a round wall, the sagitta of the elements' curved edges is at most a quarter of it.
     """
     finer = _finer(pad, mesh_size) ** (CAP_EXPONENT if pad.cell == CAP else 1.0)
-    wall, largest = pad.thinnest_wall, math.inf
-    if pad.rows * pad.columns > 1:
-        wall = min(wall, pad.pitch - pad.cell_size)
-    if wall < SLENDER_WALL * pad.side_height:
-        largest = ALONG_SLENDER_WALL * pad.side_height
+    wall, largest = _slender_wall(pad)
     if pad.cell != "parallelepiped":
         thinnest = min(wall, pad.height - pad.top_of_cell)
         largest = min(largest, math.sqrt(pad.cell_size * thinnest))  # a chord s of a circle has a sagitta s^2 / (4 d)
     return min(finer * mesh_size / FACE_REFINEMENT[pad.cell], largest), min(mesh_size / RIM_REFINEMENT, largest)
+
+
+def _slender_wall(pad: Pad) -> tuple[float, float]:
+    """The thinnest wall, and the largest elements along it if it is slender; infinite if not. In mm."""
+    wall = pad.thinnest_wall
+    if pad.rows * pad.columns > 1:
+        wall = min(wall, pad.pitch - pad.cell_size)
+    is_slender = wall < SLENDER_WALL * pad.side_height
+    return wall, ALONG_SLENDER_WALL * pad.side_height if is_slender else math.inf
 
 
 def _finer(pad: Pad, mesh_size: float) -> float:

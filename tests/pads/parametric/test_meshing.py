@@ -207,6 +207,13 @@ def test_the_same_pad_gets_the_same_mesh():
     np.testing.assert_array_equal(first.tets, second.tets)
 
 
+def test_so_many_slender_walls_do_not_fit():
+    """However large the other elements are."""
+    pad = Pad("parallelepiped", rows=40, columns=40, pitch=2.85)
+    with pytest.raises(InputError, match="^rows = 40, columns = 40 are not allowed with walls of 0.3 mm"):
+        mesh_pad(pad, 2.0)
+
+
 @pytest.mark.parametrize("size", [0.0, -1.0, math.nan, math.inf, 1e-3])
 def test_mesh_sizes_out_of_range_are_refused(size):
     with pytest.raises(InputError, match="^mesh_size = "):
