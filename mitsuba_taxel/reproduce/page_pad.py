@@ -244,9 +244,11 @@ def _band_words(found: Results) -> str:
         f"sensitivities differ by {100 * one.spread:.0f} % (one standard deviation). A number of the map is a ratio of "
         "two taxels, so that it may be off by the root of two times as much, and by the rounding of what is measured: "
         f"the ± of the table. By these, {one.expected_beyond(MAP_TARGET):.1f} taxels would be further off than "
-        f"{MAP_TARGET:g} points. In brackets is the chance of as much or more, by Student's distribution, as "
-        f"{len(one.own)} taxels tell little of a spread.{beyond} By most times it is the taxel in row {row + 1}, "
-        f"column {column + 1}, that is off: {times[row, column]:.1f} ({100 * one.chance(times[row, column]):.0f} %), "
+        f"{MAP_TARGET:g} points, and a model that is exact but for them would have all within the target with a chance "
+        f"of {100 * one.chance_of_none_beyond(MAP_TARGET):.1f} % only. In brackets is the chance of as much or more, "
+        f"by Student's distribution, as {len(one.own)} taxels tell little of a spread.{beyond} By most times it is the "
+        f"taxel in row {row + 1}, column {column + 1}, that is off: {times[row, column]:.1f} "
+        f"({100 * one.chance(times[row, column]):.0f} %), "
         "where voltages hardly change."
     )
 

@@ -24,12 +24,15 @@ class Band(NamedTuple):
         By the taxel that is pressed, of :func:`own_sensitivity`.
     spread : float
         Standard deviation of the logarithms of these.
+    moved : (5, 5) ndarray
+        The computed map, in points.
     deviation : (5, 5) ndarray
         One standard deviation of the map, in points; 0 for the middle.
     """
 
     own: dict[int, float]
     spread: float
+    moved: np.ndarray
     deviation: np.ndarray
 
     def chance(self, times: float | np.ndarray) -> float | np.ndarray:
@@ -43,6 +46,24 @@ class Band(NamedTuple):
         with np.errstate(divide="ignore"):
             return float(np.sum(self.chance(target / self.deviation)))
 
+    def chance_of_none_beyond(self, target: float) -> float:
+        """That no taxel is further off than a ``target`` in points.
+
+        All share what the taxel that is pressed is off by, and the standard deviation, of which few taxels tell: means
+        over as likely values of both, of what is independent then.
+        """
+        from scipy.stats import chi2, norm
+
+        degrees, likely = len(self.own) - 1, (np.arange(400) + 0.5) / 400
+        spread = self.spread * np.sqrt(degrees / chi2.ppf(likely, degrees))[:, None, None]
+        pressed = norm.ppf(likely)[:, None]
+        moved = self.moved[self.deviation > 0]
+        sd = np.hypot(spread * moved, ROUNDING)
+        within = norm.cdf((target + spread * pressed * moved) / sd) - norm.cdf(
+            (-target + spread * pressed * moved) / sd
+        )
+        return float(np.prod(within, axis=-1).mean())
+
 
 def band(found: Results) -> Band:
     """The band of the computed map; each of its numbers is a ratio of two taxels, which both differ."""
@@ -50,7 +71,7 @@ def band(found: Results) -> Band:
     spread = float(np.std(np.log(list(own.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * found.moved, ROUNDING)
     deviation[np.unravel_index(measured.PRESSED - 1, deviation.shape)] = 0.0
-    return Band(own, spread, deviation)
+    return Band(own, spread, found.moved, deviation)
 
 
 def own_sensitivity(one: Compared) -> float:

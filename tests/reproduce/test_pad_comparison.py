@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -13,7 +11,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.electronics import Circuit, respond
 from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
 from mitsuba_taxel.pads import Pad
-from mitsuba_taxel.reproduce import bench_pad, measured, pad_comparison, page_pad, taxel_spread
+from mitsuba_taxel.reproduce import bench_pad, measured, pad_comparison, page_pad
 from mitsuba_taxel.reproduce.bench_pad import Press
 from mitsuba_taxel.reproduce.pad_fit import Found
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
@@ -102,23 +100,6 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
         assert words in text
     assert "nan" not in text
     assert {file.name for file in tmp_path.iterdir()} == {"pressed.png", "map.png"}
-
-
-def test_the_band_of_a_map_is_that_of_taxels_that_differ():
-    """Two taxels pressed themselves, of which one changes 1.25 times as much as computed."""
-    curve = pad_comparison.measured_curve(13)
-    one = pad_comparison.compare(made_up(), 13, FOUND, curve)
-    other = one._replace(measured=curve._replace(change=1.25 * curve.change))
-    moved = pad_comparison.held_map(made_up(-0.3, 0.4))
-    found = taxel_spread.band(SimpleNamespace(taxels={13: one, 5: other}, moved=moved))
-    assert found.own[5] == pytest.approx(1.25 * found.own[13]) and found.own[13] == pytest.approx(1, abs=0.02)
-    spread = np.log(1.25) / np.sqrt(2)
-    assert found.spread == pytest.approx(spread)
-    expected = np.hypot(np.sqrt(2) * spread * moved, np.sqrt(1 / 12))
-    expected[2, 2] = 0
-    np.testing.assert_allclose(found.deviation, expected)
-    beyond = 1 - 2 / np.pi * np.arctan(5 / expected[expected > 0])  # Student's with one degree is Cauchy's
-    assert found.expected_beyond(5.0) == pytest.approx(beyond.sum())
 
 
 @pytest.fixture
