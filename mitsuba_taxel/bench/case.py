@@ -19,10 +19,11 @@ from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterForce, Load
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.load_path import load_path
 from mitsuba_taxel.mechanics.path.load_segment import TICKS, LoadSegment
 from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.results.balance import reactions
 from mitsuba_taxel.pads.pad import REGIONS, Pad

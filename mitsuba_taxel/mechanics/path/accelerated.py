@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mitsuba_taxel.mechanics.path.equilibrium import Rejected
+from mitsuba_taxel.mechanics.path.solution import Rejected
 
 MOST_ITERATIONS = 10
 REMEMBERED = 5

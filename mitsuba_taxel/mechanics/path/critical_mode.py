@@ -15,9 +15,9 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.elements.solvers import symmetric_product
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.equilibrium import Rejected
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.sensitivities import mirrors_of_state
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 

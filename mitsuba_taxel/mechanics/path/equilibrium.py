@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -16,20 +16,15 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.contact.singular_edges import judged_nodes
-from mitsuba_taxel.mechanics.elements.loads import (
-    SPREAD_FORCE,
-    IndenterDisplacement,
-    Load,
-    PlateDisplacement,
-    Pressure,
-    loaded_area,
-)
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, PlateDisplacement, loaded_area
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path.linearised import Linearised, Steps
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN, natural_step
+from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected, Solution, refuse_surplus, singular
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.mechanics.path.top_corners import gives_way
 
@@ -46,47 +41,6 @@ these, more, since the cost of a factorisation grows faster with their number n 
 n^(2/3)."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
-THIN_STEP = 0.125
-"""Largest step of an indenter, relative to its thickness: one that moves through the surface at once is not felt."""
-NATURAL_STRAIN = 0.02
-"""Approximate mean strain of one step of a load path."""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """An accepted state: a stable equilibrium without inverted elements.
-
-    Attributes
-    ----------
-    min_jacobian : float
-        Smallest volume ratio J at any quadrature point of the elements, corners among them, and of
-        :func:`~mitsuba_taxel.mechanics.contact.singular_edges.judged_nodes`.
-    residual : float
-        Largest out-of-balance force, relative to the load.
-    stability_checked : bool
-        Whether the solver provided the inertia for the check of stability.
-    """
-
-    unknowns: np.ndarray
-    min_jacobian: float
-    residual: float
-    iterations: int
-    stability_checked: bool
-
-
-class Rejected(Exception):
-    """A step without an acceptable state, for the reason in the message."""
-
-
-def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Step of a load path: change of a load's value (N, mm or MPa) that strains the pad by about `NATURAL_STRAIN`."""
-    strained = NATURAL_STRAIN * float(np.ptp(mesh.points[:, 2]))
-    if isinstance(load, PlateDisplacement):
-        return strained
-    if isinstance(load, IndenterDisplacement):  # most of the pad is strained less
-        return min(2 * strained, THIN_STEP * load.indenter.thickness)
-    stress = NATURAL_STRAIN * material.youngs_modulus
-    return stress if isinstance(load, Pressure) else stress * loaded_area(mesh, load)
 
 
 class LoadedPad:
@@ -208,9 +162,9 @@ class LoadedPad:
         """
         if self._solver.knows_inertia:
             try:
-                _refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
+                refuse_surplus(self._stability.surplus(entries, *self.split(unknowns), value, self.past))
             except RuntimeError as failure:
-                raise _singular(failure) from failure
+                raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve`, at rest or between states of a path that :meth:`solve` has found stable.
@@ -451,7 +405,7 @@ class LoadedPad:
         try:
             return self._solver.factor(lower)
         except RuntimeError as failure:
-            raise _singular(failure) from failure
+            raise singular(failure) from failure
 
     def rate(
         self, linearised: Linearised, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray | None = None
@@ -467,7 +421,7 @@ class LoadedPad:
         """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
         if linearised.negative is None:
             return False
-        _refuse_surplus(linearised.negative - self.numbering.pressures)
+        refuse_surplus(linearised.negative - self.numbering.pressures)
         return True
 
     @cached_property
@@ -475,31 +429,7 @@ class LoadedPad:
         return Stability(self.whole, self.mirrors, self.images, self.model, self._solver_name)
 
 
-@dataclass(frozen=True)
-class Balanced:
-    """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
-
-    ``linearised`` is the last factored tangent, if any, at a state at a ``distance`` in mm.
-    """
-
-    unknowns: np.ndarray
-    state: Configuration
-    error: float
-    iterations: int
-    linearised: Linearised | None
-    distance: float
-
-
 def _slow(error: float, last: float, unknowns: int) -> bool:
     """Whether to factorise another tangent, rather than to go on with one that reduced the ``last`` error to this."""
     share, few = error / last, FEW_ITERATIONS * max(1.0, unknowns / FEW_UNKNOWNS) ** (2 / 3)
     return share > SLOW and error * share**few > RESIDUAL_TOLERANCE
-
-
-def _singular(failure: RuntimeError) -> Rejected:
-    return Rejected(f"the tangent is singular ({failure})")
-
-
-def _refuse_surplus(surplus: int) -> None:
-    if surplus:
-        raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")

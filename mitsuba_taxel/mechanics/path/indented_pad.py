@@ -21,18 +21,10 @@ from mitsuba_taxel.mechanics.contact.rubbing import tractions
 from mitsuba_taxel.mechanics.elements.held import answers
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
-from mitsuba_taxel.mechanics.path.equilibrium import (
-    MOST_ITERATIONS,
-    NATURAL_STRAIN,
-    NEAR,
-    RESIDUAL_TOLERANCE,
-    SLOW,
-    Balanced,
-    LoadedPad,
-    Rejected,
-    Solution,
-)
+from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, NEAR, RESIDUAL_TOLERANCE, SLOW, LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
+from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected, Solution
 
 MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
-from mitsuba_taxel.mechanics.path.equilibrium import Rejected
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.self_touching_pad import MOST_HALVINGS, MOST_ITERATIONS, SelfTouchingPad
+from mitsuba_taxel.mechanics.path.solution import Rejected
 
 
 class IndentedTouchingPad(IndentedPad, SelfTouchingPad):

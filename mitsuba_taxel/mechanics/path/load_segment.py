@@ -14,8 +14,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected, Solution
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.solution import Rejected, Solution
 
 INTERPOLATION_TOLERANCE = 1e-5
 """Default for the root mean square error of interpolated displacements, relative to the largest displacement there. The

@@ -25,15 +25,17 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad, Rejected, natural_step
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
 from mitsuba_taxel.mechanics.path.pushed_states import PushedStates
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import PathRate, State, StateComparison
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile

@@ -15,9 +15,10 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
 from mitsuba_taxel.mechanics.path.accelerated import accelerated
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Solution
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, Interpolated, LoadSegment
+from mitsuba_taxel.mechanics.path.solution import Solution
 from mitsuba_taxel.mechanics.path.split_tangent import SplitTangent
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 

@@ -17,9 +17,10 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.path import cache
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.load_segment import Interpolated
 from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import StateComparison
 from mitsuba_taxel.mechanics.results.locate import carried
 from mitsuba_taxel.mechanics.results.roof_error import NO_ERROR, RoofComparison, size_ratio, top_ratio

@@ -15,8 +15,9 @@ from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.feet import where_linear
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import make_solver, sum_of_triangles
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Balanced, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected
 
 MOST_ITERATIONS = 40
 """More than of a pad without contact, as its corners may slide off others on the way."""

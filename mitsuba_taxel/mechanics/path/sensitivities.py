@@ -32,10 +32,11 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.material_rates import material_rate
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 from mitsuba_taxel.mechanics.path.timed_rows import rubs

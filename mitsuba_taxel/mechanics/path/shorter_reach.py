@@ -11,8 +11,9 @@ import numpy as np
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.mechanics.elements.loads import IndenterForce
 from mitsuba_taxel.mechanics.path import cache
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import StateComparison
 
 if TYPE_CHECKING:

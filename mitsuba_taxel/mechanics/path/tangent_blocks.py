@@ -22,8 +22,9 @@ from mitsuba_taxel.mechanics.elements.held import Held
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.solution import Rejected
 
 Signs = tuple[tuple[Mirror, int], ...]
 """Mirrors, in an order in which successive averages give the average over the group; 1 for symmetric, -1 for

@@ -18,10 +18,12 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.past import Relaxing
 from mitsuba_taxel.mechanics.materials.creep import Course, Measures, Response
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
-from mitsuba_taxel.mechanics.path.equilibrium import NATURAL_STRAIN, LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.path.reached import LEFT, Way
+from mitsuba_taxel.mechanics.path.solution import Rejected
 
 TIME_TOLERANCE = 1e-3
 """Allowed error of the stress per step, relative to the largest so far, root mean square over the pad."""

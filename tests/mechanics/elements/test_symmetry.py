@@ -20,7 +20,8 @@ from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between, unsymmetric_blocks
 from mitsuba_taxel.mechanics.path import equilibrium
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.pads import Pad
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")

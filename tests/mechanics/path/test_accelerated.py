@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.mechanics.path.accelerated import accelerated
-from mitsuba_taxel.mechanics.path.equilibrium import Rejected
+from mitsuba_taxel.mechanics.path.solution import Rejected
 
 SIZE, DISPLACEMENTS = 60, 45
 

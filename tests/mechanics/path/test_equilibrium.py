@@ -12,7 +12,8 @@ from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
 from mitsuba_taxel.mechanics.elements.solvers import make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, Rejected
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
 from mitsuba_taxel.pads.parametric import meshing
 

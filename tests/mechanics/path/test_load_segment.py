@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.mechanics.path.equilibrium import Rejected, Solution
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.path.solution import Rejected, Solution
 
 BEND = 384 * 2e-5
 """Fourth derivative of a curve on which cubics over whole steps are off by 2e-5, over halves by a sixteenth of that."""

@@ -13,8 +13,8 @@ from mitsuba_taxel.geometry.mirror import ACROSS_SECOND_DIAGONAL
 from mitsuba_taxel.mechanics import NeoHookean, PatchForce, PlateForce, SpreadForce, linearise, load_path
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.path import accelerated, pushed_states
-from mitsuba_taxel.mechanics.path.equilibrium import natural_step
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.pads import Pad
 

@@ -13,7 +13,8 @@ from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, PlateForce, P
 from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad, natural_step
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
+from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.pad_path import LONGER_PRESSED, PadPath, pad_path
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
