@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.plots.curves import PLACES
-from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.analog import Emulated
 from mitsuba_taxel.reproduce.plate import LAWS, Peak, normalised
@@ -29,7 +29,7 @@ def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **op
     """Axes (rows, columns) of a figure that is written to ``file``."""
     axes = axes_of(size, rows, columns, **options)
     yield axes
-    axes[0, 0].figure.savefig(file, format="png")
+    save_small(axes[0, 0].figure, file)
 
 
 def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:

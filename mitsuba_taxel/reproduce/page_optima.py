@@ -15,7 +15,7 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.optimum.course import NEAR
 from mitsuba_taxel.optimum.search import BALANCED
-from mitsuba_taxel.plots.figures import COLOURS, panel_axes
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes, save_small
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.optima import (
     EFFORT,
@@ -278,7 +278,7 @@ def _draw(found: Optima, file: Path) -> None:
     for ax, (purpose, of) in zip(axes[0], found.items(), strict=True):
         _draw_bars(ax, purpose, of)
     axes[0, 0].legend(fontsize="small")
-    axes[0, 0].figure.savefig(file, format="png")
+    save_small(axes[0, 0].figure, file)
 
 
 def _draw_bars(ax: Any, purpose: str, of: Mapping[str, xr.Dataset]) -> None:

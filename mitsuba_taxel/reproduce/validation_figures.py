@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of
+from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.pad_comparison import Compared, Results
 
@@ -58,7 +58,7 @@ def pressed(taxels: Mapping[int, Compared], file: Path) -> None:
     _labelled(force, "travel [mm]", "force [N]")
     change.grid(alpha=0.3)
     change.set(xlabel="force [N]", ylabel="change of the voltage [% of that at rest]")
-    change.figure.savefig(file, format="png")
+    save_small(change.figure, file)
 
 
 def maps(found: Results, file: Path) -> None:
@@ -70,7 +70,7 @@ def maps(found: Results, file: Path) -> None:
             ax.text(column, row, f"{round(value)}", ha="center", va="center", color="k" if value > 60 else "w")
         ax.set(title=title, xticks=[], yticks=[])
     axes[0].figure.colorbar(image, ax=axes, label="change, of that of taxel 13 [%]", shrink=0.8)
-    axes[0].figure.savefig(file, format="png")
+    save_small(axes[0].figure, file)
 
 
 def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, float]]], file: Path) -> None:
@@ -95,4 +95,4 @@ def _labelled(ax: Any, x: str, y: str) -> None:
 
 def _finished(ax: Any, x: str, y: str, file: Path) -> None:
     _labelled(ax, x, y)
-    ax.figure.savefig(file, format="png")
+    save_small(ax.figure, file)

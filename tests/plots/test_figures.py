@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from PIL import Image
 
 from mitsuba_taxel import Circuit
 from mitsuba_taxel.base.units import prefixed
@@ -15,7 +16,7 @@ from mitsuba_taxel.characterise import Branch, Experiment
 from mitsuba_taxel.electronics import in_volts
 from mitsuba_taxel.plots.characteristics import parameters_of, plot_against, plot_sensitivity
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
-from mitsuba_taxel.plots.figures import compared
+from mitsuba_taxel.plots.figures import axes_of, compared, save_small
 
 FORCE = np.array([0.0, -5, -10])
 
@@ -150,3 +151,14 @@ def test_slopes_against_each_dimension():
     assert by_size.get_xlabel() == "size" and len(by_size.containers) == 3 and len(by_cell.containers) == 2
     np.testing.assert_allclose(by_size.containers[0].lines[0].get_xydata(), [[1, -1e-5], [2, -2e-5]])
     np.testing.assert_allclose(np.array(relative.containers[0].lines[0].get_ydata(), float), [-1, -2, -3])
+
+
+@pytest.mark.usefixtures("painted_figures")
+def test_a_small_picture_looks_as_the_full_one(tmp_path):
+    axes = axes_of((4, 3), 1, 1)
+    axes[0, 0].plot([0, 1], [0, 2], label="a line")
+    axes[0, 0].figure.savefig(tmp_path / "full.png")
+    save_small(axes[0, 0].figure, tmp_path / "small.png")
+    small, full = (np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")) for name in ("small", "full"))
+    assert small.shape == full.shape and np.abs(small.astype(int) - full).mean() < 1
+    assert (tmp_path / "small.png").stat().st_size < 0.6 * (tmp_path / "full.png").stat().st_size
