@@ -104,6 +104,11 @@ class Tabulated:
         In degrees, strictly increasing from 0 to at most 90.
     intensities : (n,) ndarray
         Relative radiant intensity, not all 0.
+
+    Attributes
+    ----------
+    table : tuple of (NODES,) ndarray
+        Cosines, which increase, and density [1/sr] at the nodes.
     """
 
     def __init__(self, angles: np.ndarray, intensities: np.ndarray) -> None:
@@ -113,6 +118,7 @@ class Tabulated:
         mass = np.diff(nodes) * (intensities[1:] + intensities[:-1]) / 2
         cumulative = np.concatenate([[0.0], np.cumsum(mass)])
         self.density_of_one_minus_cosine = Interpolant(nodes, intensities / cumulative[-1])
+        self.table = 1 - nodes[::-1], intensities[::-1] / (2 * math.pi * cumulative[-1])
         self.cumulative = mi.Float(in_packets(cumulative / cumulative[-1]))
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:

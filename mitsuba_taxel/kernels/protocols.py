@@ -39,9 +39,11 @@ if TYPE_CHECKING:
 
 class TaxelEnd(Protocol):
     """Common interface of `annular_led` and `phototransistor`, with the refractive index of the resin in the windows
-    above them, None without windows."""
+    above them, None without windows, and the ``table`` of their law, None if it is a formula: cosines, which increase,
+    and share of the power per solid angle, or response relative to an ideal phototransistor."""
 
     resin_index: mi.Float | None
+    table: tuple[np.ndarray, np.ndarray] | None
 
     @property
     def specification(self) -> Specification: ...

@@ -75,9 +75,9 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
     return DeterministicLight(power, error, led * combined(changes))
 
 
-def reading_error(fine: float, coarse: float) -> float:
-    """Standard deviation of a reading by patches and quadrature, in its unit."""
-    return float(np.hypot(READING_SHARE * (fine - coarse), QUADRATURE * fine))
+def reading_error(fine: float, coarse: float, light_share: float) -> float:
+    """Standard deviation of a reading by patches and quadrature, in its unit; see :attr:`Taxel.light_share`."""
+    return float(np.hypot(light_share * READING_SHARE * (fine - coarse), QUADRATURE * fine))
 
 
 class _Found(NamedTuple):
@@ -95,4 +95,5 @@ def _found(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...])
     fine, mesh = cells.solved(number, cells.light_mesh(number, FINE), at), cells.light_mesh(number, COARSE)
     before = cells.solved(number, mesh, at).reading
     changes = [cells.solved(number, mesh, at + patches.carried(part)).reading - before for part in deviations]
-    return _Found(fine.reading, reading_error(fine.reading, before), changes, fine.flows())
+    error = reading_error(fine.reading, before, cells.taxels[number].light_share)
+    return _Found(fine.reading, error, changes, fine.flows())

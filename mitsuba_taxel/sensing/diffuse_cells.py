@@ -19,7 +19,7 @@ from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.faces import FaceGrid
-from mitsuba_taxel.kernels.protocols import PadShape, is_package, is_pad, is_wall
+from mitsuba_taxel.kernels.protocols import LedEmitter, PadShape, PhototransistorSensor, is_package, is_pad, is_wall
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import walls_by_region
 from mitsuba_taxel.pads.pad import REGIONS
@@ -29,13 +29,12 @@ from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
 from mitsuba_taxel.transport.ends import AngularLaw, CosinePower, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
+from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
     from mitsuba_taxel.pads import Pad, PadFile
-    from mitsuba_taxel.specification.annular_led import AnnularLed
-    from mitsuba_taxel.specification.phototransistor import Phototransistor
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
 """Points along a side of a quarter of the LED, and of the phototransistor: more change readings by less than 1e-6."""
@@ -49,6 +48,13 @@ SINGLE = 1e-7
 """Relative rounding error of single precision."""
 CLEARANCE = 3e-3
 """Offset of the ends of rays between walls, relative to the longest: the distance of triangles from the walls."""
+NARROWEST = 0.05
+"""Radians within which laws of tables may fall from their largest value."""
+KINKED = 4.0
+"""How much larger errors of light are relative to the difference of two solutions if a law has kinks, as polynomials
+follow these more slowly: compared with patches of 0.6 of the size, by tables of five rows."""
+HORIZON, NEARLY_DARK = 1e-4, 1e-3
+"""Cosine, and relative response, at the end of a table that is a step if both are larger."""
 COVER, BEYOND = 5.0, 1.01
 """Deepest ends of such rays within the silicone, relative to that, and how much further on they begin."""
 
@@ -83,6 +89,11 @@ class Taxel:
     led: End
     phototransistor: End
     body: Box | None
+
+    @property
+    def light_share(self) -> float:
+        """Factor of the errors of its light, as the difference of two solutions tells them."""
+        return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property
     def middle(self) -> np.ndarray:
@@ -340,7 +351,7 @@ def _taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> li
     bodies = _bodies(pair, into_pad, scale)
     live = float(pair.led.power[0])  # in single precision, and perhaps changed in the loaded scene
     power = stated.power if math.isclose(live, stated.power, rel_tol=SINGLE) else live
-    laws = _law_of_led(stated), _law_of_phototransistor(pair.sensor.specification)
+    laws = _law_of_led(pair.led), _law_of_phototransistor(pair.sensor)
     leds = _ends(pair.led.faces, emitting, laws[0], into_pad)
     sensors = _ends(pair.sensor.faces, sensitive, laws[1], into_pad)
     return [
@@ -377,7 +388,10 @@ def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw,
     return [End(into_pad(centre + around), weights, normal, law) for centre in centres]
 
 
-def _law_of_led(stated: AnnularLed) -> AngularLaw:
+def _law_of_led(led: LedEmitter) -> AngularLaw:
+    stated = led.specification
+    if led.table is not None:
+        return _tabulated(led.table, "the LED's law")
     if stated.law == "uniform_solid_angle":
         assert stated.cone_angle is not None  # set with this law
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
@@ -389,13 +403,26 @@ def _law_of_led(stated: AnnularLed) -> AngularLaw:
     raise NotDiffuse(f"the LED's law is {stated.law}")
 
 
-def _law_of_phototransistor(stated: Phototransistor) -> AngularLaw:
+def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
+    stated = sensor.specification
+    if sensor.table is not None:
+        cosines, values = sensor.table
+        if cosines[0] > HORIZON and values[0] > NEARLY_DARK * values.max():
+            raise NotDiffuse("the phototransistor's response ends with a step")
+        return _tabulated((cosines, values), "the phototransistor's response")
     if stated.response == "ideal":
         return CosinePower(1.0, 0.0)
     if stated.response == "cosine_power":
         assert stated.exponent is not None  # this response needs it
         return CosinePower(1.0, stated.exponent - 1)
     raise NotDiffuse(f"the phototransistor's response is {stated.response}")
+
+
+def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
+    law = TabulatedLaw(*table)
+    if law.width < NARROWEST:
+        raise NotDiffuse(f"{what} changes by its largest value within {np.degrees(NARROWEST):.0f} degrees")
+    return law
 
 
 def _hemisphere(count: int) -> np.ndarray:

@@ -20,6 +20,10 @@ class AngularLaw(Protocol):
     def width(self) -> float:
         """Angle in radians over which it varies substantially."""
 
+    @property
+    def has_kinks(self) -> bool:
+        """Whether its derivative has steps."""
+
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Value and derivative, also slightly below the cutoff."""
 
@@ -31,6 +35,10 @@ class CosinePower:
     factor: float
     exponent: float
     cutoff: float = 0.0
+
+    @property
+    def has_kinks(self) -> bool:
+        return False
 
     @property
     def width(self) -> float:

@@ -8,7 +8,7 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.emission import law_of
+from mitsuba_taxel.kernels.emission import Tabulated, law_of
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
 from mitsuba_taxel.kernels.windows import Window, transmittance, window_on
 from mitsuba_taxel.specification.annular_led import AnnularLed as Parameters
@@ -46,6 +46,7 @@ class AnnularLed(mi.Emitter):
         self.specification = Parameters.read(props)
         self.wavelength = self.specification.wavelength
         self.law = law_of(self.specification)
+        self.table = self.law.table if isinstance(self.law, Tabulated) else None
         self.power = dr.opaque(mi.Float, self.specification.power)
         self.resin_index: mi.Float | None = None
         self._faces: FaceGrid | None = None

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MOST_PIXELS = 1 << 24
 """Most pixels of a film, all blocks together."""
+SMALLEST_COSINE = 1e-6
+"""Of a table, whose values include the cosine and are divided by it."""
 
 _E_OVER_HC = 1.602176634e-19 / (6.62607015e-34 * 299792458) * 1e-9  # A/W per nm, from the exact constants of the SI
 
@@ -68,6 +70,7 @@ class Phototransistor(mi.Sensor):
         super().__init__(props)
         self.specification = Parameters.read(props)
         self.angular_response = _response_of(self.specification)
+        self.table = self.angular_response.table if isinstance(self.angular_response, _Tabulated) else None
         if self.film().rfilter().radius() > 0.5 + 1e-3:
             raise InputError("film: its rfilter must be a box, so that the map integrates to the reading.")
         if tuple(self.film().crop_size()) != tuple(self.film().size()):
@@ -244,14 +247,19 @@ class _CosinePower:
 
 
 class _Tabulated:
-    """Table over cos(theta); the cosine is limited to at least 1e-6, for tables that are not zero at 90 degrees."""
+    """Table over cos(theta); the cosine is limited, for tables that are not zero at 90 degrees."""
 
     def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
         angles, responses = refine(angles, responses / responses[0])
         self.to_beam = Interpolant(np.radians(angles), responses)
+        cosines = np.cos(np.radians(angles[::-1]))
+        relative = responses[::-1] / np.maximum(cosines, SMALLEST_COSINE)
+        if cosines[0] < SMALLEST_COSINE and responses[-1] == 0:
+            relative[0] = relative[1]  # its limit at 90 degrees
+        self.table = cosines, relative
 
     def __call__(self, cosine: mi.Float) -> mi.Float:
-        return self.to_beam(dr.safe_acos(cosine)) / dr.maximum(cosine, 1e-6)
+        return self.to_beam(dr.safe_acos(cosine)) / dr.maximum(cosine, SMALLEST_COSINE)
 
 
 def _response_of(stated: Parameters) -> _AngularResponse:

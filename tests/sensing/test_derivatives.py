@@ -206,6 +206,42 @@ def test_derivatives_are_differences_of_the_whole_chain(name, found):
     assert strain_rate(found, name) == pytest.approx((ahead - behind) / (2 * step), rel=3e-3, abs=1e-9)
 
 
+BEAM, STEP_AT_THE_END = "0,1\n20,0.9\n30,0.6\n50,0.1\n90,0\n", "0,1\n30,0.9\n60,0.7\n"
+LEDS_AND_RESPONSES = [(BEAM, None), (STEP_AT_THE_END, None), (None, BEAM), ("0,0.2\n40,1\n70,0\n80,0.1\n", BEAM)]
+
+
+def of_tables(folder, led, response):
+    """Parameters of the parts by such tables."""
+
+    def stated(name, kind, table):
+        if table is None:
+            return {}
+        (file := folder / f"{name}.csv").write_text(table)
+        return {kind: "tabulated", "file": str(file)}
+
+    return {"led": stated("led", "law", led), "sensor": stated("sensor", "response", response)}
+
+
+@pytest.mark.parametrize(("led", "response"), LEDS_AND_RESPONSES)
+@pytest.mark.parametrize("cell", ["hemispheric", "parallelepiped"])
+def test_readings_by_tables_are_those_of_random_paths(tmp_path, cell, led, response):
+    """Tables of few rows, whose kinks patches do not follow. Within 4 standard deviations of both."""
+    live = pad_scene(cell=cell, **of_tables(tmp_path, led, response)).load()
+    readings, found = measure(live, points=2048, mechanics_error=False), deterministic_light(live, False)
+    assert abs(found.power - readings.power) < 4 * np.hypot(readings.standard_error, found.error)
+    assert found.error < 2e-3 * found.power
+
+
+@pytest.mark.parametrize(("led", "response"), LEDS_AND_RESPONSES[1:3])
+def test_derivatives_by_tables_are_differences_of_the_whole_chain(tmp_path, led, response):
+    parts = of_tables(tmp_path, led, response)
+    found = derivatives(pad_scene(**parts), "fz", "spacing")
+    for name in found.parameters:
+        step = STEPS[name]
+        ahead, behind = (deterministic_light(at(name, by, **parts).load(), False).power[0] for by in (step, -step))
+        assert by(found, name)[0] == pytest.approx((ahead - behind) / (2 * step), rel=3e-3)
+
+
 def reading_and_strain(cells, amounts, degree):
     """Of the one cell in equilibrium, with parameters changed by some amounts: its mesh is morphed by dimensions."""
     state, pad, patches = cells.pad.state, cells.pad.pad, cells.patches(0)
@@ -408,10 +444,15 @@ def test_what_has_no_derivative_is_refused(scene, name, words):
             lambda: pad_scene(finish="grooves", groove_pitch=0.5, groove_depth=0.02, groove_direction=[0, 0, 1]),
             "finish",
         ),
+        (lambda: pad_scene(sensor={"response": "tabulated", "file": "60.csv"}), "response ends with a step"),
+        (lambda: pad_scene(led={"law": "tabulated", "file": "steep.csv"}), "largest value within 3 degrees"),
         (lambda: pad_scene(board={"type": "rectangle", "bsdf": {"type": "wall"}}), "sends light back"),
     ],
 )
-def test_what_needs_random_paths_is_not_followed_without(scene, words):
+def test_what_needs_random_paths_is_not_followed_without(tmp_path, monkeypatch, scene, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "60.csv").write_text(STEP_AT_THE_END)
+    (tmp_path / "steep.csv").write_text("0,1\n40,1\n42,0\n90,0\n")
     with pytest.raises(NotDiffuse, match=words):
         derivatives(scene(), "fz")
 
