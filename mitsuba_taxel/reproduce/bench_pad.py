@@ -20,6 +20,7 @@ from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
 from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.scenes import scene_text
 from mitsuba_taxel.sensing import Readings, Scene, measure
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
@@ -30,57 +31,6 @@ TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05)
 POINTS, MESH_SIZE = 256, 1.6
 """Light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter, which are
 nearly as coarse as the cells permit."""
-
-_SCENE = """\
-<!-- A pad of 5 x 5 cells on a rigid grid, whose collars end at z = 0. -->
-<scene version="3.9.0">
-    <default name="height" value="8"/>
-    <default name="indenter" value="sphere"/>
-    <default name="radius" value="1"/>
-    <default name="x" value="0"/>
-    <default name="y" value="0"/>
-    <default name="friction" value="{friction:g}"/>
-    <default name="uz" value="0"/>
-    <default name="youngs_modulus" value="1"/>
-    <default name="prony" value=""/>
-    <default name="history" value=""/>
-    <default name="time" value="0"/>
-    <default name="mesh_size" value="{mesh_size}"/>
-
-    <integrator type="taxel_tracer"/>
-
-    <shape type="deformable_pad">
-        <integer name="rows" value="{side}"/> <integer name="columns" value="{side}"/>
-        <float name="pitch" value="{pitch}"/> <float name="wall" value="{wall}"/>
-        <float name="cell_size" value="{core}"/> <float name="cell_height" value="{free}"/>
-        <float name="height" value="$height"/>
-        <!-- Forces are relative to the long-term modulus. -->
-        <float name="youngs_modulus" value="$youngs_modulus"/> <float name="poisson_ratio" value="{poisson_ratio}"/>
-        <string name="prony" value="$prony"/> <string name="history" value="$history"/>
-        <float name="time" value="$time"/>
-        <float name="mesh_size" value="$mesh_size"/>
-        <string name="load" value="indenter_displacement"/>
-        <string name="indenter" value="$indenter"/> <float name="indenter_radius" value="$radius"/>
-        <float name="indenter_x" value="$x"/> <float name="indenter_y" value="$y"/>
-        <float name="friction" value="$friction"/>
-        <vector name="displacement" value="0, 0, $uz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>{walls}
-        </bsdf>
-    </shape>
-
-    <shape type="photo_reflector">
-        <integer name="rows" value="{side}"/> <integer name="columns" value="{side}"/>
-        <float name="pitch" value="{pitch}"/> <string name="part" value="njl5908ar"/>
-        <transform name="to_world"><translate value="0, 0, {board}"/></transform>
-    </shape>
-{grid}
-    <shape type="rectangle">
-        <transform name="to_world"><scale value="{reach}"/><translate value="0, 0, {board}"/></transform>
-        <bsdf type="wall"> <string name="scattering" value="absorbing"/> </bsdf>
-    </shape>
-</scene>
-"""
 
 _BAR = """
     <shape type="cube">
@@ -274,7 +224,7 @@ def write_scene(file: Path, assumed: Assumed = AS_FITTED) -> None:
     }
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
-        temporary.write_text(_SCENE.format(**values), encoding="utf-8")
+        temporary.write_text(scene_text("measured_pad").format(**values), encoding="utf-8")
 
 
 def _grid(bottom: float) -> str:

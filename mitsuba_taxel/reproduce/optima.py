@@ -14,7 +14,7 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.pads.pad import PROFILE
 from mitsuba_taxel.reproduce import paper
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
-from mitsuba_taxel.reproduce.scenes import centre_of
+from mitsuba_taxel.reproduce.scenes import centre_of, scene_text
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.studies.plan.files import make_folder
 
@@ -75,24 +75,6 @@ RANGE = 20
 NEARLY = 0.01
 """Relative difference from the best design that counts as close to it."""
 
-_SCENE = """\
-<!-- The paper's pad of 3 x 3 cells with dimensions that may change; the cells {cells} are read. -->
-<scene version="3.9.0">
-    <default name="fx" value="0"/> <default name="fy" value="0"/> <default name="fz" value="0"/>
-    <default name="cell_size" value="2.55"/> <default name="cell_height" value="{cell_height}"/>{numbers}
-    <default name="height" value="4.55"/> <default name="wall" value="1"/>
-    <integrator type="taxel_tracer"/>
-    <shape type="deformable_pad">
-        <string name="cell" value="{shape}"/>{given} <string name="read_cells" value="{cells}"/>
-        <float name="cell_size" value="$cell_size"/> <float name="cell_height" value="$cell_height"/>
-        <float name="height" value="$height"/> <float name="wall" value="$wall"/>
-        <vector name="force" value="$fx, $fy, $fz"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall"> <string name="scattering" value="isotropic"/> </bsdf>
-        </bsdf>
-    </shape>
-{reflectors}</scene>
-"""
 _REFLECTOR = """\
     <shape type="photo_reflector">
         <transform name="to_world"><translate value="{x}, {y}, 0"/></transform>
@@ -188,7 +170,7 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
     given = f' <string name="section" value="{section}"/> <string name="profile" value="$r1 $z1; $r2 $z2; 0 $z3"/>'
     if cell == LEANING:
         numbers, given = {"top_x": 0}, ' <float name="top_x" value="$top_x"/>'
-    scene = _SCENE.format(
+    scene = scene_text("optimised").format(
         shape=shape,
         cells=cells,
         cell_height=HEIGHTS.get(shape, PROFILE_HEIGHT),

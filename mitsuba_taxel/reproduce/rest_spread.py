@@ -12,52 +12,12 @@ from mitsuba_taxel.base.atomic import write_text
 from mitsuba_taxel.parts import read_part
 from mitsuba_taxel.reproduce import measured
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
+from mitsuba_taxel.reproduce.scenes import scene_text
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.tolerances import run_tolerance
 
 SAMPLES, POINTS = 64, 256
 GAIN = "gain"
-
-_SCENE = """\
-<!-- One cell of the measured pad at rest; dies lie in the plane z = 0. -->
-<scene version="3.9.0">
-    <default name="gain" value="1"/>
-    <default name="cell_height" value="{core_height}"/>
-    <default name="spacing" value="{spacing}"/>
-    <default name="x" value="0"/>
-    <default name="y" value="0"/>
-    <default name="tilt" value="0"/>
-    <default name="reflectance" value="1"/>
-
-    <integrator type="taxel_tracer"/>
-
-    <shape type="deformable_pad">
-        <integer name="rows" value="1"/> <integer name="columns" value="1"/>
-        <float name="cell_size" value="{core}"/> <float name="cell_height" value="$cell_height"/>
-        <float name="height" value="7"/>
-        <bsdf type="region">
-            <bsdf name="roof" type="wall">
-                <string name="scattering" value="isotropic"/> <float name="reflectance" value="$reflectance"/>
-            </bsdf>
-        </bsdf>
-    </shape>
-
-    <shape type="photo_reflector">
-        <vector name="body" value="{body}"/> <float name="spacing" value="$spacing"/>
-        <emitter type="annular_led">
-            <float name="size" value="{led}"/> <float name="hole" value="0"/>
-            <string name="law" value="lambertian"/> <float name="power" value="$gain"/>
-        </emitter>
-        <sensor type="phototransistor">
-            <float name="width" value="{width}"/> <float name="depth" value="{depth}"/>
-        </sensor>
-        <transform name="to_world">
-            <translate value="0, 0, {below}"/> <rotate y="1" angle="$tilt"/> <translate x="{middle}"/>
-            <translate x="$x" y="$y"/>
-        </transform>
-    </shape>
-</scene>
-"""
 
 _STUDY = """\
 scene = "cell.xml"
@@ -184,4 +144,4 @@ def _texts() -> tuple[str, str]:
         "depth": detector.die_length,
     }
     study = _STUDY.format(samples=SAMPLES, points=POINTS, low=least / typical, high=most / typical, **values)
-    return _SCENE.format(**values), study
+    return scene_text("measured_cell").format(**values), study
