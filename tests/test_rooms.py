@@ -15,14 +15,13 @@ FLOORS = re.findall(r"^\| `(?:mitsuba_taxel/)?(\w+)` \|", (ROOT / "CONTRIBUTING.
 
 TOGETHER = {
     "check": {"broken_scenes"},
-    "cli": {"bad_input", "circuit", "ends", "program"},
+    "cli": {"bad_input", "ends", "program"},
     "docs": {"pages"},
     "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
-    "optimum": {"moved_meshes", "thin_roof", "to_the_end"},
-    "plugins": {"parameters", "sampling"},
+    "optimum": {"moved_meshes", "thin_roof"},
+    "plugins": {"parameters"},
     "sensing": {
-        *("adversarial", "arguments", "closed_cells", "domes", "finish", "ladder", "leaning", "little_light", "meshes"),
-        *("mirrors", "narrow_gaps", "profile", "size_and_place", "sphere"),
+        *("adversarial", "closed_cells", "domes", "finish", "ladder", "meshes", "mirrors", "size_and_place", "sphere"),
     },
 }
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""

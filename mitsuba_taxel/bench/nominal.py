@@ -102,8 +102,12 @@ def _processor_seconds() -> float:
     return sum(each.ru_utime + each.ru_stime for each in used)
 
 
-def nominal_cells(row: NominalRow) -> list[list[str]]:
-    """The row as lines of text, below `HEADINGS`."""
+def nominal_cells(rows: Sequence[NominalRow]) -> list[list[str]]:
+    """The rows as lines of text, below `HEADINGS`."""
+    return [line for row in rows for line in _lines(row)]
+
+
+def _lines(row: NominalRow) -> list[list[str]]:
     if row.failure:
         return [[row.cell, row.failure, *[""] * (len(HEADINGS) - 2)]]
     lines = []
@@ -118,5 +122,5 @@ def nominal_cells(row: NominalRow) -> list[list[str]]:
 
 def write_page(rows: Sequence[NominalRow], file: Path, command: str) -> None:
     """Write the rows as a page that says what its columns mean."""
-    table = markdown_table(HEADINGS, [line for row in rows for line in nominal_cells(row)])
+    table = markdown_table(HEADINGS, nominal_cells(rows))
     write_text(file, _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE))

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
 from .bench_peers import peers
 from .options import debug_option, defines_option, folder_option, markdown_option
+
+Row = TypeVar("Row")
 
 
 @click.group(short_help="Benchmarks: extreme cases, stated and true errors, error against time.")
@@ -17,6 +22,33 @@ def command() -> None:
 
 
 command.add_command(peers)
+
+
+def _shown(
+    rows: Iterable[Row],
+    headings: Sequence[str],
+    table: Callable[[Sequence[Row]], Iterable[Sequence[str]]],
+    keep: Callable[[Sequence[Row]], None] | None = None,
+    summary: Callable[[Sequence[Row]], str] | None = None,
+) -> list[Row]:
+    """Rows as they are measured, kept after each; those measured so far are printed as a table, whatever happens."""
+    from .tables import print_text_table
+
+    measured: list[Row] = []
+    try:
+        for row in rows:
+            measured.append(row)
+            if keep:
+                keep(measured)
+    finally:
+        print_text_table(headings, table(measured))
+        if summary:
+            click.echo(summary(measured))
+    return measured
+
+
+def _say(name: str) -> None:
+    click.echo(name, err=True)
 
 
 @command.command("stability", short_help="Pads, loads, readings and circuits at the extremes.")
@@ -55,11 +87,9 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 @command.command("coverage", short_help="Stated against true errors of readings.")
 @click.option("--only", metavar="PATTERN", help="Only settings whose name contains this; * and ? are wildcards.")
 @click.option(
-    "--csv",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
+    "--csv", type=click.Path(path_type=Path), metavar="FILE",
     help="Also write the rows with all digits; rows already in the file are not measured again.",
-)
+)  # fmt: skip
 @markdown_option
 @debug_option
 def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
@@ -72,15 +102,8 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
     from mitsuba_taxel.bench.coverage_row import CoverageRow
     from mitsuba_taxel.bench.row import cells, headings
 
-    from .tables import print_text_table
-
-    rows = []
-    try:
-        for row in coverage(only, csv, markdown, lambda k, n, name: click.echo(f"{k}/{n} {name}", err=True)):
-            rows.append(row)
-    finally:
-        print_text_table(headings(CoverageRow), map(cells, rows))
-        click.echo(summary(rows))
+    rows = coverage(only, csv, markdown, lambda k, n, name: _say(f"{k}/{n} {name}"))
+    _shown(rows, headings(CoverageRow), partial(map, cells), summary=summary)
 
 
 @command.command("domes", short_help="Domed cells against spheres and fine meshes.")
@@ -89,32 +112,14 @@ def coverage_command(only: str | None, csv: Path | None, markdown: Path | None) 
 def domes_command(markdown: Path | None) -> None:
     """Compare readings of domed cells with references: exact spheres if unloaded, fine meshes if loaded."""
     from mitsuba_taxel.bench import domes
-    from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import print_text_table
-
-    if markdown:
-        check_new_file(markdown, ".md")
-    rows: list[domes.DomeRow] = []
-    pads: list[domes.PadRow] = []
-
-    def keep() -> None:
+    def keep(rows: Sequence[domes.DomeRow], pads: Sequence[domes.PadRow] = ()) -> None:
         if markdown:
             domes.write_page(rows, pads, markdown, f"taxel bench domes --markdown {markdown}")
 
-    def say(name: str) -> None:
-        click.echo(name, err=True)
-
-    try:
-        for row in domes.domes(say):
-            rows.append(row)
-            keep()
-        for pad in domes.mirrors_of_pads(say):
-            pads.append(pad)
-            keep()
-    finally:
-        print_text_table(domes.HEADINGS, map(domes.dome_cells, rows))
-        print_text_table(domes.PAD_HEADINGS, map(domes.pad_cells, pads))
+    rows = _shown(domes.domes(_say), domes.HEADINGS, partial(map, domes.dome_cells), keep)
+    mirrors = domes.mirrors_of_pads(_say)
+    _shown(mirrors, domes.PAD_HEADINGS, partial(map, domes.pad_cells), partial(keep, rows))
 
 
 @command.command("slopes", short_help="Derivatives of readings against those on fine meshes.")
@@ -123,22 +128,13 @@ def domes_command(markdown: Path | None) -> None:
 def slopes_command(markdown: Path | None) -> None:
     """Compare derivatives with respect to force, material and dimensions on default and fine meshes, for all cell
     shapes."""
-    from mitsuba_taxel.bench.slopes import HEADINGS, slope_cells, slopes, summary, write_page
-    from mitsuba_taxel.studies.plan.files import check_new_file
+    from mitsuba_taxel.bench.slopes import HEADINGS, SlopeRow, slope_cells, slopes, summary, write_page
 
-    from .tables import print_text_table
+    def keep(rows: Sequence[SlopeRow]) -> None:
+        if markdown:
+            write_page(rows, markdown, f"taxel bench slopes --markdown {markdown}")
 
-    if markdown:
-        check_new_file(markdown, ".md")
-    rows = []
-    try:
-        for row in slopes(lambda name: click.echo(name, err=True)):
-            rows.append(row)
-            if markdown:
-                write_page(rows, markdown, f"taxel bench slopes --markdown {markdown}")
-    finally:
-        print_text_table(HEADINGS, map(slope_cells, rows))
-        click.echo(summary(rows))
+    _shown(slopes(_say), HEADINGS, partial(map, slope_cells), keep, summary)
 
 
 @command.command("horizon", short_help="Derivatives by the width of the horizon.")
@@ -149,14 +145,8 @@ def horizon_command(markdown: Path | None) -> None:
     step at the horizon is spread."""
     from mitsuba_taxel.bench.horizon import HorizonRow, horizon, write_page
     from mitsuba_taxel.bench.row import cells, headings
-    from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import print_text_table
-
-    if markdown:
-        check_new_file(markdown, ".md")
-    rows = list(horizon(lambda name: click.echo(name, err=True)))
-    print_text_table(headings(HorizonRow), map(cells, rows))
+    rows = _shown(horizon(_say), headings(HorizonRow), partial(map, cells))
     if markdown:
         write_page(rows, markdown, f"taxel bench horizon --markdown {markdown}")
 
@@ -167,22 +157,14 @@ def horizon_command(markdown: Path | None) -> None:
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
     """Read four shapes under normal and tangential force to 0.5 % with slopes to 2 %, from nothing."""
-    from mitsuba_taxel.bench.nominal import HEADINGS, nominal, nominal_cells, write_page
-    from mitsuba_taxel.studies.plan.files import check_new_file
+    from mitsuba_taxel.bench.nominal import HEADINGS, NominalRow, nominal, nominal_cells, write_page
 
-    from .tables import print_text_table
+    def keep(rows: Sequence[NominalRow]) -> None:
+        if markdown:
+            pattern = f"--only '{only}' " if only else ""
+            write_page(rows, markdown, f"taxel bench nominal {pattern}--markdown {markdown}")
 
-    if markdown:
-        check_new_file(markdown, ".md")
-    rows = []
-    try:
-        for row in nominal(only, lambda name: click.echo(name, err=True)):
-            rows.append(row)
-            if markdown:
-                pattern = f"--only '{only}' " if only else ""
-                write_page(rows, markdown, f"taxel bench nominal {pattern}--markdown {markdown}")
-    finally:
-        print_text_table(HEADINGS, [line for row in rows for line in nominal_cells(row)])
+    _shown(nominal(only, _say), HEADINGS, nominal_cells, keep)
 
 
 @command.command("accuracy", short_help="Error against time of every method.")
@@ -211,7 +193,7 @@ def accuracy_command(scene: str, defines: dict[str, str], folder: Path, seconds:
 
     from .tables import print_text_table
 
-    curves = accuracy(Scene.from_file(scene, **defines), folder, seconds, lambda step: click.echo(step, err=True))
+    curves = accuracy(Scene.from_file(scene, **defines), folder, seconds, _say)
     print_text_table(HEADINGS, map(cells, curves))
     click.echo("Seconds are of all processors together; compilation is not in them.")
     if any(curve.part == "mechanics" and curve.points for curve in curves):

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import click
 
-from .options import Share, debug_option, json_option
+from .options import Share, debug_option, json_option, output_option
 
 
 @click.command(short_help="Forces from readings, with prediction intervals (ONNX).")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), default=Path("calibration.onnx"), show_default=True,
-    metavar="FILE.onnx", help="The calibration.",
-)  # fmt: skip
+@output_option("calibration.onnx", "The calibration.")
 @click.option(
     "--coverage", type=Share(), default="90%", show_default=True, help="Share of forces that intervals should contain."
 )
@@ -36,10 +33,10 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     from mitsuba_taxel import open_study
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.characterise import read_measurement
-    from mitsuba_taxel.studies.plan.files import check_new_file
     from mitsuba_taxel.surrogates import calibrate, write_calibration
 
-    check_new_file(output, ".onnx")
+    from .tables import print_json
+
     measured = source.suffix.lower() == ".csv"
     data = read_measurement(source) if measured else open_study(source)
     if isinstance(data, xr.DataTree):
@@ -48,11 +45,9 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     write_calibration(found, output)
     widths = dict(zip(found.forces, found.half_width.tolist(), strict=True))
     if as_json:
-        import json
-
         about = {"unit": found.unit, "half_width_N": widths, "coverage": found.coverage}
         about |= {"covered": found.covered, "tested": found.tested}
-        click.echo(json.dumps({**about, "rms_of_range": found.polynomial.rms, "file": str(output)}))
+        print_json({**about, "rms_of_range": found.polynomial.rms, "file": str(output)})
         return
     for name, width in widths.items():
         print(f"{name}: +- {width:.3g} N holds {found.coverage:.0%}")

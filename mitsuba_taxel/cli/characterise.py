@@ -53,7 +53,7 @@ def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bo
     table, pairs = characteristics(experiments, off), symmetric_pairs(maps)
     files = write_characteristics(folder, experiments, maps, table, pairs, volts)
     if as_json:
-        click.echo(_as_json(table, pairs, notes, files, volts))
+        _print_json(table, pairs, notes, files, volts)
         return
     _show(table, pairs, volts)
     for note in (*remarks_explained(table, pairs), *notes):
@@ -70,12 +70,10 @@ def _measured(file: Path) -> tuple[list, list, list, list[str]]:
     return [experiment], [], [], [f"{len(experiment.runs)} runs. Error: {error}."]
 
 
-def _as_json(table, pairs, notes: list[str], files: list[Path], volts) -> str:
-    import json
+def _print_json(table, pairs, notes: list[str], files: list[Path], volts) -> None:
+    from .tables import print_json, records
 
-    from .tables import records
-
-    return json.dumps(
+    print_json(
         {
             "characteristics": records(table),
             "symmetric_pairs": records(pairs),

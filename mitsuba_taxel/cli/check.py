@@ -42,15 +42,14 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
         from mitsuba_taxel.check import check_scene
         from mitsuba_taxel.check.finding import SEVERITIES
 
-        from .tables import progress_bar
+        from .tables import print_json, progress_bar
 
         with progress_bar("pads"):
             findings = check_scene(scene, **defines)
         if as_json:
-            import json
             from dataclasses import asdict
 
-            click.echo(json.dumps({"findings": [asdict(finding) for finding in findings]}))
+            print_json({"findings": [asdict(finding) for finding in findings]})
         else:
             for finding in findings:
                 click.echo(finding)

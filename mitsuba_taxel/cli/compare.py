@@ -50,7 +50,7 @@ def command(
     from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows
     from mitsuba_taxel.studies.plan.files import make_folder
 
-    from .tables import circuit_in, print_figures, records
+    from .tables import circuit_in, print_figures, print_json, records
 
     limits = {name: _number(name, word) for name, word in at_most.items()}
     studies = {str(folder): open_study(folder) for folder in folders}
@@ -68,11 +68,9 @@ def command(
         with replacing(output / "comparison.png") as file:
             plot_ranking(found).savefig(file)
     if as_json:
-        import json
-
         about = {"by": by, "units": found.unit, "channel": found.channel, "notes": found.notes}
         volts = {} if found.volts is None else {"volts": records(found.volts)}
-        click.echo(json.dumps({"variants": records(found.table), **about, **volts}))
+        print_json({"variants": records(found.table), **about, **volts})
         return
     of = "" if found.volts is None else "readings in V"
     title = ", ".join(filter(None, (f"By {by.replace('_', ' ')}", of, found.channel)))

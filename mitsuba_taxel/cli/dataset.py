@@ -53,14 +53,14 @@ def command(
     from mitsuba_taxel.studies import open_study
     from mitsuba_taxel.studies.run.training import training_set
 
+    from .tables import print_json
+
     tables = training_set(
         open_study(study), folder, noise=noise, copies=copies, split=split, seed=seed, parquet=parquet
     )
     rows = {name: len(table) for name, table in tables.items()}
     if as_json:
-        import json
-
-        click.echo(json.dumps({"output": str(folder), "rows": rows}))
+        print_json({"output": str(folder), "rows": rows})
         return
     click.echo(f"Rows: {', '.join(f'{name} {count}' for name, count in rows.items())}")
     click.echo(f"Results: {folder}")

@@ -23,14 +23,12 @@ def command(scene: str, defines: dict[str, str], folder: Path, steps: Path | Non
     """Write the deformed pads of SCENE to DIR as PLY, with region and cell of each face."""
     from mitsuba_taxel.studies import deform, read_steps
 
-    from .tables import print_pads, progress_bar
+    from .tables import print_json, print_pads, progress_bar
 
     path = [{}] if steps is None else read_steps(steps)
     with progress_bar("load steps") as progress:
         rows = deform(scene, defines, folder, path, vtu=vtu, progress=progress)
     if as_json:
-        import json
-
-        click.echo(json.dumps({"pads": rows}))
+        print_json({"pads": rows})
     else:
         print_pads(rows)

@@ -17,12 +17,12 @@ def command(ctx: click.Context, as_json: bool) -> None:
     from mitsuba_taxel.check.selfcheck import run_checks
     from mitsuba_taxel.mechanics import available_solvers
 
+    from .tables import print_json
+
     facts = backend.report() | {"linear solvers": available_solvers()}
     checks = run_checks()
     if as_json:
-        import json
-
-        click.echo(json.dumps(facts | {"checks": [check._asdict() for check in checks]}))
+        print_json(facts | {"checks": [check._asdict() for check in checks]})
     else:
         for name, fact in facts.items():
             click.echo(f"{name}: {_words(fact)}")

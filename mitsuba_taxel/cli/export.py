@@ -6,15 +6,12 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option
+from .options import debug_option, json_option, output_option
 
 
 @click.command(short_help="A study as a fast model for simulators (ONNX).")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), default=Path("model.onnx"), show_default=True,
-    metavar="FILE.onnx", help="The model.",
-)  # fmt: skip
+@output_option("model.onnx", "The model.")
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
@@ -25,17 +22,15 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     contains their units and its error.
     """
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.studies.plan.files import check_new_file
     from mitsuba_taxel.surrogates import export
 
-    check_new_file(output, ".onnx")
+    from .tables import print_json
+
     found, notes = export(open_study(folder), output)
     if as_json:
-        import json
-
         about = {"inputs": found.names, "units": found.units, "low": found.low.tolist(), "high": found.high.tolist()}
         error = {"rms": found.rms, "worst": found.worst, "tested": found.tested}
-        click.echo(json.dumps({**about, "error": error, "notes": notes, "file": str(output)}))
+        print_json({**about, "error": error, "notes": notes, "file": str(output)})
         return
     for name, unit, low, high in zip(found.names, found.units, found.low, found.high, strict=True):
         print(f"{name}: {low:g} to {high:g} {unit}".rstrip())

@@ -20,11 +20,11 @@ def command(source: Path, folder: Path, workers: int | None, scheduler: str | No
     """
     from mitsuba_taxel.fitting import run_fit
 
+    from .tables import print_json
+
     result = run_fit(source, folder, workers=workers, scheduler=scheduler)
     if as_json:
-        import json
-
-        click.echo(json.dumps({**_as_json(result), "output": str(folder)}))
+        print_json({**_as_json(result), "output": str(folder)})
         return
     _show(result)
     print(f"Results: {folder}")

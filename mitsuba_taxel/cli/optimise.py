@@ -24,14 +24,14 @@ def command(
     """
     from mitsuba_taxel.optimum import optimise
 
+    from .tables import print_json
+
     with _best_so_far() as progress:
         result = optimise(
             source, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=progress
         )
     if as_json:
-        import json
-
-        click.echo(json.dumps({**_as_json(result), "output": str(folder)}))
+        print_json({**_as_json(result), "output": str(folder)})
         return
     _show(result)
     print(f"Results: {folder}")

@@ -44,6 +44,21 @@ class _Duration(click.ParamType):
         return seconds
 
 
+class NewFile(click.ParamType):
+    """A file to write, which has one of some suffixes, in a folder that can be written."""
+
+    name = "file"
+
+    def __init__(self, *suffixes: str) -> None:
+        self.suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        from mitsuba_taxel.studies.plan.files import check_new_file
+
+        check_new_file(Path(value), *self.suffixes)
+        return Path(value)
+
+
 def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
     """Turn ``name=value`` words into a dictionary; each name once."""
     pairs: dict[str, str] = {}
@@ -63,12 +78,7 @@ def _set_debug(ctx: click.Context, param: click.Parameter, value: bool) -> None:
 
 
 debug_option = click.option(
-    "--debug",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_set_debug,
-    help="Show an error's traceback.",
+    "--debug", is_flag=True, is_eager=True, expose_value=False, callback=_set_debug, help="Show an error's traceback."
 )
 defines_option = click.option(
     "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
@@ -82,11 +92,7 @@ target_error_option = click.option(
     show_default="0.5% of the light alone",
 )
 seed_option = click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the randomisations.",
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed of the randomisations."
 )
 target_slope_option = click.option(
     "--target-slope",
@@ -102,9 +108,7 @@ derivatives_option = click.option(
     help="Also differentiate with respect to parameters: fz,youngs_modulus,cell_size,spacing.",
 )
 points_option = click.option(
-    "--points",
-    type=click.IntRange(min=1),
-    help="Points per randomisation and taxel, instead of a target error.",
+    "--points", type=click.IntRange(min=1), help="Points per randomisation and taxel, instead of a target error."
 )
 time_budget_option = click.option(
     "--time-budget",
@@ -124,17 +128,20 @@ scheduler_option = click.option(
 retry_option = click.option("--retry-failed", is_flag=True, help="Repeat jobs that failed in an earlier run.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 folder_option = click.option(
-    "-o",
-    "--output",
-    "folder",
-    required=True,
-    type=click.Path(path_type=Path),
-    metavar="DIR",
+    "-o", "--output", "folder", required=True, type=click.Path(path_type=Path), metavar="DIR",
     help="Folder for the results.",
-)
+)  # fmt: skip
 markdown_option = click.option(
-    "--markdown", type=click.Path(path_type=Path), metavar="FILE", help="Also write a page with the table."
+    "--markdown", type=NewFile(".md"), metavar="FILE", help="Also write a page with the table."
 )
+
+
+def output_option(name: str, what: str) -> Callable:
+    """The file to write, with a default ``name``."""
+    suffix = Path(name).suffix
+    return click.option(
+        "-o", "--output", type=NewFile(suffix), default=name, show_default=True, metavar=f"FILE{suffix}", help=what
+    )
 
 
 def on_a_study_file(command: Callable) -> Callable:

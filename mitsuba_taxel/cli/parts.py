@@ -28,7 +28,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     """
     from mitsuba_taxel.parts import leaving_share, part_names, read_part
 
-    from .tables import print_table
+    from .tables import print_json, print_table
 
     if name is None:
         if file is not None:
@@ -37,7 +37,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
             raise click.UsageError("--edges is not allowed without a part.")
         parts = [read_part(one) for one in part_names()]
         if as_json:
-            _print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
+            print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
         else:
             print_table(("part", "what it is"), ((part.name, part.title) for part in parts))
         return
@@ -48,19 +48,13 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     if as_json:
         from dataclasses import asdict
 
-        _print_json(
+        print_json(
             {**asdict(part), "leaving_share": leaving_share(part), "mirror_curve": _curve(part), "edges_mm": edges}
         )
     else:
         _show(part)
         if height is not None:
             _show_edges(edges, height)
-
-
-def _print_json(content: object) -> None:
-    import json
-
-    click.echo(json.dumps(content))
 
 
 def _draw(part, file: Path) -> None:

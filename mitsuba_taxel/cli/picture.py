@@ -81,7 +81,7 @@ def command(
     from mitsuba_taxel.sensing import Scene
     from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import progress_bar
+    from .tables import print_json, progress_bar
 
     check_new_file(output, *PICTURES)
     description = Scene.from_file(scene, **defines)
@@ -96,10 +96,8 @@ def command(
     write_picture(pixels, output)
     height = len(pixels)
     if as_json:
-        import json
-
         about = {"width": width, "height": height, "samples": samples, "cut": offset, "magnify": magnify}
-        click.echo(json.dumps({**about, "files": [str(output)]}))
+        print_json({**about, "files": [str(output)]})
         return
     where = "not cut" if offset is None else f"cut at y = {offset:g} mm"
     shown = "" if magnify == 1 else f", deformation shown {magnify:g} times"

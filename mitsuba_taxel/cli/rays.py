@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, defines_option, json_option, seed_option
+from .options import NewFile, debug_option, defines_option, json_option, seed_option
 
 
 @click.command(short_help="A picture of light paths in one cell.")
@@ -22,7 +22,7 @@ from .options import debug_option, defines_option, json_option, seed_option
     "-o", "--output", type=click.Path(path_type=Path), default=Path("rays.png"), show_default=True, metavar="FILE",
     help="Picture, as PNG, SVG or PDF.",
 )  # fmt: skip
-@click.option("--vtk", type=click.Path(path_type=Path), metavar="FILE.vtk", help="Also write the paths as polylines.")
+@click.option("--vtk", type=NewFile(".vtk"), metavar="FILE.vtk", help="Also write the paths as polylines.")
 @json_option
 @debug_option
 def command(
@@ -40,11 +40,9 @@ def command(
     from mitsuba_taxel.sensing import Scene, sample_paths
     from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import progress_bar
+    from .tables import print_json, progress_bar
 
     check_new_file(output, *PICTURES)
-    if vtk is not None:
-        check_new_file(vtk, ".vtk")
     description = Scene.from_file(scene, **defines)
     with progress_bar("pads"):
         live = description.load()
@@ -57,10 +55,8 @@ def command(
     shown = len(paths.vertices)
     reached = int(paths.reached.sum())
     if as_json:
-        import json
-
         counts = {"paths": shown, "reached": reached, "drawn": paths.drawn, "arrived": paths.arrived}
-        click.echo(json.dumps({"taxel": taxel, **counts, "files": [str(file) for file in files]}))
+        print_json({"taxel": taxel, **counts, "files": [str(file) for file in files]})
         return
     click.echo(f"{shown} paths shown, {reached} of them reach phototransistor {taxel};", nl=False)
     click.echo(f" of {paths.drawn} drawn, {paths.arrived} do.")

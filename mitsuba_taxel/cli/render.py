@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from .options import (
+    NewFile,
     circuit_option,
     debug_option,
     defines_option,
@@ -28,7 +29,7 @@ from .options import (
 @points_option
 @time_budget_option
 @seed_option
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="MAP.exr", help="Write an irradiance map.")
+@click.option("-o", "--output", type=NewFile(".exr"), metavar="MAP.exr", help="Write an irradiance map.")
 @click.option("--audit", is_flag=True, help="Also account for the light: absorbed, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @click.option("--explain", is_flag=True, help="Also list work that this scene did not need.")
@@ -54,12 +55,9 @@ def command(
     """Print the optical power on each phototransistor of SCENE, with its standard error."""
     from mitsuba_taxel import sensing
     from mitsuba_taxel.sensing.measurement import measured
-    from mitsuba_taxel.studies.plan.files import check_new_file
 
     from . import tables
 
-    if output is not None:
-        check_new_file(output, ".exr")
     electronics = tables.circuit_in(circuit)
     began = time.time()
     description = sensing.Scene.from_file(scene, **defines)
@@ -100,10 +98,10 @@ def command(
 
 
 def _print_json(readings, volts, matrix, book, lines) -> None:
-    import json
+    from . import tables
 
     answer = readings_as_json(readings, volts) | crosstalk_as_json(matrix) | audit_as_json(book)
-    click.echo(json.dumps(answer | ({} if lines is None else {"left_out": lines})))
+    tables.print_json(answer | ({} if lines is None else {"left_out": lines}))
 
 
 def _print_tables(readings, volts, matrix, book, lines) -> None:

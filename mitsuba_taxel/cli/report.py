@@ -6,15 +6,12 @@ from pathlib import Path
 
 import click
 
-from .options import debug_option, json_option
+from .options import debug_option, json_option, output_option
 
 
 @click.command(short_help="A study as one self-contained web page.")
 @click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), default=Path("report.html"), show_default=True,
-    metavar="FILE.html", help="The page.",
-)  # fmt: skip
+@output_option("report.html", "The page.")
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
@@ -23,17 +20,13 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     The page is a single file that needs no network and no server.
     """
     from mitsuba_taxel.report.page import write_report
-    from mitsuba_taxel.studies.plan.files import check_new_file
 
-    from .tables import progress_bar
+    from .tables import print_json, progress_bar
 
-    check_new_file(output, ".html")
     with progress_bar("load steps") as progress:
         left_out = write_report(folder, output, progress)
     if as_json:
-        import json
-
-        click.echo(json.dumps({"file": str(output), "left_out": left_out}))
+        print_json({"file": str(output), "left_out": left_out})
         return
     for line in left_out:
         click.echo(f"Left out: {line}")

@@ -18,13 +18,11 @@ def command(folder: Path, as_json: bool) -> None:
     from mitsuba_taxel.base.units import in_percent
     from mitsuba_taxel.studies.store.status import study_status
 
-    from .tables import known, print_table
+    from .tables import known, print_json, print_table
 
     states = study_status(folder)
     if as_json:
-        import json
-
-        click.echo(json.dumps({"scenes": [state._asdict() | {"error": known(state.error)} for state in states]}))
+        print_json({"scenes": [state._asdict() | {"error": known(state.error)} for state in states]})
         return
     print_table(
         ("scene", "done", "failed", "of", "error", "running", "time left"),

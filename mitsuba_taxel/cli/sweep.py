@@ -105,7 +105,7 @@ def command(
     from mitsuba_taxel.studies import run_study, sweep
     from mitsuba_taxel.studies.plan.batch import columns_of
 
-    from .tables import circuit_in, end_beyond_target, study_bar
+    from .tables import circuit_in, end_beyond_target, print_json, study_bar
 
     how: dict[str, Any] = {
         "workers": workers,
@@ -133,11 +133,9 @@ def command(
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
     studies = {"": study} if isinstance(study, xr.Dataset) else dict(study.children.items())
     if as_json:
-        import json
-
         described = {name: _as_json(one) for name, one in studies.items()}
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
-        click.echo(json.dumps({**about, **(described.get("") or {"scenes": described})}))
+        print_json({**about, **(described.get("") or {"scenes": described})})
     else:
         for name, one in studies.items():
             _show(name, one)

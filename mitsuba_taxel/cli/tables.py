@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -194,6 +195,11 @@ def print_pads(rows: Sequence[Mapping]) -> None:
         for row in rows:
             force = ", ".join(f"{part:.4g}" for part in row["board_force_N"])
             print(f"{row['file']}: ({force}) +- {number(row['board_force_error_N'], '.1g')}")
+
+
+def print_json(answer: object) -> None:
+    """An object on stdout, as JSON."""
+    click.echo(json.dumps(answer))
 
 
 def known(number: float) -> float | None:

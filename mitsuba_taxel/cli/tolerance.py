@@ -26,16 +26,14 @@ def command(
     """
     from mitsuba_taxel.tolerances import run_tolerance
 
-    from .tables import study_bar
+    from .tables import print_json, study_bar
 
     with study_bar() as progress:
         result = run_tolerance(
             source, folder, workers=workers, scheduler=scheduler, retry_failed=retry_failed, progress=progress
         )
     if as_json:
-        import json
-
-        click.echo(json.dumps({**_as_json(result), "notes": result.notes, "output": str(folder)}))
+        print_json({**_as_json(result), "notes": result.notes, "output": str(folder)})
         return
     _show(result)
     for note in result.notes:

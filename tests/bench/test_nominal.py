@@ -41,5 +41,5 @@ def test_rows_and_page(monkeypatch, tmp_path):
     nominal.write_page([*rows, nominal.NominalShape("spherical").failed("out of memory")], tmp_path / "a.md", "it")
     page = (tmp_path / "a.md").read_text()
     assert page.count("| hemispheric") == 2 and "out of memory" in page
-    by_default = nominal.nominal_cells(replace(row, mesh_size=[None, None]))
+    by_default = nominal.nominal_cells([replace(row, mesh_size=[None, None])])
     assert [line[3] for line in by_default] == ["default", "default"]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 from plate_reference import image_power, plate_power
 
-from mitsuba_taxel import InputError, Scene, crosstalk, measure
+from mitsuba_taxel import InputError, Scene, crosstalk, measure, sweep
+from mitsuba_taxel.backend import turns
+from mitsuba_taxel.sensing import measurement
 
 FALSE_ALARM_RATE = 1e-4
 MIXED = {"scattering": "mixed", "specular": 0.3, "lambertian": 0.7}
@@ -313,3 +317,42 @@ def test_crosstalk_under_an_open_plate(llvm_mono, agree, integrator, led, detect
     expected = measure(scene(alone, integrator), points=4096, seed=3)
     assert expected.relative_error < 0.01
     agree(matrix.power[led, detector], matrix.standard_error[led, detector], expected.power, expected.standard_error)
+
+
+def test_one_value_may_be_varied_by_itself():
+    study = sweep("plate.xml", {"z": 1}, points=16)
+    assert study.sizes["z"] == 1 and float(study.z[0]) == 1
+
+
+def test_a_scene_that_was_read_is_gone_before_the_next_is_read(monkeypatch):
+    """Else a kernel may be recorded of shapes that another thread is destroying."""
+
+    class Live:
+        def __del__(self):
+            in_its_turn.append(turns._LOCK._is_owned())
+
+    in_its_turn: list[bool] = []
+    monkeypatch.setattr(measurement, "measured", lambda *arguments: ("readings", Live()))
+    assert measure("plate.xml") == "readings" and in_its_turn == [True]
+    assert not turns._LOCK._is_owned()
+
+
+def test_threads_read_what_one_alone_reads():
+    """Four at once, each other scenes, registering plugins and compiling kernels of their own."""
+    kinds = ["lambertian", "mirror", "isotropic", "absorbing"]
+    scenes = [{"z": f"{0.5 + 0.1 * n:g}", "scattering": kind} for n, kind in enumerate(kinds)]
+    read: dict[int, np.ndarray] = {}
+
+    def work(number):
+        together.wait()
+        read[number] = measure(Scene("plate.xml", scenes[number]), points=64, seed=2).replicates
+
+    together = threading.Barrier(len(scenes))
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(len(scenes))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(read) == list(range(len(scenes)))
+    for number, scene in enumerate(scenes):
+        np.testing.assert_array_equal(read[number], measure(Scene("plate.xml", scene), points=64, seed=2).replicates)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plate_reference import image_power
+from plate_reference import image_power, plate_power
+from plate_scenes import column, plate
 
 from mitsuba_taxel import Scene, measure
 
@@ -185,3 +186,102 @@ def test_irradiance_map_integrates_to_reading(llvm_mono, tmp_path):
     assert reading.irradiance.mean() * 0.52 * 0.3 == pytest.approx(reading.power[0], rel=1e-5)
     # The LED is at -x: the half of the phototransistor that is nearer to it gets more light.
     assert reading.irradiance[:, :13].sum() > reading.irradiance[:, 13:].sum()
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("law", ["lambertian", "uniform_solid_angle"])
+def test_narrow_gaps_match_quadrature(llvm_mono, agree, law, scattering):
+    """Plates 0.1 and 0.02 mm above the LED's plane."""
+    heights = (0.1, 0.02)
+    readings = [measure(plate(z=z, law=law, scattering=scattering), points=1 << 15, seed=1) for z in heights]
+    reference = [plate_power(z, law, scattering) for z in heights]
+    assert max(r.relative_error for r in readings) < 2e-3
+    agree(*column(readings), reference)
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic", "mirror"])
+def test_a_plate_that_touches_lets_nothing_across(llvm_mono, scattering):
+    touching = measure(plate(z=0.0, scattering=scattering), points=1 << 12, seed=2)
+    assert np.array_equal(touching.replicates, np.zeros((32, 1)))
+    assert touching.notes[-1].startswith("no light found on taxel 1: it may receive ")
+
+
+@pytest.mark.parametrize("scattering, order", [("lambertian", 2), ("isotropic", 1)])
+def test_a_plate_that_all_but_touches_lets_little_across(llvm_mono, scattering, order):
+    """A gap of 1e-5 mm: to a percent what quadrature says of 1e-3 mm, as light in a narrow gap goes with z**order."""
+    reading = measure(plate(z=1e-5, scattering=scattering), points=1 << 12, seed=2)
+    limit = plate_power(1e-3, "uniform_solid_angle", scattering) * 1e-2**order
+    assert limit < 2e-6 and reading.power[0] == pytest.approx(limit, rel=0.01)
+    assert reading.relative_error < 1e-2
+    mirrored = measure(plate(z=1e-5, scattering="mirror"), points=1 << 12, seed=2)
+    assert mirrored.power[0] == 0 and 0 < mirrored.standard_error[0] < 1e-4
+
+
+@pytest.mark.parametrize(
+    "law, z, cone_angle",
+    [
+        ("lambertian", 0.02, 88.0),
+        ("uniform_solid_angle", 0.02, 88.0),
+        ("uniform_solid_angle", 0.7, 1.0),
+        ("uniform_polar_angle", 0.3, 88.0),
+        ("uniform_polar_angle", 0.7, 1.0),
+    ],
+)
+def test_the_quadrature_has_converged(law, z, cone_angle):
+    """Finer panels, with half as many nodes again in each integral, change less than any reading here could show."""
+    for scattering in ("lambertian", "isotropic"):
+        finer = plate_power(z, law, scattering, cone_angle, fineness=1.0, nodes=24)
+        assert plate_power(z, law, scattering, cone_angle) == pytest.approx(finer, rel=1e-6)
+
+
+def test_the_quadrature_gives_known_powers():
+    """Eight digits that were computed otherwise, with 88-degree cone and with Lambert's law."""
+    assert plate_power(0.7, "lambertian", "lambertian") == pytest.approx(0.019702463, rel=1e-7)
+    assert plate_power(0.7, "lambertian", "isotropic") == pytest.approx(0.013124617, rel=1e-7)
+    assert plate_power(2.0, "uniform_solid_angle", "lambertian") == pytest.approx(0.0020717984, rel=1e-7)
+    assert plate_power(1.05, "uniform_solid_angle", "isotropic") == pytest.approx(0.0047395992, rel=1e-7)
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("law", ["lambertian", "uniform_solid_angle", "uniform_polar_angle"])
+def test_grazing_light_matches_quadrature(llvm_mono, agree, law, scattering):
+    """A plate 0.3 mm high, 2.5 to 6.5 mm aside: light comes to it at 83 to 88 degrees, and leaves it at 80 to 88."""
+    reading = measure(plate(z=0.3, law=law, scattering=scattering, offset=4.5), points=1 << 17, seed=3)
+    assert reading.relative_error < 5e-3
+    agree(reading.power, reading.standard_error, plate_power(0.3, law, scattering, offset=4.5))
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+@pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle"])
+@pytest.mark.parametrize("cone_angle", [1.0, 90.0])
+def test_narrow_and_wide_cones_match_quadrature(llvm_mono, agree, law, scattering, cone_angle):
+    heights = (0.1, 0.7)
+    scenes = [plate(z=z, law=law, scattering=scattering, cone_angle=cone_angle) for z in heights]
+    readings = [measure(scene, points=1 << 13, seed=4) for scene in scenes]
+    assert max(r.relative_error for r in readings) < 2e-3
+    agree(*column(readings), [plate_power(z, law, scattering, cone_angle) for z in heights])
+
+
+@pytest.mark.parametrize("law", ["uniform_solid_angle", "uniform_polar_angle"])
+def test_narrow_cones_in_a_mirror_match_images(llvm_mono, agree, law):
+    """A cone of 1 degree comes back beside the phototransistor, and on it once its place is 20 mm higher."""
+    assert measure(plate(z=0.7, law=law, scattering="mirror", cone_angle=1.0), points=1 << 10).power[0] == 0
+    reading = measure(plate(z=20.0, law=law, scattering="mirror", cone_angle=1.0), points=1 << 14, seed=5)
+    agree(reading.power, reading.standard_error, image_power(20.0, law, cone_angle=1.0))
+
+
+def test_little_light_has_the_same_relative_error(llvm_mono, agree):
+    """1e-9 W and less: from an LED of that power the very same replicates, and from a plate 5 m away quadrature."""
+    bright, dim = (measure(plate(scattering="lambertian", power=power), points=1024, seed=6) for power in (1.0, 1e-9))
+    assert np.allclose(dim.replicates, 1e-9 * bright.replicates, rtol=1e-5)
+    assert dim.relative_error == pytest.approx(bright.relative_error, rel=1e-3)
+    far = measure(plate(z=5000.0, scattering="lambertian", width=4000.0), points=1024, seed=7)
+    assert far.power[0] < 1e-8 and far.relative_error < 5e-3
+    agree(far.power, far.standard_error, plate_power(5000.0, "uniform_solid_angle", "lambertian", side=4000.0))
+
+
+def test_an_led_without_power_gives_nothing(llvm_mono):
+    for integrator in ("taxel_tracer", "taxel_path", "analog_tracer"):
+        reading = measure(plate(scattering="lambertian", power=0.0, integrator={"type": integrator}), points=256)
+        assert np.array_equal(reading.replicates, np.zeros((32, 1)))
+        assert "no light found on taxel 1" in reading.notes

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from one_cell import one_cell
 
-from mitsuba_taxel import ComputationError, InputError, Scene, measure
+from mitsuba_taxel import ComputationError, InputError, PadSensor, Scene, Wall, crosstalk, measure
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
+from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 
@@ -113,3 +114,48 @@ def test_meshes_of_no_such_scene_are_refused(tmp_path, scene, text, said):
     file = tmp_path / scene if scene == "cell.xml" else scene
     with pytest.raises(InputError, match=said):
         Scene(file, {"meshed_as": text}).load()
+
+
+Z = {"z": 0.6, "scattering": "lambertian"}
+
+
+def test_scenes_by_name_by_path_and_as_dictionaries_are_the_same(llvm_mono):
+    mi = llvm_mono
+    reference = measure(Scene.from_file("plate.xml", **Z), points=64).replicates
+    for scene in (Scene("plate.xml", Z), Scene(Path("plate.xml"), Z), Scene(find_scene("plate.xml"), Z)):
+        np.testing.assert_array_equal(measure(scene, points=64).replicates, reference)
+    wall = {"type": "wall", "scattering": "lambertian"}
+    described = {
+        "type": "scene",
+        "integrator": {"type": "taxel_tracer"},
+        "plate": {
+            "type": "rectangle",
+            "to_world": mi.ScalarTransform4f().translate([0, 0, 1.1]).rotate([1, 0, 0], 180).scale(2),
+            "bsdf": wall,
+        },
+        "reflector": {"type": "photo_reflector", "led": {"type": "annular_led"}, "sensor": {"type": "phototransistor"}},
+    }
+    np.testing.assert_array_equal(measure(described, points=64).power, measure(Scene(described), points=64).power)
+    assert crosstalk(described, points=64).power.shape == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: measure(None), "scene = None is not allowed: a Scene, a path, a name"),
+        (lambda: measure(PadSensor()), "scene = PadSensor"),
+        (lambda: measure({}), "the scene holds 0 LEDs"),
+        (lambda: measure({"a": 1}), "scene"),
+        (lambda: Scene({"type": "scene", "pad": {"type": "deformable_pad", "force": None}}), "pad: force = None"),
+        (lambda: PadSensor(pad=3), "pad = 3 is not allowed: a Pad is needed"),
+        (lambda: PadSensor(roof="mirror"), "roof = 'mirror' is not allowed: a Wall is needed"),
+        (lambda: PadSensor(history=3), "history = 3 is not allowed: pairs of a time and a value"),
+        (lambda: PadSensor(force=3), "force = 3 is not allowed: a row of finite numbers is needed"),
+        (lambda: Wall(reflectance="much"), "reflectance = 'much' is not allowed: a finite number from 0 to 1"),
+        (lambda: Scene("plate.xml", 3), "parameters = 3 is not allowed: a mapping"),
+        (lambda: Scene("plate.xml", mesh_size="fine"), "mesh_size = 'fine' is not allowed"),
+    ],
+)
+def test_what_is_no_scene_or_part_is_refused_by_name(call, said):
+    with pytest.raises(InputError, match=f"^{said}"):
+        call()

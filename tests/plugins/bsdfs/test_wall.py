@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from chi_square import SIGNIFICANCE, chi2
 from kernel_arrays import vectors
 
 from mitsuba_taxel import InputError, Scene, measure
-
-SIGNIFICANCE = 1e-4
-"""Chance that one statistical check fails although all is well."""
 
 REFLECTANCE = 0.7
 LAWS = {
@@ -91,7 +89,7 @@ def hemisphere(n=400, azimuths=400):
 def test_directions_follow_the_density(llvm_mono, law, mode, side, angle):
     """Chi-square test of the smooth part; a mirror's part is left out by the first random number."""
     import drjit as dr
-    from mitsuba.chi2 import ChiSquareTest, SphericalDomain
+    from mitsuba.chi2 import SphericalDomain
 
     mi = llvm_mono
     bsdf, ctx = wall(mi, law), context(mi, mode)
@@ -105,16 +103,7 @@ def test_directions_follow_the_density(llvm_mono, law, mode, side, angle):
     def density(wo):
         return bsdf.pdf(ctx, interaction(mi, np.tile(wi, (dr.width(wo), 1))), wo) / smooth
 
-    test = ChiSquareTest(
-        domain=SphericalDomain(),
-        sample_func=sample,
-        pdf_func=density,
-        sample_dim=3,
-        sample_count=400_000,
-        res=21,
-        ires=64,
-    )
-    assert test.run(SIGNIFICANCE, quiet=True), test.messages
+    chi2(SphericalDomain(), sample, density, dimensions=3, resolution=21, inner=64)
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -495,3 +484,42 @@ def test_the_smallest_slope_may_be_given_in_a_file(llvm_mono, tmp_path):
         '<float name="rms_slope" value="0.01"/> </bsdf> </scene>'
     )
     Scene.from_file(path).load()
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
+def test_wall_transport_modes_are_adjoint(llvm_mono, scattering):
+    """f(wi -> wo) seen from the light equals f(wo -> wi) seen from the detector, cosines apart."""
+    import drjit as dr
+
+    mi = llvm_mono
+    bsdf, light, detector = wall(mi, scattering), *(context(mi, mode) for mode in MODES)
+    rng = mi.PCG32(size=1000)
+    directions = [
+        mi.warp.square_to_uniform_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32())) for _ in range(2)
+    ]
+    forward, backward = dr.zeros(mi.SurfaceInteraction3f, 1000), dr.zeros(mi.SurfaceInteraction3f, 1000)
+    forward.wi, backward.wi = directions
+    from_light = bsdf.eval(light, forward, directions[1])[0] / directions[1].z
+    from_detector = bsdf.eval(detector, backward, directions[0])[0] / directions[0].z
+    assert from_light.numpy() == pytest.approx(from_detector.numpy(), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "scattering, albedo", [("lambertian", 0.7), ("isotropic", 0.7), ("mirror", 0.7), ("absorbing", 0)]
+)
+def test_wall_reflects_its_reflectance(llvm_mono, scattering, albedo):
+    import drjit as dr
+
+    mi = llvm_mono
+    parameters = {} if scattering == "absorbing" else {"reflectance": albedo}
+    bsdf = mi.load_dict({"type": "wall", "scattering": scattering, **parameters})
+    si = dr.zeros(mi.SurfaceInteraction3f, 1000)
+    si.wi = dr.normalize(mi.Vector3f(0.5, 0.1, 0.3))
+    rng = mi.PCG32(size=1000)
+    _, weight = bsdf.sample(
+        mi.BSDFContext(mi.TransportMode.Importance),
+        si,
+        0.5,
+        mi.Point2f(rng.next_float32(), rng.next_float32()),
+    )
+    assert np.allclose(weight[0].numpy(), albedo)
