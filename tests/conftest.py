@@ -128,6 +128,12 @@ def painted_figures(blank_figures, monkeypatch):
 
 
 @pytest.fixture
+def own_solutions(tmp_path_factory, monkeypatch):
+    """Keep the solutions of a test away from the user's, for others like it."""
+    monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path_factory.getbasetemp() / "solutions"))
+
+
+@pytest.fixture
 def agree():
     """A check that estimates with standard errors agree with references, by Z-tests with Sidak's correction.
 

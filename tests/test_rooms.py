@@ -18,11 +18,8 @@ TOGETHER = {
     "cli": {"bad_input", "ends", "program"},
     "docs": {"pages"},
     "mechanics": {"benchmarks_of_the_literature", "closed_forms", "energy", "shape_sensitivities"},
-    "optimum": {"moved_meshes", "thin_roof"},
-    "plugins": {"parameters"},
-    "sensing": {
-        *("adversarial", "closed_cells", "domes", "finish", "ladder", "meshes", "mirrors", "size_and_place", "sphere"),
-    },
+    "optimum": {"thin_roof"},
+    "sensing": {"finish"},
 }
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
 

@@ -242,10 +242,7 @@ def _figures(
 
 
 def _covariance(
-    variants: Sequence[_Variant],
-    names: Sequence[str],
-    light: np.ndarray,
-    shifts: Sequence[np.ndarray],
+    variants: Sequence[_Variant], names: Sequence[str], light: np.ndarray, shifts: Sequence[np.ndarray]
 ) -> np.ndarray:
     """Covariance of all figures (figures x variants): of the light by the jackknife over replicates, and of the
     shape."""

@@ -45,10 +45,7 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
     help="The same, but values of all of these are combined row by row, along one dimension 'step'.",
 )  # fmt: skip
 @click.option(
-    "--steps",
-    type=click.Path(path_type=Path),
-    metavar="STEPS.csv",
-    help="The same as a table; columns are parameters.",
+    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv", help="The same as a table; columns are parameters."
 )
 @defines_option
 @target_error_option
@@ -107,12 +104,7 @@ def command(
 
     from .tables import circuit_in, end_beyond_target, print_json, study_bar
 
-    how: dict[str, Any] = {
-        "workers": workers,
-        "scheduler": scheduler,
-        "retry_failed": retry_failed,
-        "parquet": parquet,
-    }
+    how: dict[str, Any] = {"workers": workers, "scheduler": scheduler, "retry_failed": retry_failed, "parquet": parquet}
     with study_bar() as progress:
         if source.lower().endswith(".toml"):
             _refuse_options_of_a_scene(ctx)

@@ -67,12 +67,7 @@ class Shown(NamedTuple):
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """The numbers by a name with its unit."""
-        return {
-            "voltage_V": self.voltage,
-            "voltage_error_V": self.error,
-            "noise_V": self.noise,
-            "counts": self.counts,
-        }
+        return {"voltage_V": self.voltage, "voltage_error_V": self.error, "noise_V": self.noise, "counts": self.counts}
 
 
 def shown(circuit: Circuit, readings: Any) -> Shown:

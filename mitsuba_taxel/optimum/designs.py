@@ -277,12 +277,7 @@ class Designs:
         return found
 
     def _seen(
-        self,
-        design: Design,
-        power: np.ndarray,
-        rates: np.ndarray,
-        off: list[np.ndarray],
-        contacts: dict[str, Contact],
+        self, design: Design, power: np.ndarray, rates: np.ndarray, off: list[np.ndarray], contacts: dict[str, Contact]
     ) -> Read:
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]

@@ -21,17 +21,9 @@ POINTS = 16
 """Points of the random readings that accompany those without random numbers."""
 READ_KEYS = ("points", "mesh_size", "seed")
 KEYS = (
-    "maximise",
-    "minimise",
-    "variables",
-    "choices",
-    "loads",
-    "constraints",
-    "starts",
-    "evaluations",
-    "front",
+    "maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations", "front",
     "tolerances",
-)
+)  # fmt: skip
 FRONT = 5
 """Trade-offs of two objectives."""
 AT_REST = ""

@@ -45,21 +45,13 @@ class Side(Checked):
     @property
     def window_centre(self) -> tuple[float, float]:
         """In mm."""
-        return (
-            self.x if self.window_x is None else self.window_x,
-            self.y if self.window_y is None else self.window_y,
-        )
+        return (self.x if self.window_x is None else self.window_x, self.y if self.window_y is None else self.window_y)
 
     def moved(self, shift: tuple[float, float, float]) -> Side:
         """With its die moved by x, y and z in mm; the window stays."""
         x, y = self.window_centre
         return replace(
-            self,
-            x=self.x + shift[0],
-            y=self.y + shift[1],
-            die_depth=self.die_depth - shift[2],
-            window_x=x,
-            window_y=y,
+            self, x=self.x + shift[0], y=self.y + shift[1], die_depth=self.die_depth - shift[2], window_x=x, window_y=y
         )
 
     def check_in(self, body: tuple[float, float, float]) -> None:

@@ -78,12 +78,7 @@ def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any
 
 
 def panel_axes(
-    rows: int,
-    columns: int,
-    *,
-    size: tuple[float, float] = (5.2, 3.2),
-    sharex: Any = True,
-    narrow: bool = False,
+    rows: int, columns: int, *, size: tuple[float, float] = (5.2, 3.2), sharex: Any = True, narrow: bool = False
 ) -> Any:
     """Axes (rows, columns) of ``size`` in inches, with a grid, of a new figure.
 

@@ -18,11 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_optimum(
-    figures: pandas.DataFrame,
-    variables: pandas.DataFrame,
-    history: pandas.DataFrame,
-) -> Figure:
+def plot_optimum(figures: pandas.DataFrame, variables: pandas.DataFrame, history: pandas.DataFrame) -> Figure:
     """The objective over the designs, and before and after the figures and variables.
 
     Parameters

@@ -46,10 +46,7 @@ PURPOSES: dict[str, tuple[tuple[int, ...], str]] = {
         'maximise = "sensitivity"\n[optimise.loads]\nnormal = { fz = [0, -10, -20] }\n'
         '[[optimise.constraints]]\nfigure = "nonlinearity"\nmost = 0.03\n',
     ),
-    "tangential": (
-        (3, 6),
-        'maximise = "sensitivity"\n[optimise.loads]\ntangential = { fz = -8, fx = [0, 4] }\n',
-    ),
+    "tangential": ((3, 6), 'maximise = "sensitivity"\n[optimise.loads]\ntangential = { fz = -8, fx = [0, 4] }\n'),
     "resolution": (
         (1, 3, 7, 9),
         f'minimise = {{ figure = "resolution", noise = {NOISE} }}\n[optimise.loads]\nz = {{ fz = [0, -8] }}\n'

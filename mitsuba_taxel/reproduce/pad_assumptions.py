@@ -11,14 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.reproduce import bench_pad, measured
 from mitsuba_taxel.reproduce.bench_pad import Assumed
-from mitsuba_taxel.reproduce.pad_comparison import (
-    Compared,
-    Results,
-    compare,
-    curve_of,
-    held_map,
-    measured_curve,
-)
+from mitsuba_taxel.reproduce.pad_comparison import Compared, Results, compare, curve_of, held_map, measured_curve
 from mitsuba_taxel.reproduce.pad_fit import lateness, modulus, residuals
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 from mitsuba_taxel.reproduce.taxel_spread import own_sensitivity

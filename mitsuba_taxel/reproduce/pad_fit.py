@@ -113,10 +113,7 @@ def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0)
     here = computed.at(measured.travel + late)
     scaled = modulus(computed, measured, late) * here.force
     found = np.stack(
-        [
-            (scaled - measured.force) / measured.force.max(),
-            (here.change - measured.change) / measured.change.max(),
-        ]
+        [(scaled - measured.force) / measured.force.max(), (here.change - measured.change) / measured.change.max()]
     )
     last = np.flatnonzero(np.isfinite(here.force))[-1]
     found[:, last + 1 :] = found[:, last : last + 1]

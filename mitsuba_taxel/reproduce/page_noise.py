@@ -9,14 +9,7 @@ from mitsuba_taxel.base.markdown import markdown_table
 from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.reproduce import analog as counting
 from mitsuba_taxel.reproduce import figures, paper
-from mitsuba_taxel.reproduce.analysis import (
-    PUBLISHED,
-    expected_of_counting,
-    explanations,
-    least,
-    readings,
-    table_one,
-)
+from mitsuba_taxel.reproduce.analysis import PUBLISHED, expected_of_counting, explanations, least, readings, table_one
 from mitsuba_taxel.reproduce.page_words import Found, micro, steepest
 from mitsuba_taxel.reproduce.slopes import curves, sensitivity
 

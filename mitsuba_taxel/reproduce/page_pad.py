@@ -119,10 +119,7 @@ def _pressed(taxel: int, one: Compared) -> str:
     heads = ["travel [mm]", f"force [N] {half[0]}", *half[1:], f"change [%] {half[0]}", *half[1:]]
     end = f" The computed path ends early: {one.end}" if one.end else ""
     verdicts = " ".join(
-        [
-            _verdict("force", one.force_error, force_target),
-            _verdict("change", one.change_error, change_target),
-        ]
+        [_verdict("force", one.force_error, force_target), _verdict("change", one.change_error, change_target)]
     )
     how = "fitted" if fitted else "predicted"
     return f"""\

@@ -42,11 +42,7 @@ COMPONENTS = {
 }
 """Names of load components for which a scene has no parameters of these names."""
 _OF_INDENTER = ("indenter_x", "indenter_y")
-_PLACES = {
-    "patch_force": ("patch_x", "patch_y"),
-    "indenter_displacement": _OF_INDENTER,
-    "indenter_force": _OF_INDENTER,
-}
+_PLACES = {"patch_force": ("patch_x", "patch_y"), "indenter_displacement": _OF_INDENTER, "indenter_force": _OF_INDENTER}
 """Names of the places of loads, by the load."""
 
 

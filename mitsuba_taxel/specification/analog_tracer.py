@@ -15,8 +15,5 @@ class AnalogTracer(Specification):
     plugin = "analog_tracer"
 
     release_points: int = whole(
-        20,
-        1,
-        1 << 20,
-        "Points of the LED from which rays are released. The rays of a run are distributed over them.",
+        20, 1, 1 << 20, "Points of the LED from which rays are released. The rays of a run are distributed over them."
     )

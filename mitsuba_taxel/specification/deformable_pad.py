@@ -144,11 +144,7 @@ class DeformablePad(Specification):
         minimum=0,
     )
     rate: float | None = number(
-        None,
-        "1/s",
-        "Instead of a time: rate of the load, in its own unit per s.",
-        above=0,
-        default_words="by the time",
+        None, "1/s", "Instead of a time: rate of the load, in its own unit per s.", above=0, default_words="by the time"
     )
 
     load: str = choice(

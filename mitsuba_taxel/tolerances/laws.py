@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,35 +51,17 @@ class Law:
         return (self.values(shares) - self.mean) / self.deviation
 
 
-def _normal(mean: float, sd: float) -> Any:
-    from scipy import stats
-
-    return stats.norm(mean, sd)
-
-
-def _uniform(low: float, high: float) -> Any:
-    from scipy import stats
-
-    return stats.uniform(low, high - low)
-
-
-def _truncated_normal(mean: float, sd: float, low: float, high: float) -> Any:
-    from scipy import stats
-
-    return stats.truncnorm((low - mean) / sd, (high - mean) / sd, mean, sd)
-
-
-def _triangular(low: float, peak: float, high: float) -> Any:
-    from scipy import stats
-
-    return stats.triang((peak - low) / (high - low), low, high - low)
-
-
 LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-    "normal": (_normal, ("mean", "sd")),
-    "uniform": (_uniform, ("low", "high")),
-    "truncated_normal": (_truncated_normal, ("mean", "sd", "low", "high")),
-    "triangular": (_triangular, ("low", "peak", "high")),
+    "normal": (lambda stats, mean, sd: stats.norm(mean, sd), ("mean", "sd")),
+    "uniform": (lambda stats, low, high: stats.uniform(low, high - low), ("low", "high")),
+    "truncated_normal": (
+        lambda stats, mean, sd, low, high: stats.truncnorm((low - mean) / sd, (high - mean) / sd, mean, sd),
+        ("mean", "sd", "low", "high"),
+    ),
+    "triangular": (
+        lambda stats, low, peak, high: stats.triang((peak - low) / (high - low), low, high - low),
+        ("low", "peak", "high"),
+    ),
 }
 """Distributions with names of our own; any other continuous one of ``scipy.stats`` has its name there."""
 
@@ -105,7 +88,8 @@ def _frozen(name: str, law: str, numbers: dict[str, float], words: str) -> Any:
     from scipy import stats
 
     if law in LAWS:
-        make, needed = LAWS[law]
+        of_stats, needed = LAWS[law]
+        make = partial(of_stats, stats)
         if set(numbers) != set(needed):
             raise InputError(f"tolerance of {name}: {words} is not allowed: {', '.join(needed)} are needed.")
     else:

@@ -57,8 +57,7 @@ class TaxelPath(mi.CppADIntegrator):
             )
         if any(isinstance(led.law, UniformPolarAngle) for led in scene.emitters()):
             raise InputError(
-                "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer.",
-                self,
+                "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer.", self
             )
 
     render_forward = render_backward = rendering.refuse_derivatives

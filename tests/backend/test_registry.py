@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from mitsuba_taxel import InputError, Scene
+
 PLATE = {"type": "wall", "scattering": "isotropic"}
 
 
@@ -52,7 +54,6 @@ def test_other_variants_are_refused_with_a_clear_error(llvm_mono, variant):
 
 
 def test_the_environment_names_the_default(monkeypatch):
-    from mitsuba_taxel import InputError
     from mitsuba_taxel.backend import default_variant
 
     monkeypatch.setenv("MITSUBA_TAXEL_VARIANT", "cuda_ad_rgb")
@@ -79,3 +80,29 @@ def test_every_plugin_file_registers_its_name(llvm_mono):
         "taxel_tracer",
         "wall",
     }
+
+
+BOTH = '<emitter type="annular_led"/> <sensor type="phototransistor"/>'
+
+
+def test_plugins_leave_the_file_resolver_alone(llvm_mono, monkeypatch):
+    """`mi.load_dict` exchanges it, and another thread that makes a `ply` of the same scene then reads freed memory."""
+
+    def refuse(*_, **__):
+        raise AssertionError("a plugin called mi.load_dict")
+
+    monkeypatch.setattr(llvm_mono, "load_dict", refuse)
+    shapes = f'<shape type="photo_reflector">{BOTH}</shape> <shape type="deformable_pad"/>'
+    scene = llvm_mono.load_string(f'<scene version="3.9.0">{shapes}</scene>')
+    assert len(scene.shapes()) == 2
+
+
+def test_interrupting_a_plugin_interrupts_the_load(llvm_mono):
+    """Mitsuba turns an interrupt in a plugin's constructor into an error; it must not be taken for bad input."""
+
+    def interrupted(props):
+        raise KeyboardInterrupt
+
+    llvm_mono.register_bsdf("interrupted", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        Scene({"type": "scene", "plate": {"type": "rectangle", "bsdf": {"type": "interrupted"}}}).load()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plain_meshes import domed_cell, mesh_of
+from plate_scenes import plate
 
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.kernels import guide
@@ -95,3 +97,27 @@ def test_no_light_is_lost_between_fine_triangles(llvm_mono, monkeypatch):
     error = np.hypot(guided.standard_error, plain.standard_error)
     assert error < 1e-3 * plain.power
     assert abs(guided.power - plain.power) < 3 * error
+
+
+def test_a_guide_takes_degenerate_triangles(llvm_mono, agree):
+    """A dome over the photo-reflector, with the attributes of a pad and thousands of triangles without area."""
+    readings, guides = [], []
+    for degenerate in (False, True):
+        live = domed_cell(llvm_mono, degenerate).load()
+        readings.append(measure(live, points=1 << 12, seed=8 + degenerate))
+        guides.append(live.sensors()[0].guide[1])
+    clean, dirty = readings
+    assert guides[1] is not None and guides[1].area[0] == pytest.approx(guides[0].area[0], rel=1e-6)
+    assert np.all(np.isfinite(dirty.replicates)) and dirty.relative_error < 5e-3
+    agree(dirty.power, dirty.standard_error, clean.power, clean.standard_error)
+
+
+def test_a_cell_without_area_has_no_guide(llvm_mono):
+    """A mesh with the attributes of a pad, all of whose triangles are points: it reads what is there without it."""
+    mi = llvm_mono
+    points = np.repeat(np.array([[0.0, 0, 1], [0.2, 0, 1], [0, 0.2, 1]]), 3, axis=0)
+    mesh = mesh_of(mi, points, np.arange(9).reshape(3, 3), region=1, cell=1)
+    scene = plate(z=0.7, scattering="lambertian").source
+    without = measure(Scene(scene), points=512)
+    reading = measure(Scene({**scene, "mesh": mesh}), points=512)
+    assert reading.power == pytest.approx(without.power, rel=1e-5)

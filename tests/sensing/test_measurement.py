@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from plate_reference import image_power, plate_power
+from plate_scenes import soft_sensor
 
-from mitsuba_taxel import InputError, Scene, crosstalk, measure, sweep
+from mitsuba_taxel import ComputationError, InputError, Scene, crosstalk, measure, sweep
 from mitsuba_taxel.backend import turns
 from mitsuba_taxel.sensing import measurement
 
@@ -356,3 +359,42 @@ def test_threads_read_what_one_alone_reads():
     assert sorted(read) == list(range(len(scenes)))
     for number, scene in enumerate(scenes):
         np.testing.assert_array_equal(read[number], measure(Scene("plate.xml", scene), points=64, seed=2).replicates)
+
+
+def test_a_force_that_the_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
+    """Where its roof touches its wall, before it touches the package."""
+    end = r"touches itself .*: the load path ends at force = \(0, 0, -1\.\d*\) N"
+    parts = soft_sensor(force=-10.0).scene().source
+    for scene in (parts, {name: part for name, part in parts.items() if name != "photo_reflector"}):
+        with pytest.raises(ComputationError, match=end):
+            Scene(scene).load()
+
+
+def test_a_force_that_a_relaxing_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
+    """It was borne at first: the pad, asked where it touches the package, has that history too."""
+    from mitsuba_taxel.mechanics import Viscoelastic
+
+    sensor = soft_sensor(force=-0.5)
+    relaxing = Viscoelastic(sensor.material, [(0.99, 1.0)])
+    held = replace(sensor, material=relaxing, history=[(1e-3, sensor.force)], time=1e4)
+    end = r"^the pad [^\n]*: the load path ends at force = \(0, 0, -0\.5\) N, [^\n]* s\.$"
+    with pytest.raises(ComputationError, match=end):
+        held.scene().load()
+
+
+def test_changed_parameters_need_no_new_kernel(llvm_mono):
+    """Numbers are kernel parameters: another force, height or reflectance compiles nothing."""
+    import drjit as dr
+
+    from mitsuba_taxel import measure
+
+    def kernels(**values):
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+            dr.kernel_history_clear()
+            measure(Scene.from_file("plate.xml", **values), points=256, seed=3)
+            return [entry for entry in dr.kernel_history() if entry["type"] == dr.KernelType.JIT]
+
+    gc.collect()  # parts of refused scenes, which other tests have left, would be in the first kernels alone
+    kernels(z=0.7, scattering="lambertian")
+    again = kernels(z=0.93, hole=0.05, spacing=0.81, width=3, offset_x=0.2, scattering="lambertian")
+    assert again and all(entry["cache_hit"] for entry in again)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plain_meshes import plate_mesh
 from plate_reference import image_power, plate_power
-from plate_scenes import column, plate
+from plate_scenes import WHITE, column, plate
 
 from mitsuba_taxel import Scene, measure
 
@@ -285,3 +286,33 @@ def test_an_led_without_power_gives_nothing(llvm_mono):
         reading = measure(plate(scattering="lambertian", power=0.0, integrator={"type": integrator}), points=256)
         assert np.array_equal(reading.replicates, np.zeros((32, 1)))
         assert "no light found on taxel 1" in reading.notes
+
+
+def test_a_plate_of_a_million_triangles_reads_as_a_rectangle(llvm_mono, agree, tmp_path):
+    mi = llvm_mono
+    grid = plate_mesh(mi, cells=708)
+    assert len(mi.traverse(grid)["faces"]) // 3 == 1_002_528
+    grid.write_ply(str(tmp_path / "plate.ply"))
+    ply = {"type": "ply", "filename": str(tmp_path / "plate.ply"), "face_normals": True, "bsdf": WHITE}
+    coarse, fine = (
+        measure(plate(z=0.3, scattering="lambertian", plate=shape), points=1 << 13, seed=6) for shape in (None, ply)
+    )
+    assert fine.power == pytest.approx(coarse.power, rel=1e-4)
+    agree(fine.power, fine.standard_error, plate_power(0.3, "uniform_solid_angle", "lambertian"))
+
+
+@pytest.mark.parametrize("scattering", ["lambertian", "isotropic", "mirror"])
+def test_degenerate_triangles_change_nothing(llvm_mono, scattering):
+    """Points and lines for triangles, in the plate and before it."""
+    mi = llvm_mono
+    bsdf = {"type": "wall", "scattering": scattering}
+    clean, dirty = (
+        measure(
+            plate(z=0.3, scattering=scattering, plate=plate_mesh(mi, cells=4, degenerate=degenerate, bsdf=bsdf)),
+            points=1 << 11,
+            seed=7,
+        )
+        for degenerate in (False, True)
+    )
+    assert clean.power[0] > 0
+    assert np.allclose(dirty.replicates, clean.replicates, rtol=1e-5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plate_scenes import plate, rectangles
 
-from mitsuba_taxel import InputError, measure
+from mitsuba_taxel import InputError, Scene, measure
 
 
 def test_led_and_phototransistor_that_overlap_in_a_package_are_refused(llvm_mono):
@@ -50,3 +50,20 @@ def test_a_phototransistor_that_sees_nothing_reads_nothing_and_says_so(llvm_mono
     assert np.array_equal(reading.replicates, np.zeros((32, 1)))
     assert reading.notes == ["no light found on taxel 1: it may receive 1.4e-05 W (1 sigma)"]
     assert measure(rectangles(), points=256).power[0] > 0.01
+
+
+@pytest.mark.parametrize("missing", ["led", "sensor"])
+def test_each_phototransistor_needs_its_led(llvm_mono, missing):
+    from mitsuba_taxel import measure
+
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "taxel_tracer"},
+        "a": {"type": "rectangle", "led": {"type": "annular_led"}},
+        "b": {"type": "rectangle", "sensor": {"type": "phototransistor"}},
+        "c": {"type": "rectangle", "sensor": {"type": "phototransistor", "width": 0.4}},
+    }
+    if missing == "sensor":
+        del scene["b"], scene["c"]
+    with pytest.raises(InputError, match="LEDs and .* phototransistors|every sensor must be a phototransistor"):
+        measure(Scene(scene), points=16)

@@ -148,9 +148,7 @@ class _Parts:
 
 
 def _listed(
-    pair: Callable[[int, int], Any],
-    own: tuple[np.ndarray, np.ndarray, int],
-    others: tuple[np.ndarray, np.ndarray, int],
+    pair: Callable[[int, int], Any], own: tuple[np.ndarray, np.ndarray, int], others: tuple[np.ndarray, np.ndarray, int]
 ) -> list[Any]:
     """The pairs of boxes that overlap."""
     low, high, first = own

@@ -95,10 +95,7 @@ class Numbering:
 
 
 def number_unknowns(
-    mesh: VolumeMesh,
-    held: np.ndarray,
-    walls: Mapping[Mirror, int] = _NO_WALLS,
-    plate: np.ndarray | None = None,
+    mesh: VolumeMesh, held: np.ndarray, walls: Mapping[Mirror, int] = _NO_WALLS, plate: np.ndarray | None = None
 ) -> Numbering:
     """Number the unknowns of a mesh.
 

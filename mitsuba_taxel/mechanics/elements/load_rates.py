@@ -17,12 +17,7 @@ LOAD_STEP = 1e-4
 
 
 def load_rate(
-    mesh: VolumeMesh,
-    material: Material,
-    load: Load,
-    displacement: np.ndarray,
-    value: np.ndarray,
-    velocity: np.ndarray,
+    mesh: VolumeMesh, material: Material, load: Load, displacement: np.ndarray, value: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
     """(N, 3) rate of the nodal forces of a load on a whole pad.
 

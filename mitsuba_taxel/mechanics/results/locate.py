@@ -289,10 +289,7 @@ class _Boundary:
 
 
 def displacement_at(
-    mesh: VolumeMesh,
-    displacement: np.ndarray,
-    points: Sequence[Sequence[float]] | np.ndarray,
-    tolerance: float = 0.0,
+    mesh: VolumeMesh, displacement: np.ndarray, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0
 ) -> np.ndarray:
     """Displacements (P, 3) in mm of points (P, 3) of the undeformed silicone, by the elements' shape functions.
 
@@ -312,10 +309,7 @@ def displacement_at(
 
 
 def displacement_gradient_at(
-    mesh: VolumeMesh,
-    displacement: np.ndarray,
-    points: Sequence[Sequence[float]] | np.ndarray,
-    tolerance: float = 0.0,
+    mesh: VolumeMesh, displacement: np.ndarray, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0
 ) -> np.ndarray:
     """Gradients (P, 3, 3) of the displacement, du_i/dX_j, at points (P, 3) of the undeformed silicone.
 

@@ -102,12 +102,7 @@ class Grooves(Checked):
     """
 
     pitch: float = number(
-        REQUIRED,
-        "mm",
-        "Distance between ridges along the direction.",
-        above=0,
-        common=(0.002, 10),
-        name="groove_pitch",
+        REQUIRED, "mm", "Distance between ridges along the direction.", above=0, common=(0.002, 10), name="groove_pitch"
     )
     depth: float = number(
         REQUIRED, "mm", "Height from valley to ridge along the normal of the smooth wall.", above=0, name="groove_depth"

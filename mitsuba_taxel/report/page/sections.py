@@ -89,12 +89,7 @@ def power(study: xr.Dataset, key: str) -> str:
     if plane:
         words = f"Optical power of each taxel as a colour over {plane[0]} and {plane[1]}; all taxels have one scale."
         plots.append(plot(partial(plot_map, study), words, f"Readings over {plane[0]} and {plane[1]}."))
-    return section(
-        f"power{key}",
-        "Power",
-        *plots,
-        folded("Readings", _readings(study)),
-    )
+    return section(f"power{key}", "Power", *plots, folded("Readings", _readings(study)))
 
 
 def _readings(study: xr.Dataset) -> str:

@@ -402,3 +402,17 @@ def test_led_emits_its_power(llvm_mono, agree, law, strategy, power):
         assert reading.power[0] == pytest.approx(power, rel=1e-6)
     else:
         agree(reading.power, reading.standard_error, power)
+
+
+def test_led_must_fit_on_its_rectangle(llvm_mono):
+    from mitsuba_taxel import measure
+
+    tiny = llvm_mono.ScalarTransform4f().scale(0.05)
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "taxel_tracer"},
+        "a": {"type": "rectangle", "to_world": tiny, "led": {"type": "annular_led"}},
+        "b": {"type": "rectangle", "sensor": {"type": "phototransistor"}},
+    }
+    with pytest.raises(InputError, match=r"annular_led: 0.25 x 0.25 mm do not fit on its rectangle, 0.1 x 0.1 mm"):
+        measure(Scene(scene), points=16)

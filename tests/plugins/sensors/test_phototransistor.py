@@ -243,3 +243,18 @@ def test_stock_integrators_agree(llvm_mono, agree, tmp_path, table):
         readings[integrator] = np.mean(power), np.std(power, ddof=1) / np.sqrt(8)
     assert all(0 < error < 0.01 * power for power, error in readings.values())
     agree(*readings["path"], *readings["ptracer"], replicates=8)
+
+
+def test_rendering_gives_the_irradiance_that_the_reading_says(llvm_mono):
+    """`mi.render` on a scene with a film of one pixel per taxel: pixel times area is the power."""
+    import numpy as np
+
+    from mitsuba_taxel import measure
+
+    mi = llvm_mono
+    live = Scene.from_file("pad.xml").load()
+    image = mi.render(live, spp=1 << 14).numpy()
+    assert image.shape == (3, 3, 1)
+    reading = measure(live, points=1024)
+    assert np.allclose(image[:, :, 0].ravel() * 0.52 * 0.3, reading.power, rtol=0.02)
+    assert np.allclose(np.array(live.sensors()[0].film().bitmap()), image[:, :, 0])

@@ -1,67 +1,11 @@
-"""Meshes of a million triangles, and of some without area."""
+"""Meshes of triangles without a pad, some with triangles that have no area."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from plate_reference import plate_power
 from plate_scenes import BODY_TOP, WHITE, plate
 
-from mitsuba_taxel import Scene, measure
-
-
-def test_a_plate_of_a_million_triangles_reads_as_a_rectangle(llvm_mono, agree, tmp_path):
-    mi = llvm_mono
-    grid = plate_mesh(mi, cells=708)
-    assert len(mi.traverse(grid)["faces"]) // 3 == 1_002_528
-    grid.write_ply(str(tmp_path / "plate.ply"))
-    ply = {"type": "ply", "filename": str(tmp_path / "plate.ply"), "face_normals": True, "bsdf": WHITE}
-    coarse, fine = (
-        measure(plate(z=0.3, scattering="lambertian", plate=shape), points=1 << 13, seed=6) for shape in (None, ply)
-    )
-    assert fine.power == pytest.approx(coarse.power, rel=1e-4)
-    agree(fine.power, fine.standard_error, plate_power(0.3, "uniform_solid_angle", "lambertian"))
-
-
-@pytest.mark.parametrize("scattering", ["lambertian", "isotropic", "mirror"])
-def test_degenerate_triangles_change_nothing(llvm_mono, scattering):
-    """Points and lines for triangles, in the plate and before it."""
-    mi = llvm_mono
-    bsdf = {"type": "wall", "scattering": scattering}
-    clean, dirty = (
-        measure(
-            plate(z=0.3, scattering=scattering, plate=plate_mesh(mi, cells=4, degenerate=degenerate, bsdf=bsdf)),
-            points=1 << 11,
-            seed=7,
-        )
-        for degenerate in (False, True)
-    )
-    assert clean.power[0] > 0
-    assert np.allclose(dirty.replicates, clean.replicates, rtol=1e-5)
-
-
-def test_a_guide_takes_degenerate_triangles(llvm_mono, agree):
-    """A dome over the photo-reflector, with the attributes of a pad and thousands of triangles without area."""
-    readings, guides = [], []
-    for degenerate in (False, True):
-        live = domed_cell(llvm_mono, degenerate).load()
-        readings.append(measure(live, points=1 << 12, seed=8 + degenerate))
-        guides.append(live.sensors()[0].guide[1])
-    clean, dirty = readings
-    assert guides[1] is not None and guides[1].area[0] == pytest.approx(guides[0].area[0], rel=1e-6)
-    assert np.all(np.isfinite(dirty.replicates)) and dirty.relative_error < 5e-3
-    agree(dirty.power, dirty.standard_error, clean.power, clean.standard_error)
-
-
-def test_a_cell_without_area_has_no_guide(llvm_mono):
-    """A mesh with the attributes of a pad, all of whose triangles are points: it reads what is there without it."""
-    mi = llvm_mono
-    points = np.repeat(np.array([[0.0, 0, 1], [0.2, 0, 1], [0, 0.2, 1]]), 3, axis=0)
-    mesh = mesh_of(mi, points, np.arange(9).reshape(3, 3), region=1, cell=1)
-    scene = plate(z=0.7, scattering="lambertian").source
-    without = measure(Scene(scene), points=512)
-    reading = measure(Scene({**scene, "mesh": mesh}), points=512)
-    assert reading.power == pytest.approx(without.power, rel=1e-5)
+from mitsuba_taxel import Scene
 
 
 def mesh_of(mi, vertices, triangles, bsdf=WHITE, **attributes):

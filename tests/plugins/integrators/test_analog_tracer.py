@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from plate_scenes import ABSORBING, BODY_TOP, WHITE, closed_cell, soft_sensor
 
-from mitsuba_taxel import ComputationError, Scene, Wall, measure
+from mitsuba_taxel import Scene, Wall, measure
 
 
 def test_a_closed_white_cell_agrees_with_counted_rays(llvm_mono, agree):
@@ -55,24 +53,3 @@ def test_a_cell_that_nearly_closes_agrees_with_hits_and_counted_rays(llvm_mono, 
         other = Scene({**scene.source, "integrator": integrator})
         theirs = measure(other, points=1 << 14, seed=2, mechanics_error=False)
         agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
-
-
-def test_a_force_that_the_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
-    """Where its roof touches its wall, before it touches the package."""
-    end = r"touches itself .*: the load path ends at force = \(0, 0, -1\.\d*\) N"
-    parts = soft_sensor(force=-10.0).scene().source
-    for scene in (parts, {name: part for name, part in parts.items() if name != "photo_reflector"}):
-        with pytest.raises(ComputationError, match=end):
-            Scene(scene).load()
-
-
-def test_a_force_that_a_relaxing_pad_cannot_bear_is_refused(llvm_mono, own_solutions):
-    """It was borne at first: the pad, asked where it touches the package, has that history too."""
-    from mitsuba_taxel.mechanics import Viscoelastic
-
-    sensor = soft_sensor(force=-0.5)
-    relaxing = Viscoelastic(sensor.material, [(0.99, 1.0)])
-    held = replace(sensor, material=relaxing, history=[(1e-3, sensor.force)], time=1e4)
-    end = r"^the pad [^\n]*: the load path ends at force = \(0, 0, -0\.5\) N, [^\n]* s\.$"
-    with pytest.raises(ComputationError, match=end):
-        held.scene().load()
