@@ -94,6 +94,17 @@ def is_whole(value: object) -> bool:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
+def check_whole(name: str, value: object, least: int, most: int) -> None:
+    """Raise `InputError` unless this is a whole number within bounds."""
+    if not (is_whole(value) and least <= value <= most):  # type: ignore[operator]
+        raise refusal(name, value, f"a whole number from {least} to {most} is needed")
+
+
+def check_seed(seed: object) -> None:
+    """Raise `InputError` unless this is a seed of random numbers."""
+    check_whole("seed", seed, 0, (1 << 32) - 1)
+
+
 def check_fields(part: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
     """Refuse fields of a dataclass that do not match their annotations, or the ``kinds`` given by name.
 

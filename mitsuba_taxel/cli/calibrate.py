@@ -28,10 +28,7 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals are calibrated on paths that
     a fit has not seen.
     """
-    import xarray as xr
-
     from mitsuba_taxel import open_study
-    from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.characterise import read_measurement
     from mitsuba_taxel.surrogates import calibrate, write_calibration
 
@@ -39,8 +36,6 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
 
     measured = source.suffix.lower() == ".csv"
     data = read_measurement(source) if measured else open_study(source)
-    if isinstance(data, xr.DataTree):
-        raise InputError("the study holds several scenes: the folder of one of them is needed.")
     found = calibrate(data, coverage=coverage, noise=noise)
     write_calibration(found, output)
     widths = dict(zip(found.forces, found.half_width.tolist(), strict=True))

@@ -45,7 +45,7 @@ def _as_json(result) -> dict[str, object]:
 def _show(result) -> None:
     from mitsuba_taxel.characterise.wording import with_error
 
-    from .tables import print_table
+    from .tables import print_notes, print_table
 
     print_table(
         ("unknown", "start", "value", "95 % interval"),
@@ -58,7 +58,4 @@ def _show(result) -> None:
     count, wide = len(result.residuals), int((result.residuals.in_errors.abs() > 2).sum())
     of = "" if result.misfit != result.misfit else f" Mean square of the residuals, in errors: {result.misfit:.3g}."
     print(f"{count} readings, {wide} of them more than two errors off.{of}")
-    for warning in result.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for note in result.notes:
-        print(note)
+    print_notes(result)

@@ -70,7 +70,7 @@ def _as_json(result) -> dict[str, object]:
 def _show(result) -> None:
     from mitsuba_taxel.optimum.outputs import changes, cost_line, gain_line, shown, slope_line
 
-    from .tables import print_table
+    from .tables import print_notes, print_table
 
     finer = "best_finer" in result.figures
     columns = ["before", "best", *(["before_finer", "best_finer"] if finer else [])]
@@ -91,7 +91,4 @@ def _show(result) -> None:
     print(gain_line(result))
     print(slope_line(result))
     print(cost_line(result))
-    for warning in result.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    for note in result.notes:
-        print(note)
+    print_notes(result)

@@ -221,9 +221,7 @@ def stage_line(seconds: Mapping[str, float]) -> str:
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -233,9 +231,7 @@ def study_bar() -> Iterator[Callable]:
     """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
     from mitsuba_taxel.base.units import in_percent
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as bar:
         task = bar.add_task("readings", total=None)
 
         def show(progress) -> None:
@@ -244,6 +240,21 @@ def study_bar() -> Iterator[Callable]:
             bar.update(task, completed=progress.done, total=progress.total, description=words)
 
         yield show
+
+
+def _bar() -> Progress:
+    """A bar on stderr, if that is a terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def print_notes(result) -> None:
+    """The warnings of a result on stderr, and its notes."""
+    for warning in result.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    for note in result.notes:
+        print(note)
 
 
 def print_left_out(lines: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import is_number, is_row, is_whole
+from mitsuba_taxel.base.arguments import check_whole, is_number, is_row, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.electronics.circuit import Circuit, circuit_of
 from mitsuba_taxel.optimum.figures import FURTHEST, KINDS, TO_THE_END, Figure
@@ -74,8 +74,7 @@ def _table(table: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _count(table: Mapping[str, Any], name: str, default: int) -> int:
     count = table.get(name, default)
-    if not (is_whole(count) and 1 <= count <= TRIED):
-        raise InputError(f"optimise: {name} = {count!r} is not allowed: a whole number from 1 to {TRIED} is needed.")
+    check_whole(f"optimise: {name}", count, 1, TRIED)
     return count
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mitsuba_taxel.base.arguments import as_numbers, is_whole, refusal
+from mitsuba_taxel.base.arguments import as_numbers, check_whole
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads import profile as profiles
@@ -170,8 +170,7 @@ class Pad(Checked, Displayed):
     def as_profile(self, points: int = 4) -> Pad:
         """The same pad with its cells given by a profile of some points, from 3 on; parallelepipeds have a square
         section."""
-        if not (is_whole(points) and 3 <= points <= profiles.MOST_POINTS):
-            raise refusal("points", points, f"a whole number from 3 to {profiles.MOST_POINTS} is needed")
+        check_whole("points", points, 3, profiles.MOST_POINTS)
         if self.cell == PROFILE:
             return self
         cap = self.top_of_cell - self.side_height

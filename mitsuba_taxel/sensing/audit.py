@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.packets import in_packets
 from mitsuba_taxel.backend.plugin_objects import kind_of, make_plugin
-from mitsuba_taxel.base.arguments import check_progress
+from mitsuba_taxel.base.arguments import check_progress, check_seed, check_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import is_package
@@ -121,10 +120,8 @@ def energy_audit(
     ComputationError
         if a pad cannot be deformed as asked.
     """
-    if not (isinstance(points, Integral) and 1 <= points <= MOST_POINTS):
-        raise InputError(f"points = {points} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
-    if not (isinstance(seed, Integral) and 0 <= seed < 1 << 32):
-        raise InputError(f"seed = {seed} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    check_whole("points", points, 1, MOST_POINTS)
+    check_seed(seed)
     check_progress(progress)
     ready = prepare(scene)
     pairs = taxels_of(ready.scene)

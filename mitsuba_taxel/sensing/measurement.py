@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, names_of, require
+from mitsuba_taxel.base.arguments import check_flags, check_seed, check_whole, is_number, names_of, require
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.protocols import traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
@@ -359,9 +359,8 @@ def check_request(
         raise InputError("target_error and points exclude each other: give one of them.")
     if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
         raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
-    if points is not None and not (is_whole(points) and 1 <= points <= MOST_POINTS):
-        raise InputError(f"points = {points!r} is not allowed: a whole number from 1 to {MOST_POINTS} is needed.")
+    if points is not None:
+        check_whole("points", points, 1, MOST_POINTS)
     if time_budget is not None and not (is_number(time_budget) and time_budget > 0):
         raise InputError(f"time_budget = {time_budget!r} is not allowed: a finite number of seconds above 0 is needed.")
-    if not (is_whole(seed) and 0 <= seed < 1 << 32):
-        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    check_seed(seed)

@@ -13,6 +13,7 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.plugin_objects import make_plugin
+from mitsuba_taxel.base.arguments import check_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.ray_offsets import clearance_of, leave, release
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
@@ -160,8 +161,7 @@ def sample_paths(
     InputError
         if a value is not allowed, or the scene has no `annular_led` and `phototransistor`.
     """
-    if not (isinstance(count, Integral) and 1 <= count <= MOST_PATHS):
-        raise InputError(f"count = {count} is not allowed: a whole number from 1 to {MOST_PATHS} is needed.")
+    check_whole("count", count, 1, MOST_PATHS)
     pair, index = find_taxel(scene, taxel)
     set_wavelength(scene, [pair.led])
     wanted = max(1, count // 2)

@@ -16,9 +16,16 @@ from mitsuba_taxel.sensing.taxels import taxels_of
 
 
 def render(
-    integrator: mi.Integrator, scene: mi.Scene, sensor: mi.Sensor, seed: int, spp: int, develop: bool, evaluate: bool
+    integrator: mi.Integrator,
+    scene: mi.Scene,
+    sensor: mi.Sensor | int = 0,
+    seed: int = 0,
+    spp: int = 0,
+    develop: bool = True,
+    evaluate: bool = True,
 ):
-    """The irradiance map [W/mm²] of one sensor for `mi.render`, (height, width, channels)."""
+    """The method of our integrators: irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height,
+    width, channels)."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
     refuse_unmodelled(scene, integrator)

@@ -19,7 +19,7 @@ from mitsuba_taxel.characterise.measurement import Measurement
 from mitsuba_taxel.characterise.recorded_runs import runs_of
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
-from mitsuba_taxel.surrogates.polynomial import Polynomial
+from mitsuba_taxel.surrogates.polynomial import Polynomial, single
 
 if TYPE_CHECKING:
     from sklearn.pipeline import Pipeline
@@ -58,7 +58,7 @@ class _Rows(NamedTuple):
 
 
 def calibrate(
-    source: xr.Dataset | Measurement, *, coverage: float = 0.9, noise: float | None = None, seed: int = 0
+    source: xr.Dataset | xr.DataTree | Measurement, *, coverage: float = 0.9, noise: float | None = None, seed: int = 0
 ) -> Calibration:
     """Forces as a polynomial of readings, with intervals.
 
@@ -67,7 +67,7 @@ def calibrate(
 
     Parameters
     ----------
-    source : xr.Dataset or Measurement
+    source : xr.Dataset or xr.DataTree or Measurement
         A study with varied forces, in which a path is one curve; or a measurement along one line, in which it is a run
         between turning points of the force.
     coverage : float
@@ -80,13 +80,15 @@ def calibrate(
     Raises
     ------
     InputError
-        if scikit-learn is not installed, no force is varied, or there are fewer than three paths.
+        if scikit-learn is not installed, the study has several scenes, no force is varied, or there are fewer than
+        three paths.
     """
     if find_spec("sklearn") is None:
         raise InputError("calibrations need scikit-learn: install mitsuba_taxel[calibrate].")
     if isinstance(source, Measurement):
         noise, (names, unit, rows) = 0.0, _measured(source)
     else:
+        source = single(source)
         if noise is None:
             noise = NOISE if circuit_of_study(source) is None else 0.0
         names, unit, rows = _simulated(source, noise, np.random.default_rng(seed))

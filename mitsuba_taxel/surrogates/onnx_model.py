@@ -18,7 +18,7 @@ from mitsuba_taxel.electronics.pieces import straight_pieces
 from mitsuba_taxel.electronics.response import lit
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.surrogates.calibration import Calibration
-from mitsuba_taxel.surrogates.polynomial import Polynomial, Unseen, polynomial_of
+from mitsuba_taxel.surrogates.polynomial import Polynomial, Unseen, polynomial_of, single
 
 _Step = tuple[str, list[str], str, dict[str, Any]]
 
@@ -56,8 +56,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         if onnx is not installed, or the study has several scenes, varied words or too few values.
     """
     check_onnx()
-    if isinstance(study, xr.DataTree):
-        raise InputError("the study holds several scenes: the folder of one of them is needed.")
+    study = single(study)
     found = polynomial_of(study)
     about = {
         "inputs": json.dumps(list(found.names)),

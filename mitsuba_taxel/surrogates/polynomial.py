@@ -50,6 +50,13 @@ class Polynomial(NamedTuple):
         return terms(scaled, self.exponents) @ self.weights
 
 
+def single(study: xr.Dataset | xr.DataTree) -> xr.Dataset:
+    """The study if it is one of a single scene; raises `InputError` otherwise."""
+    if isinstance(study, xr.DataTree):
+        raise InputError("the study holds several scenes: the folder of one of them is needed.")
+    return study
+
+
 def polynomial_of(study: xr.Dataset) -> Polynomial:
     """The polynomial of the degree that predicts left-out paths best.
 

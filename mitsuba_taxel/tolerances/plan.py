@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import is_whole
+from mitsuba_taxel.base.arguments import check_whole, is_whole
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.parsed_parts import refusal_of
@@ -98,8 +98,7 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
 def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarray:
     from scipy.stats import qmc
 
-    if not (is_whole(samples) and FEWEST <= samples <= MOST):
-        raise InputError(f"samples = {samples!r} is not allowed: a whole number from {FEWEST} to {MOST} is needed.")
+    check_whole("samples", samples, FEWEST, MOST)
     if sampling not in SAMPLINGS:
         raise InputError(f"sampling = {sampling!r} is not allowed: one of {', '.join(SAMPLINGS)} is needed.")
     if sampling == "sobol" and samples & (samples - 1):

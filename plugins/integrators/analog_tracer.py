@@ -42,10 +42,7 @@ class AnalogTracer(mi.CppADIntegrator):
         self.specification = Parameters.read(props)
         self.release_points = self.specification.release_points
 
-    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
-
+    render = rendering.render
     render_forward = render_backward = rendering.refuse_derivatives
 
     @dr.syntax

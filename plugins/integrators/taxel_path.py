@@ -44,10 +44,6 @@ class TaxelPath(mi.CppADIntegrator):
         self.max_depth = self.specification.max_depth
         self.rr_depth = self.specification.rr_depth
 
-    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
-
     def refuse_unbounded(self, scene) -> None:
         """Raise an InputError if weights of paths from the detector would be unbounded."""
         if not all(map(is_bounded_from_detector, walls_of(scene))):
@@ -60,6 +56,7 @@ class TaxelPath(mi.CppADIntegrator):
                 "taxel_path: the law uniform_polar_angle has no bound on the axis of the LED: use taxel_tracer.", self
             )
 
+    render = rendering.render
     render_forward = render_backward = rendering.refuse_derivatives
 
     @dr.syntax

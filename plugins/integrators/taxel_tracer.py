@@ -50,10 +50,7 @@ class TaxelTracer(mi.CppADIntegrator):
         self.rr_depth = self.specification.rr_depth
         self.strategy = self.specification.strategy
 
-    def render(self, scene, sensor=0, seed=0, spp=0, develop=True, evaluate=True):
-        """Irradiance map [W/mm²] of one sensor's phototransistors, as a tensor (height, width, channels)."""
-        return rendering.render(self, scene, sensor, seed, spp, develop, evaluate)
-
+    render = rendering.render
     render_forward = render_backward = rendering.refuse_derivatives
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):

@@ -46,6 +46,14 @@ class PeerCase:
         """Whether the scene is the flat plate, where light is reflected once."""
         return self.scene == "plate.xml"
 
+    def plate(self) -> tuple[float, float]:
+        """Height of the plate and spacing in mm; raises if a peer for which a plate alone was modelled has no such
+        case."""
+        self.require_ideal()
+        if not self.single_bounce:
+            raise Unsuitable("the pad's mesh with its region-wise walls was not modelled for it")
+        return float(self.parameters["z"]), float(self.parameters["spacing"])
+
     @property
     def isotropic(self) -> bool:
         """Whether the roof scatters uniformly over the hemisphere, rather than by the cosine law."""

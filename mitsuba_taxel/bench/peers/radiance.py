@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase, Unsuitable
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase
 
 POINTS = 32
 """Detector points along x and along y; the rest of the samples are the directions traced from each."""
@@ -20,12 +20,9 @@ ACCURACY = "-aa 0 -as 0 -lw 0 -lr 8 -ds 0.1 -dj 1 -dt 0 -dc 1 -dr 0 -st 0"
 
 def prepare(case: PeerCase) -> Estimator:
     """Irradiance at jittered points of the phototransistor, in a scene of nothing but LED and plate."""
-    case.require_ideal()
+    z, spacing = case.plate()
     import pyradiance
 
-    if not case.single_bounce:
-        raise Unsuitable("the pad's mesh with its region-wise walls was not modelled for it")
-    z, spacing = float(case.parameters["z"]), float(case.parameters["spacing"])
     folder = tempfile.TemporaryDirectory()
     octree = pyradiance.oconv(stdin=_scene(z, spacing).encode(), warning=False)
     Path(folder.name, "scene.oct").write_bytes(octree)

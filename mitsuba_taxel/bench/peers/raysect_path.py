@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase, Unsuitable
+from mitsuba_taxel.bench.peers.cases import DETECTOR, LED_SIDE, Estimator, PeerCase
 
 IMPORTANT = 0.8
 """Share of the plate's directions that are aimed at the LED."""
@@ -12,7 +12,7 @@ IMPORTANT = 0.8
 
 def prepare(case: PeerCase) -> Estimator:
     """The plate as a Lambertian mesh, the LED as an emitting one, the phototransistor as a pixel aimed at the plate."""
-    case.require_ideal()
+    z, spacing = case.plate()
     from raysect.core import translate
     from raysect.core.math.random import seed as set_seed
     from raysect.optical import ConstantSF, World
@@ -20,9 +20,6 @@ def prepare(case: PeerCase) -> Estimator:
     from raysect.optical.observer import PowerPipeline0D, TargetedPixel
     from raysect.primitive import Mesh
 
-    if not case.single_bounce:
-        raise Unsuitable("the pad's mesh with its region-wise walls was not modelled for it")
-    z, spacing = float(case.parameters["z"]), float(case.parameters["spacing"])
     world = World()
     led = UniformSurfaceEmitter(ConstantSF(1 / (np.pi * LED_SIDE**2)))
     led.importance = 1.0

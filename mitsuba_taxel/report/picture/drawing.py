@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.arguments import check_whole
 from mitsuba_taxel.base.atomic import replacing
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.triangles import area_normals, components, neighbours, unit
 from mitsuba_taxel.report.picture.sensor_parts import ShownPart
 
@@ -152,9 +152,8 @@ def render_parts(
     InputError
         if width or samples are out of range.
     """
-    for name, value, least, most in (("width", width, NARROWEST, WIDEST), ("samples", samples, 1, MOST_SAMPLES)):
-        if not least <= value <= most:
-            raise InputError(f"{name} = {value} is not allowed: a whole number from {least} to {most} is needed.")
+    check_whole("width", width, NARROWEST, WIDEST)
+    check_whole("samples", samples, 1, MOST_SAMPLES)
     with TemporaryDirectory() as folder:
         live = _instantiate(_description(parts, Path(folder), width))
     per_pass = min(PER_PASS, math.ceil(math.sqrt(samples)) ** 2)

@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from hashlib import sha256
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from mitsuba_taxel.base.arguments import check_flags, is_number, is_row, is_whole, path_of, require
+from mitsuba_taxel.base.arguments import check_flags, check_seed, is_number, is_row, is_whole, path_of, require
 from mitsuba_taxel.base.atomic import replacing, write_text
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES
@@ -23,6 +22,7 @@ from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.store.datasheet import Making, datasheet
+from mitsuba_taxel.studies.store.tables import check_parquet
 
 PARTS = ("train", "validation", "test")
 
@@ -88,8 +88,8 @@ def training_set(
     folder = None if output is None else path_of("output", output)
     check_flags(parquet=parquet)
     sigma, relative = _read_noise(noise)
-    if parquet and find_spec("pyarrow") is None:
-        raise InputError("parquet needs pyarrow: install mitsuba_taxel[parquet].")
+    if parquet:
+        check_parquet()
     studies = _scenes(study)
     one = next(iter(studies.values()))
     circuit = circuit_of_study(one)
@@ -135,8 +135,7 @@ def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
         raise InputError(f"split = {split!r} is not allowed: three shares above 0, of sum 1, are needed.")
     if not is_whole(copies) or copies < 1 or (copies > 1 and not noisy):
         raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
-    if not (is_whole(seed) and 0 <= seed < 1 << 32):
-        raise InputError(f"seed = {seed!r} is not allowed: a whole number from 0 to {(1 << 32) - 1} is needed.")
+    check_seed(seed)
 
 
 def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:

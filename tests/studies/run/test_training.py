@@ -237,7 +237,7 @@ def test_parquet_holds_the_same(tmp_path):
 
 
 def test_parquet_without_its_package_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("mitsuba_taxel.studies.run.training.find_spec", lambda name: None)
+    monkeypatch.setattr("mitsuba_taxel.studies.store.tables.find_spec", lambda name: None)
     with pytest.raises(InputError, match="pyarrow"):
         training_set(product(), tmp_path / "set", parquet=True)
     assert not (tmp_path / "set").exists()
