@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
 MESH_SIZE = 1.5
 """Of the finite elements, relative to the height of the pad: a coarse one, as the laws hold on any."""
-EXAMPLES = 12
+EXAMPLES = 9
 PADS, SEED = 6, 20240607
 FALSE_ALARM_RATE = 1e-4
 """Chance that one test of all of its examples fails although all is well."""
