@@ -1,8 +1,14 @@
-"""Number of threads of the mechanics; no result depends on it."""
+"""Number of threads of mechanics and light; no result depends on it."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 _chosen: int | None = None
 
@@ -16,3 +22,12 @@ def set_thread_count(count: int) -> None:
     """Set the number of threads of this process, for processes that share a machine."""
     global _chosen
     _chosen = count
+
+
+def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+    """Results of ``work`` for each of the items, by as many threads as there may be; numpy releases Python's lock."""
+    threads = min(thread_count(), len(items))
+    if threads < 2:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(work, items))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base import stages
-from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.derivative_values import Derivatives, unit_of
 from mitsuba_taxel.sensing.deterministic_light import COARSE, FINE, MOST_HIDDEN, reading_error
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse, NotFollowed
@@ -103,8 +102,8 @@ class _Linearised:
             return _OfCell(self, number, nodal, others).found(with_errors, second)
 
         # Many small matrix products: each would start and wait for its own threads.
-        with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
-            by_number = dict(zip(alone, pool.map(found, alone), strict=True))
+        with threadpool_limits(1, "blas"):
+            by_number = dict(zip(alone, side_by_side(found, alone), strict=True))
         solved = [by_number[number] for number in first]
         power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
         shares = {number: self.cells.hidden_share(*each.flows) for number, each in by_number.items()}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.sensing.diffuse_cells import DiffuseCells, NotDiffuse
 from mitsuba_taxel.sensing.equal_cells import equal_at_rest, equal_cells
 from mitsuba_taxel.sensing.mechanics_error import combined
@@ -59,8 +58,8 @@ def deterministic_light(scene: mi.Scene, mechanics_error: bool = True) -> Determ
     first = equal_cells(cells, state, [state.displacement], known) if loaded else equal_at_rest(cells)
     alone = sorted(set(first))
     # Many small matrix products: each would start and wait for its own threads.
-    with threadpool_limits(1, "blas"), ThreadPoolExecutor(thread_count()) as pool:
-        found = dict(zip(alone, pool.map(lambda number: _found(cells, number, known), alone), strict=True))
+    with threadpool_limits(1, "blas"):
+        found = dict(zip(alone, side_by_side(lambda number: _found(cells, number, known), alone), strict=True))
     hidden = {number: cells.hidden_share(*each.flows) for number, each in found.items()}
     if max(hidden.values()) > MOST_HIDDEN:
         return None

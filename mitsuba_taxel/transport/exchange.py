@@ -88,7 +88,7 @@ class Exchange:
         with _TURN:
             pair = self._pairs()
             value = pair.per_facing * pair.facing
-            return np.array(value if self._box is None else value * self._passage(self._box).share)
+            return np.asarray(value if self._box is None else value * self._passage(self._box).share)
 
     def in_plane(self) -> np.ndarray:
         """(N,) whether both ends of a pair lie in one plane, of which each sees the other as soon as it is bent."""
@@ -112,7 +112,7 @@ class Exchange:
                 found = [each * passage.share for each in found]
                 found = [found[0] + of_end, *found[1:], of_both]
             dr.eval(found)
-            return LightRates(*([np.array(part) for part in each] for each in found))
+            return LightRates(*([np.asarray(part) for part in each] for each in found))
 
     def _passage(self, box: Box) -> Passage:
         at, there = (

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.base.recent import Recent
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.past import Past
 from mitsuba_taxel.mechanics.elements.sparsity import Sparsity
 from mitsuba_taxel.mechanics.materials.laws import Material
+
+MOST_KEPT = 1000
+"""Largest number of elements of meshes whose patterns are kept, some 5 MB each: studies and optimisations solve one pad
+after the other on meshes of equal elements."""
+_SPARSITIES: Recent[Sparsity] = Recent(8)
+_PATTERNS: Recent[_Pattern] = Recent(32)
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True)
@@ -62,7 +72,10 @@ class Assembly:
     @cached_property
     def sparsity(self) -> Sparsity:
         """Pattern of the sum of element matrices, before constraints."""
-        return self._like.sparsity if self._like else Sparsity(self.elements.nodes, self.elements.corners, self._nodes)
+        if self._like:
+            return self._like.sparsity
+        nodes, corners, count = self.elements.nodes, self.elements.corners, self._nodes
+        return self._kept(_SPARSITIES, (nodes, corners, np.array(count)), lambda: Sparsity(nodes, corners, count))
 
     def evaluate(
         self, displacement: np.ndarray, pressure: np.ndarray, with_tangent: bool = True, past: Past | None = None
@@ -100,7 +113,12 @@ class Assembly:
 
     @cached_property
     def _pattern(self) -> _Pattern:
-        return _Pattern(self.sparsity, self.numbering)
+        number = self.numbering
+        determined_by = self.elements.nodes, self.elements.corners, number.unknown, number.sign
+        return self._kept(_PATTERNS, determined_by, lambda: _Pattern(self.sparsity, number))
+
+    def _kept(self, recent: Recent[_Made], arrays: tuple[np.ndarray, ...], make: Callable[[], _Made]) -> _Made:
+        return recent.of(arrays, make) if len(self.elements.nodes) <= MOST_KEPT else make()
 
 
 class _Pattern:

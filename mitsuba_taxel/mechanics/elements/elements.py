@@ -11,14 +11,13 @@ tangent only.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.base.threads import thread_count
+from mitsuba_taxel.base.threads import side_by_side
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -256,12 +255,7 @@ def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
     """Results of ``work`` for each chunk of :data:`ELEMENTS_AT_ONCE` of ``count`` elements, given its first."""
-    starts = range(0, count, ELEMENTS_AT_ONCE)
-    threads = min(thread_count(), len(starts))
-    if threads < 2:
-        return [work(start) for start in starts]
-    with ThreadPoolExecutor(threads) as pool:  # numpy releases Python's global lock
-        return list(pool.map(work, starts))
+    return side_by_side(work, range(0, count, ELEMENTS_AT_ONCE))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:

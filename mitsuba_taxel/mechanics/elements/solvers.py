@@ -9,11 +9,13 @@ and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refin
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.base.recent import Recent
 from mitsuba_taxel.base.threads import thread_count
 from mitsuba_taxel.mechanics.elements.memory import require_memory
 
@@ -79,6 +81,12 @@ class _RslabFactorisation:
         return self._factor.solve_many(rhs)
 
 
+KEPT_UNKNOWNS = 5_000
+"""Largest matrices whose analyses are kept, some 5 MB each: studies solve pads that differ in their load, material or
+shape alone, and an analysis, which the pattern determines, takes as long as a factorisation."""
+_ANALYSED: Recent[Any] = Recent(32)
+
+
 class Rslab:
     """L D L^T by `rslab`; the pattern is analysed once."""
 
@@ -95,7 +103,9 @@ class Rslab:
         if self._symbolic is None:
             require_memory(ANALYSIS_BYTES * lower.nnz, "the analysis of a matrix")
             ordering = "amf" if lower.shape[0] < FEW_UNKNOWNS else "metis"
-            self._symbolic = rslab.analyze(lower, path="ldlt", ordering=ordering)
+            analyse = partial(rslab.analyze, lower, path="ldlt", ordering=ordering)
+            pattern = lower.indptr, lower.indices
+            self._symbolic = _ANALYSED.of(pattern, analyse) if lower.shape[0] <= KEPT_UNKNOWNS else analyse()
             self._peak = self._symbolic.memory_plan(threads=threads)["factor_peak_bytes"]
         require_memory(self._peak, "a factored matrix")
         try:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import scipy.sparse as sparse
 
+from mitsuba_taxel.mechanics.elements import solvers
 from mitsuba_taxel.mechanics.elements.solvers import Rslab, symmetric_product
 
 SIDE = 18
@@ -40,3 +43,24 @@ def test_a_solution_is_right_to_all_digits_and_a_rough_one_to_some(laplacian):
     factor = Rslab().factor(sparse.csc_matrix(sparse.tril(matrix)))
     np.testing.assert_allclose(factor.solve(matrix @ exact), exact, atol=1e-13)
     np.testing.assert_allclose(factor.solve_roughly(matrix @ exact), exact, atol=1e-4)
+
+
+def test_an_analysis_is_shared_by_matrices_of_one_pattern(monkeypatch):
+    """By several threads at once, too; solutions keep their bits, as it does not depend on the entries."""
+    rslab = pytest.importorskip("rslab")
+    random, analysed, analyse = np.random.default_rng(5), [], rslab.analyze
+    monkeypatch.setattr(rslab, "analyze", lambda *given, **named: (analysed.append(1), analyse(*given, **named))[1])
+    lower = sparse.csc_matrix(sparse.tril(sparse.random_array((300, 300), density=0.02, rng=random)))
+    lower = sparse.csc_matrix(lower + 10 * sparse.eye_array(300))
+    entries = random.normal(lower.data, 0.1, (8, lower.nnz))
+    matrices = [sparse.csc_matrix((data, lower.indices, lower.indptr)) for data in entries]
+    rhs = random.normal(size=300)
+    Rslab().factor(lower)
+    with ThreadPoolExecutor(4) as pool:
+        shared = list(pool.map(lambda matrix: Rslab().factor(matrix).solve(rhs), matrices))
+    assert len(analysed) == 1
+    monkeypatch.setattr(solvers, "KEPT_UNKNOWNS", 0)
+    for matrix, found in zip(matrices, shared, strict=True):
+        np.testing.assert_array_equal(found, Rslab().factor(matrix).solve(rhs))
+        np.testing.assert_allclose(symmetric_product(matrix, found), rhs, atol=1e-9)
+    assert len(analysed) == 9
