@@ -131,7 +131,7 @@ def _along_path(case: Case) -> _Outcome:
         segments = list(path.segments.values())
         if not segments or math.isinf(segments[-1].limit):
             return _Outcome(f"refused: {error}", {}, None)
-        last = segments[-1]
+        last = path.branches.get(segments[-1], segments[-1])
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
         verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{where}"
@@ -177,13 +177,14 @@ def _own_figures(state: State) -> dict[str, float | str]:
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
     segments = list(path.segments.values())
-    nodes = [node for segment in segments for node in segment.nodes]
+    curves = [branch.curve for branch in path.branches.values()]
+    nodes = [node for segment in segments + curves for node in segment.nodes]
     if not nodes:
         return {}
     return {
         "iterations": sum(node.iterations for node in nodes),
-        "steps": sum(len(segment.nodes) - 1 for segment in segments),
-        "cutbacks": sum(cutbacks(segment) for segment in segments),
+        "steps": sum(len(segment.nodes) - 1 for segment in segments + curves),
+        "cutbacks": sum(cutbacks(segment) for segment in segments + curves),
         "min_jacobian": min(node.min_jacobian for node in nodes),
         "residual": max(node.residual for node in nodes),
         "stability": _stability(all(node.stability_checked for node in nodes)),
@@ -208,11 +209,12 @@ def cutbacks(segment: LoadSegment) -> int:
 
     Halves that the segment foresees count as those that it finds to be needed.
     """
-    positions = [round(node.s * TICKS / segment.step) for node in segment.nodes]
+    nodes = segment.nodes[:-1] if segment.mode.size else segment.nodes  # the last is where the pad buckles
+    positions = [round(node.s * TICKS / segment.step) for node in nodes]
     halved = 0
     for position, following in zip(positions, positions[1:], strict=False):
         halved += round(math.log2(_longest(position) / (following - position)))
-    given_up = bool(positions) and segment.limit == segment.nodes[-1].s
+    given_up = bool(positions) and (len(nodes) < len(segment.nodes) or segment.limit == segment.nodes[-1].s)
     return halved + (1 + round(math.log2(_longest(positions[-1]))) if given_up else 0)
 
 

@@ -55,6 +55,10 @@ def prepare(scene: Any) -> Prepared:
     refuse_unreadable(live, integrator)
     if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
         notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
+    for pad in deformed_pads(live):
+        if pad.state.buckled_at is not None:
+            at = ", ".join(f"{component:.4g}" for component in pad.state.buckled_at)
+            notes.append(f"a pad has buckled at ({at}) {pad.state.load.unit}: of its mirrored shapes, one is followed")
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is by random paths")  # also where all walls are diffuse
     if not traces_taxels(integrator) and _lights(live) > 1:

@@ -15,15 +15,15 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.elements.solvers import symmetric_product
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.path.least_mode import least_mode
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.sensitivities import mirrors_of_state
 from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.mechanics.path.state import State
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock, tangent_blocks
 
-CONVERGED = 1e-10
-"""Relative change of the eigenvalue that ends the iteration."""
-MOST_ITERATIONS = 200
+CONVERGED = 1e-7
+"""Change of the mode that ends the iteration; that of the eigenvalue goes with its square."""
 
 
 class CriticalMode:
@@ -92,23 +92,8 @@ class CriticalMode:
 
 
 def _mode(block: TangentBlock, state: State) -> tuple[float, np.ndarray]:
-    """The least eigenvalue of a block, and its mode over the unknowns, by inverse iteration."""
-    model = block.model
-    on_part = model.part.restrict(state.displacement, state.pressure)
-    entries = model.evaluate(*on_part, state.value).entries
+    """The least eigenvalue of a block, and its mode over the unknowns."""
+    on_part = block.model.part.restrict(state.displacement, state.pressure)
+    entries = block.model.evaluate(*on_part, state.value).entries
     assert entries is not None  # no element is inverted in a state
-    tangent = block.factored(entries, on_part[0], state.value)
-    moves = np.arange(model.assembly.unknowns) < model.numbering.displacements
-    push, before = np.random.default_rng(0).normal(size=len(moves)) * moves, np.inf
-    for _ in range(MOST_ITERATIONS):
-        push /= np.linalg.norm(push)
-        mode = tangent.correction(push, None)
-        stiffness = float(1 / (push @ mode))
-        push = mode * moves
-        if abs(stiffness - before) < CONVERGED * abs(stiffness):
-            break
-        before = stiffness
-    else:
-        raise ComputationError(f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations.")
-    mode = mode / np.linalg.norm(push)
-    return float(mode @ symmetric_product(model.assembly.matrix(entries), mode)), mode
+    return least_mode(block, block.factored(entries, on_part[0], state.value), CONVERGED)

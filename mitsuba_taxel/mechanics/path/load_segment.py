@@ -10,12 +10,14 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
+from mitsuba_taxel.mechanics.elements.constraints import Numbering
+from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.solution import Rejected, Solution
 
 INTERPOLATION_TOLERANCE = 1e-5
@@ -26,7 +28,37 @@ TICKS = 64
 CONTACT_RESOLUTION = 1e-3
 """Tolerance of the load at the first contact, relative to a whole step."""
 
-Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Linearised]]
+
+class Followed(Protocol):
+    """What a segment asks of a pad: its states under values of a load, or of what takes its place.
+
+    Methods are those of a `LoadedPad`. What solves return along with a state is handed back as it is.
+    """
+
+    solves_between: ClassVar[bool]
+
+    @property
+    def numbering(self) -> Numbering: ...
+
+    @property
+    def load(self) -> Load: ...
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray: ...
+
+    def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Any]: ...
+
+    def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Any]: ...
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None: ...
+
+    def rate(self, linearised: Any, unknowns: np.ndarray, direction: np.ndarray, value: np.ndarray) -> np.ndarray: ...
+
+    def correction(self, linearised: Any, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None: ...
+
+
+Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Any]]
 
 
 @dataclass(frozen=True)
@@ -76,6 +108,8 @@ class LoadSegment:
         Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
         In mm, point of contact at the limit; NaN without contact.
+    mode : ndarray
+        Of :class:`~mitsuba_taxel.mechanics.path.onset_of_buckling.Onset`, if the pad buckles at the limit; else empty.
     """
 
     def __init__(
@@ -90,6 +124,7 @@ class LoadSegment:
         self.tolerance = tolerance
         self.nodes: list[Node] = []
         self.limit, self.reason, self.place = math.inf, "", np.full(3, math.nan)
+        self.mode = np.zeros(0)
 
     def value(self, s: float) -> np.ndarray:
         """Value of the load at distance ``s``."""
@@ -101,7 +136,7 @@ class LoadSegment:
 
     def extend(
         self,
-        pad: LoadedPad,
+        pad: Followed,
         s: float,
         start: Callable[[], np.ndarray],
         contact: ContactTest,
@@ -126,13 +161,13 @@ class LoadSegment:
                 if math.isfinite(self.limit):
                     break
 
-    def _begin(self, pad: LoadedPad, start: Callable[[], np.ndarray]) -> None:
+    def _begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
         try:  # at rest, or between states of another segment
             self.nodes.append(self._node(pad, pad.solve_linearised, 0.0, start())[0])
         except Rejected as rejection:
             self.limit, self.reason = 0.0, f"cannot be loaded further ({rejection})"
 
-    def _next(self, pad: LoadedPad) -> list[Node]:
+    def _next(self, pad: Followed) -> list[Node]:
         """The nodes of the next interval; none, and a `limit`, where the segment ends."""
         last, tick = self.nodes[-1], self.step / TICKS
         position = round(last.s / tick)
@@ -148,7 +183,7 @@ class LoadSegment:
                     return []
             length //= 2
 
-    def _interval(self, pad: LoadedPad, start: Node, s: float, shortest: bool) -> list[Node]:
+    def _interval(self, pad: Followed, start: Node, s: float, shortest: bool) -> list[Node]:
         """The nodes beyond ``start`` up to distance ``s``; raises Rejected if no acceptable state is found there."""
         solve = pad.solve_symmetric if self.judged else pad.solve_linearised
         end, linearised = self._node(pad, solve, s, self._guess(pad, s))
@@ -161,7 +196,7 @@ class LoadSegment:
             end = replace(end, seconds=end.seconds + time.perf_counter() - began)
         return self._between(pad, start, end, fits)
 
-    def _between(self, pad: LoadedPad, start: Node, end: Node, fits: bool) -> list[Node]:
+    def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
         """The nodes beyond ``start`` up to ``end``; further ones are inserted unless the interpolation ``fits``."""
         if fits:
             return [end]
@@ -173,21 +208,21 @@ class LoadSegment:
         del linearised
         return [node for half, fits in zip(halves, fit, strict=True) for node in self._between(pad, *half, fits)]
 
-    def _guess(self, pad: LoadedPad, s: float) -> np.ndarray:
+    def _guess(self, pad: Followed, s: float) -> np.ndarray:
         """Extrapolated unknowns beyond the last node: by the last interval's cubic up to its length, else linearly."""
         last = self.nodes[-1]
         if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
             return hermite(self.nodes[-2], last, s)
         return pad.towards(last.unknowns, last.unknowns + (s - last.s) * last.tangent)
 
-    def _node(self, pad: LoadedPad, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Linearised]:
+    def _node(self, pad: Followed, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Any]:
         began = time.perf_counter()
         solution, linearised = solve(guess, self.value(s))
         tangent = pad.rate(linearised, solution.unknowns, self.direction, self.value(s))
         figures = (solution.min_jacobian, solution.residual, solution.iterations, solution.stability_checked)
         return Node(s, solution.unknowns, tangent, *figures, time.perf_counter() - began), linearised
 
-    def _interpolates(self, pad: LoadedPad, start: Node, end: Node, linearised: Linearised) -> bool:
+    def _interpolates(self, pad: Followed, start: Node, end: Node, linearised: Any) -> bool:
         """Whether the interpolated midpoint is near equilibrium, as measured by one Newton step."""
         if pad.solves_between:
             return True
@@ -198,7 +233,7 @@ class LoadSegment:
             return False
         return self._is_little(correction, unknowns, pad)
 
-    def _needed_middle(self, pad: LoadedPad) -> bool:
+    def _needed_middle(self, pad: Followed) -> bool:
         """Whether the last two intervals are of equal length, and as one would not be interpolated accurately."""
         if len(self.nodes) < 3 or pad.solves_between:
             return False
@@ -208,13 +243,13 @@ class LoadSegment:
         off = hermite(start, end, middle.s) - middle.unknowns
         return not self._is_little(off, middle.unknowns, pad)
 
-    def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: LoadedPad) -> bool:
+    def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
         """Whether the displacements, the first of the unknowns, are within the tolerance."""
         displacements = pad.numbering.displacements
         error = math.sqrt(np.square(correction[:displacements]).mean())
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
-    def _look_for_contact(self, pad: LoadedPad, test: ContactTest) -> None:
+    def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
         """End the segment at the first contact since the penultimate node, if there is one at the last."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
@@ -224,8 +259,22 @@ class LoadSegment:
             self.limit, contact = found
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
 
+    def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
+        """End the segment, which was found to be unstable beyond its last node, where the pad buckles in a ``mode``.
+
+        Parameters
+        ----------
+        node : Node
+            The state there, unless the pad touches something before.
+        """
+        self.limit = math.inf
+        self.nodes.append(node)
+        self._look_for_contact(pad, contact)
+        if math.isinf(self.limit):
+            self.limit, self.mode = node.s, mode
+
     def first_contact(
-        self, pad: LoadedPad, index: int, find: Callable[[np.ndarray], Contact | None]
+        self, pad: Followed, index: int, find: Callable[[np.ndarray], Contact | None]
     ) -> tuple[float, Contact] | None:
         """Distance along the segment without contact, and the contact, if there is one at a node but not at the one
         before.
@@ -261,7 +310,7 @@ class LoadSegment:
             sum(node.seconds for node in self.nodes[: after + 1]),
         )
 
-    def solved(self, pad: LoadedPad, s: float) -> Node:
+    def solved(self, pad: Followed, s: float) -> Node:
         """The equilibrium at distance ``s``, which the segment must reach; raises Rejected if there is none."""
         after = self._first_from(s)
         if self.nodes[after].s == s:
@@ -277,6 +326,12 @@ class LoadSegment:
         """Derivative of the unknowns by the distance at ``s``, which the segment must reach."""
         return hermite_rate(*self._interval_to(self._first_from(s)), s)
 
+    def beyond(self, pad: LoadedPad, s: float) -> Node:
+        """The equilibrium at a distance ``s`` little beyond the last node, which need only be stable by the pad's own
+        symmetry; raises Rejected if it is not."""
+        last = self.nodes[-1]
+        return self._node(pad, pad.solve_closely, s, last.unknowns + (s - last.s) * last.tangent)[0]
+
     def _first_from(self, s: float) -> int:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
 
@@ -286,11 +341,13 @@ class LoadSegment:
     def arrays(self) -> dict[str, np.ndarray]:
         """Nodes and limit as arrays by name, for the cache."""
         nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
-        return nodes | {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place}
+        end = {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place, "mode": self.mode}
+        return nodes | end
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
         """Restore nodes and limit from :meth:`arrays`."""
         self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
+        self.mode = arrays["mode"]
         names = [field.name for field in fields(Node)]
         columns = [arrays[name] if arrays[name].ndim == 2 else arrays[name].tolist() for name in names]
         self.nodes = [Node(*row) for row in zip(*columns, strict=True)]

@@ -14,8 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
-from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
-from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
+from mitsuba_taxel.mechanics.path.load_segment import Followed, LoadSegment
 
 
 def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> None:
@@ -54,7 +53,7 @@ class Obstacles:
         self._first: dict[LoadSegment, tuple[float, Contact]] = {}
         refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
 
-    def first(self, segment: LoadSegment, pad: LoadedPad) -> tuple[float, Contact] | None:
+    def first(self, segment: LoadSegment, pad: Followed) -> tuple[float, Contact] | None:
         """Distance along a segment, as far as it is solved, to the first contact, and that contact; else None."""
         for index in range(self._clear.get(segment, 1), len(segment.nodes)):
             if segment not in self._first:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
+from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
 from mitsuba_taxel.mechanics.contact.feet import said_of
@@ -25,14 +25,23 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
+from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
 from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
-from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE, TICKS, Interpolated, LoadSegment, Node
+from mitsuba_taxel.mechanics.path.load_segment import (
+    INTERPOLATION_TOLERANCE,
+    TICKS,
+    Followed,
+    Interpolated,
+    LoadSegment,
+    Node,
+)
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
+from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset, is_kept
 from mitsuba_taxel.mechanics.path.pushed_states import PushedStates
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.path.solution import Rejected
@@ -45,7 +54,7 @@ LONGER_PRESSED = 2.0
 LOCK = threading.RLock()
 
 Start = Callable[[], tuple[np.ndarray, np.ndarray]]
-Touch = Callable[[LoadSegment, LoadedPad], tuple[float, Contact] | None]
+Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 class PadPath:
@@ -76,6 +85,7 @@ class PadPath:
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
         self.segments: dict[tuple[float, ...], LoadSegment] = {}
+        self.branches: dict[LoadSegment, BuckledBranch] = {}
         self._asked: dict[LoadSegment, dict[float, Node]] = {}
         self._asked_pushed: dict[LoadSegment, dict[float, Interpolated | None]] = {}
         self.second_meshes = SecondMeshes(self)
@@ -160,8 +170,9 @@ class PadPath:
             self.load.check(value)
         used: list[Mirror] = []
         turned = value = np.array(value)
-        for mirror in MIRRORS:
-            if len(value) == 3 and mirror.side(turned) < 0 and mirror in self.images:
+        self._follow_normal(value)
+        for mirror in self._mirrors_at(value):
+            if len(value) == 3 and mirror.side(turned) < 0:
                 turned = mirror.image(turned)
                 used.append(mirror)
         in_the_way = None if obstacles is None else self._obstacles(obstacles, used)
@@ -171,13 +182,14 @@ class PadPath:
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
+        buckled_at = self._buckled_at(turned, used)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         moved = value if isinstance(self.load, IndenterDisplacement) else None
         if isinstance(self.load, IndenterForce):
             moved = self.driven_to(value, in_the_way)
         return State(
             self.mesh, self.material, self.load, value, displacement, pressure, *figures, compare, rate,
-            indenter_moved=moved, bodies=self.bodies,
+            indenter_moved=moved, bodies=self.bodies, buckled_at=buckled_at,
         )  # fmt: skip
 
     def on_elements(self, mesh_size: float) -> PadPath:
@@ -197,12 +209,11 @@ class PadPath:
         return bears
 
     def bears(self, value: np.ndarray) -> bool:
-        """Whether its path leads as far as ``value``."""
+        """Whether its path leads as far as ``value`` without buckling."""
         try:
-            self.state(value)
+            return self.state(value).buckled_at is None
         except ComputationError:
             return False
-        return True
 
     def _comparison(
         self, value: np.ndarray, mirrors: list[Mirror], displacement: np.ndarray, pressure: np.ndarray
@@ -234,6 +245,9 @@ class PadPath:
                     rate = _beside(self, tuple(segment.origin)).rate(pad, segment, s, pushed.unknowns)
                 except Rejected:
                     return None
+            elif s > segment.limit:
+                branch = self.branch(segment)
+                pad, rate = branch.pad, branch.rate(s)
             else:
                 rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
             displacement = pad.split(rate)[0]
@@ -284,14 +298,13 @@ class PadPath:
             touch = obstacles.first if obstacles else _nothing
             if not segment.reaches(s):
                 self._extend(segment, pad, s, start, touch)
-            touched = touch(segment, pad)
-            if touched and touched[0] < min(s, segment.limit):
-                free, contact = touched
-                end = segment.value(free), f"touches {contact.what}", np.array(contact.place)
-                raise self._end(*end, mirrors)
-            if not segment.reaches(s):
-                raise self._end(segment.value(segment.limit), segment.reason, segment.place, mirrors)
-            at = segment.at(s)
+            self._refuse_touch(segment, touch(segment, pad), s, mirrors)
+            part: LoadSegment | BuckledBranch = segment
+            if segment.mode.size and not segment.reaches(s):
+                part, pad = self._extended_branch(segment, s, touch, mirrors)
+            if not part.reaches(s):
+                raise self._end(part.value(part.limit), part.reason, part.place, mirrors)
+            at = part.at(s)
             if pad.solves_between:
                 try:
                     node = self._solved(segment, s, pad)
@@ -303,6 +316,87 @@ class PadPath:
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
+
+    def _extended_branch(
+        self, segment: LoadSegment, s: float, touch: Touch, mirrors: list[Mirror]
+    ) -> tuple[BuckledBranch, LoadedPad]:
+        """The branch beyond the end of a segment, as far as it leads to ``s``, and its pad."""
+        branch, name = self.branch(segment), cache.key("buckled", self._segment_name(segment))
+        with cache.alone(name):
+            arrays = cache.load(name)
+            if arrays is not None and len(arrays["s"]) > len(branch.curve.nodes):
+                branch.curve.restore(arrays)
+            before = len(branch.curve.nodes), branch.limit
+            try:
+                branch.extend(s, lambda: touch(branch.curve, branch.buckled) is not None)
+            finally:
+                if (len(branch.curve.nodes), branch.limit) != before:
+                    cache.store(name, branch.curve.arrays())
+        touched = touch(branch.curve, branch.buckled)
+        self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
+        return branch, branch.pad
+
+    def branch(self, segment: LoadSegment) -> BuckledBranch:
+        """The branch that begins at the end of a segment where the pad buckles."""
+        if segment not in self.branches:
+            pad = self.pad_for(segment.origin, segment.direction)
+            kept = tuple(mirror for mirror in pad.mirrors if is_kept(segment.mode, mirror, self.images[mirror]))
+            state = pad.split(segment.nodes[-1].unknowns)
+            self.branches[segment] = BuckledBranch(self.pad_between(kept), segment, state)
+        return self.branches[segment]
+
+    def _refuse_touch(
+        self,
+        segment: LoadSegment | BuckledBranch,
+        touched: tuple[float, Contact] | None,
+        s: float,
+        mirrors: list[Mirror],
+    ) -> None:
+        """Raise LoadPathEnds if a segment touches something before it leads to ``s``."""
+        if touched and touched[0] < min(s, segment.limit):
+            free, contact = touched
+            raise self._end(segment.value(free), f"touches {contact.what}", np.array(contact.place), mirrors)
+
+    def _buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:
+        """The load at which the pad buckles on the way to a canonical state that ``mirrors`` took there; None if it
+        does not."""
+        if not self._may_buckle:
+            return None
+        for segment, s in self.segments_to(value):
+            if segment.mode.size and s > segment.limit:
+                found = segment.value(segment.limit)
+                for mirror in reversed(mirrors):
+                    found = mirror.image(found)
+                return found
+        return None
+
+    def mirrors_buckled(self, value: np.ndarray) -> tuple[Mirror, ...] | None:
+        """The symmetries of a canonical state that has buckled on the way; None if it has not."""
+        if self._buckled_at(value) is None:
+            return None
+        segment, s = self.segments_to(value)[-1]
+        pad = self.branch(segment).pad if s > segment.limit else self.pad_for(segment.origin, segment.direction)
+        return pad.mirrors
+
+    @property
+    def _may_buckle(self) -> bool:
+        """Whether branches are followed."""
+        return self.judged and not (self.load.goes_on or isinstance(self.load, IndenterDisplacement | IndenterForce))
+
+    def _follow_normal(self, value: np.ndarray) -> None:
+        """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""
+        if self._may_buckle and len(value) == 3 and value[2] and value[:2].any():
+            ((segment, s),) = self.segments_to(np.array([0.0, 0.0, value[2]]))
+            if not segment.reaches(s):
+                rest = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
+                self._extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, _nothing)
+
+    def _mirrors_at(self, value: np.ndarray) -> list[Mirror]:
+        """The mirrors that leave the pad under the normal part of a load as it is."""
+        if not self._may_buckle or len(value) == 1 or not value[:2].any():
+            return list(self.images)
+        normal = self.mirrors_buckled(np.array([0.0, 0.0, value[2]]))
+        return [mirror for mirror in self.images if normal is None or mirror in normal]
 
     def _pushed(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
         """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.
@@ -387,8 +481,11 @@ class PadPath:
 
     def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
         """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
-        path = np.stack([origin, direction])
-        mirrors = tuple(m for m in self.images if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        path, kept = np.stack([origin, direction]), self._mirrors_at(origin + direction)
+        return self.pad_between(tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path)))
+
+    def pad_between(self, mirrors: tuple[Mirror, ...]) -> LoadedPad:
+        """The part of the pad between mirrors, which are symmetries of it."""
         return loaded_pad(self.mesh, self.material, self.load, mirrors, self.bodies)
 
     def _extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
@@ -402,6 +499,9 @@ class PadPath:
             try:
                 contact = self.contact if self.load.goes_on else pad.contact
                 segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
+                onset = find_onset(pad, segment) if self._may_buckle else None
+                if onset:
+                    segment.end_buckling(pad, contact, *onset)
             finally:
                 if (len(segment.nodes), segment.limit) != before:
                     cache.store(self._segment_name(segment), segment.arrays())
@@ -418,21 +518,26 @@ class PadPath:
 
     def _end(self, value: np.ndarray, reason: str, place: np.ndarray, mirrors: list[Mirror]) -> LoadPathEnds:
         """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
+        buckled_at = self._buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirror.image(value), mirror.image(place)
         where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
-        shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
         further = ""
         if reason.startswith("touches") and self.load.goes_on:
             further = " It may go on with smaller elements."
         elif reason.startswith("touches"):
             further = " With self_contact = true it goes on."
         further = said_of(reason.removeprefix("touches "), self.mesh, place) + further
-        at = f"{self.load.quantity} = {shown} {self.load.unit}"
-        words = f"the pad {reason}{where}: the load path ends at {at}.{further}"
+        if buckled_at is not None:
+            further = f" It buckled at {self._shown(buckled_at)}, into one of its mirrored shapes.{further}"
+        words = f"the pad {reason}{where}: the load path ends at {self._shown(value)}.{further}"
         touched = reason.startswith("touches")
         contact = Contact(reason.removeprefix("touches "), tuple(place.tolist())) if touched else None
         return LoadPathEnds(words, self.load, value, contact)
+
+    def _shown(self, value: np.ndarray) -> str:
+        shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+        return f"{self.load.quantity} = {shown} {self.load.unit}"
 
     @property
     def key_parts(self) -> list[Any]:
@@ -451,7 +556,7 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
     return pad.split(pad.balance(near, value))
 
 
-def _nothing(segment: LoadSegment, pad: LoadedPad) -> None:
+def _nothing(segment: LoadSegment, pad: Followed) -> None:
     """What a path touches that nothing stands in the way of."""
 
 

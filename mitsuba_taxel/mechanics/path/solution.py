@@ -9,6 +9,8 @@ import numpy as np
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 
+UNSTABLE = "the equilibrium is unstable"
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -59,4 +61,4 @@ def singular(failure: RuntimeError) -> Rejected:
 def refuse_surplus(surplus: int) -> None:
     """Raise Rejected if the tangent has more negative pivots than a stable equilibrium."""
     if surplus:
-        raise Rejected(f"the equilibrium is unstable ({surplus:+d} negative pivots)")
+        raise Rejected(f"{UNSTABLE} ({surplus:+d} negative pivots)")

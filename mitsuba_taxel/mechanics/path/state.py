@@ -113,6 +113,9 @@ class State(Displayed):
         In mm, how far an indenter is from where it starts; None where there is none.
     bodies : RigidBodies or None
         Those that hold the pad where it touches them, on a path that goes on there.
+    buckled_at : ndarray or None
+        The load's value at which the pad has buckled on the way: of the shapes that symmetry allows, this is one; None
+        if it has not.
     """
 
     mesh: VolumeMesh
@@ -132,6 +135,7 @@ class State(Displayed):
     traction: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     indenter_moved: np.ndarray | None = None
     bodies: RigidBodies | None = None
+    buckled_at: np.ndarray | None = None
 
     @cached_property
     def _compared(self) -> StateComparison:

@@ -121,12 +121,19 @@ class TangentBlock:
             if the state is unstable.
         """
         held, stable = self.model.held(displacement, value), (None, self.model.numbering.pressures)
-        found = self._linearised(entries, self._lower(entries, displacement, contacts), held)
+        found = self.tangent(entries, displacement, value, contacts)
         if found.negative not in stable:
             steady = contacts and self._linearised(entries, self._lower(entries, displacement, contacts, True), held)
             if not steady or steady.negative not in stable:
                 raise Rejected("the equilibrium is unstable")
         return found
+
+    def tangent(
+        self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
+    ) -> Linearised:
+        """As :meth:`factored`, of a state that need not be stable."""
+        lower = self._lower(entries, displacement, contacts)
+        return self._linearised(entries, lower, self.model.held(displacement, value))
 
     def _lower(
         self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False

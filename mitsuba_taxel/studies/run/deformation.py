@@ -51,9 +51,10 @@ def deform(
     Per pad and step ``file`` (PLY, mm; a VTU file has the same name), the load's ``quantity``, ``value`` and ``unit``,
     ``triangles``, ``min_jacobian`` (smallest volume ratio det F), ``newton_iterations``, ``residual`` (largest
     out-of-balance force where the path was solved, relative to the load), ``stable`` (None if not checked),
-    ``imbalance`` (of load and reaction of the board in this state, relative), ``roof_error_mm`` and
-    ``slope_error_degrees`` (estimated discretisation error; None if unknown). Of a viscoelastic silicone also
-    ``time_s`` and ``time_error`` (relative error of the stress due to time steps), else None.
+    ``buckled_at`` (value of the load at which the pad buckled on the way, or None), ``imbalance`` (of load and reaction
+    of the board in this state, relative), ``roof_error_mm`` and ``slope_error_degrees`` (estimated discretisation
+    error; None if unknown). Of a viscoelastic silicone also ``time_s`` and ``time_error`` (relative error of the stress
+    due to time steps), else None.
 
     Raises
     ------
@@ -103,6 +104,7 @@ def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
         "newton_iterations": int(state.newton_iterations),
         "residual": float(state.residual),
         "stable": True if state.stability_checked else None,
+        "buckled_at": None if state.buckled_at is None else state.buckled_at.tolist(),
         "imbalance": float(board.imbalance),
         "board_force_N": board.force.tolist(),
         "board_force_error_N": None if np.isnan(board.force_error) else float(board.force_error),

@@ -7,7 +7,7 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, State
-from mitsuba_taxel.mechanics.path import critical_mode
+from mitsuba_taxel.mechanics.path import least_mode
 from mitsuba_taxel.mechanics.path.critical_mode import CriticalMode
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 
@@ -67,6 +67,6 @@ def test_no_equilibrium_near_by_is_told(mesh):
 
 
 def test_modes_that_cannot_be_told_apart_are_refused(mesh, monkeypatch):
-    monkeypatch.setattr(critical_mode, "MOST_ITERATIONS", 2)
+    monkeypatch.setattr(least_mode, "MOST_ITERATIONS", 2)
     with pytest.raises(ComputationError, match="the least stiff mode of the pad was not found in 2 iterations"):
         CriticalMode(state_under(mesh, (0.01, 0.02, -0.2)))

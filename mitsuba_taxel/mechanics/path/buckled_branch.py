@@ -1,0 +1,220 @@
+"""The stable states of a pad that has buckled: those on the branch that begins at the end of a segment.
+
+Where a branch begins, the displacement changes without limit with the load, and both are smooth functions of the
+amplitude of the mode in which the pad buckles. So the branch is a segment of states of given amplitude, of which the
+load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). A state is stable if it is under its load, and that
+load must rise with the amplitude: where it falls, a pad jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mitsuba_taxel.mechanics.elements.constraints import Numbering
+from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.path.linearised import Linearised
+from mitsuba_taxel.mechanics.path.load_segment import TICKS, Interpolated, LoadSegment, hermite
+from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
+from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected, Solution
+
+PRECISE = 1e-14
+"""Tolerance of the amplitude that belongs to a load, in mm and relative."""
+
+
+class _Bordered(NamedTuple):
+    """The linearised pad, and the rate of its unknowns with the load."""
+
+    tangent: Linearised
+    rate: np.ndarray
+
+    @property
+    def entries(self) -> np.ndarray:
+        return self.tangent.entries
+
+
+class BuckledPad:
+    """A pad in which the amplitude of a mode is given, in mm; its load is the last of the unknowns.
+
+    To a `LoadSegment`, it is a pad as any other, with the amplitude as the load's value.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part between the mirrors that the mode keeps.
+    segment : LoadSegment
+        The segment at whose end it buckles.
+    onset, mode : ndarray
+        The unknowns of the pad there, and those of the mode.
+    """
+
+    solves_between: ClassVar[bool] = False
+
+    def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: np.ndarray, mode: np.ndarray) -> None:
+        self.pad, self._segment = pad, segment
+        self.onset = np.append(onset, segment.limit)
+        moves = np.arange(pad.unknowns) < pad.numbering.displacements
+        self._measure = moves * mode / np.square(mode[moves]).sum()
+
+    @property
+    def numbering(self) -> Numbering:
+        return self.pad.numbering
+
+    @property
+    def load(self) -> Load:
+        return self.pad.load
+
+    def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.pad.split(unknowns[:-1])
+
+    def solve_symmetric(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
+        unknowns = start
+        for iteration in range(MOST_ITERATIONS):
+            value = self._segment.value(unknowns[-1])
+            found = self.pad.near_balance(unknowns[:-1], value, iteration, True)
+            bordered = self._bordered(unknowns)
+            if iteration and found.residual < RESIDUAL_TOLERANCE:
+                self._refuse_falling(bordered)
+                return replace(found, unknowns=unknowns), bordered
+            correction = self.correction(bordered, unknowns, amplitude)
+            if correction is None:
+                break
+            unknowns = unknowns - correction
+        raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
+
+    solve_linearised = solve_symmetric
+
+    def _bordered(self, unknowns: np.ndarray) -> _Bordered:
+        value = self._segment.value(unknowns[-1])
+        tangent = self.pad.tangent_at(unknowns[:-1], value, None)
+        return _Bordered(tangent, self.pad.rate(tangent, unknowns[:-1], self._segment.direction, value))
+
+    def _refuse_falling(self, bordered: _Bordered) -> None:
+        if not self._measure @ bordered.rate > 0:
+            raise Rejected(f"{UNSTABLE}: the load falls as the pad buckles")
+        if bordered.tangent.negative not in (None, self.pad.numbering.pressures):
+            raise Rejected(UNSTABLE)
+
+    def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, amplitude: np.ndarray) -> None:
+        self.pad.refuse_unstable(unknowns[:-1], entries, self._segment.value(unknowns[-1]))
+
+    def rate(
+        self, bordered: _Bordered, unknowns: np.ndarray, direction: np.ndarray, amplitude: np.ndarray
+    ) -> np.ndarray:
+        return np.append(bordered.rate, 1.0) / (self._measure @ bordered.rate)
+
+    def correction(self, bordered: _Bordered, unknowns: np.ndarray, amplitude: np.ndarray) -> np.ndarray | None:
+        correction = self.pad.correction(bordered.tangent, unknowns[:-1], self._segment.value(unknowns[-1]))
+        if correction is None:
+            return None
+        excess = self._measure @ (unknowns - self.onset)[:-1] - amplitude[0]
+        load = (excess - self._measure @ correction) / (self._measure @ bordered.rate)
+        return np.append(correction + load * bordered.rate, load)
+
+    def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        return guess
+
+
+class BuckledBranch:
+    """The states beyond the end of a segment at which a pad buckles, by the distance along that segment.
+
+    Parameters
+    ----------
+    pad : LoadedPad
+        The part of the pad between the mirrors that the mode keeps.
+    segment : LoadSegment
+    onset : tuple[ndarray, ndarray]
+        Displacement (N, 3) and pressure (corners,) of the whole pad at its end.
+
+    Attributes
+    ----------
+    curve : LoadSegment
+        The states by their amplitude in mm.
+    buckled : BuckledPad
+        The pad of that segment.
+    """
+
+    def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
+        moved, squeezed = np.split(segment.mode, [-pad.whole.corner_count])
+        mode = pad.gather(moved.reshape(-1, 3), squeezed)
+        self.pad, self._segment = pad, segment
+        self.buckled = BuckledPad(pad, segment, pad.gather(*onset), mode)
+        self.curve = LoadSegment(
+            np.zeros(1), np.ones(1), NATURAL_STRAIN * pad.height, segment.judged, segment.tolerance
+        )
+        first = replace(segment.nodes[-1], s=0.0, unknowns=self.buckled.onset, tangent=np.append(mode, 0.0))
+        self.curve.nodes.append(first)
+
+    @property
+    def reason(self) -> str:
+        """Why the branch ends."""
+        return self.curve.reason
+
+    @property
+    def place(self) -> np.ndarray:
+        """(3,) mm, point of contact where it ends; NaN without contact."""
+        return self.curve.place
+
+    @property
+    def limit(self) -> float:
+        """Distance along the segment beyond which there is no state; infinite if unknown."""
+        return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf
+
+    def value(self, s: float) -> np.ndarray:
+        """Value of the load at a distance."""
+        return self._segment.value(s)
+
+    def reaches(self, s: float) -> bool:
+        """Whether a state at a distance needs no further solve."""
+        return min(self._solved_to, self.limit) >= s
+
+    def extend(self, s: float, touched: Callable[[], bool]) -> None:
+        """Solve the branch up to a distance, or until it has ``touched`` something."""
+        curve = self.curve
+        if len(curve.nodes) == 1:
+            self._begin()
+        curve.extend(
+            self.buckled, math.inf, lambda: curve.nodes[0].unknowns, self.pad.contact,
+            lambda: self._solved_to >= s or touched(),
+        )  # fmt: skip
+
+    def _begin(self) -> None:
+        """End the branch at its begin if the load falls from there: no shorter step helps."""
+        tick, first = self.curve.step / TICKS, self.curve.nodes[0]
+        try:
+            self.buckled.solve_symmetric(first.unknowns + tick * first.tangent, np.array([tick]))
+        except Rejected as rejection:
+            self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({rejection})"
+
+    def load_at(self, amplitude: float) -> float:
+        """Distance along the segment of the state of an amplitude."""
+        return float(self.curve.at(amplitude).unknowns[-1])
+
+    def at(self, s: float) -> Interpolated:
+        """The state at a distance, which the branch must reach."""
+        found = self.curve.at(self._amplitude(s))
+        seconds = found.seconds + self._segment.at(self._segment.limit).seconds
+        return replace(found, unknowns=found.unknowns[:-1], seconds=seconds)
+
+    def rate(self, s: float) -> np.ndarray:
+        """Derivative of the unknowns by the distance; without limit at the begin of the branch."""
+        rate = self.curve.rate(self._amplitude(s))
+        return rate[:-1] / rate[-1]
+
+    @property
+    def _solved_to(self) -> float:
+        return float(self.curve.nodes[-1].unknowns[-1])
+
+    def _amplitude(self, s: float) -> float:
+        """That of the state at a distance: the load rises with it."""
+        nodes = self.curve.nodes
+        after = next(index for index, node in enumerate(nodes) if node.unknowns[-1] >= s)
+        start, end = nodes[max(after - 1, 0)], nodes[after]
+        low, high = (replace(node, unknowns=node.unknowns[-1:], tangent=node.tangent[-1:]) for node in (start, end))
+        return float(brentq(lambda a: hermite(low, high, a)[0] - s, low.s, high.s, xtol=PRECISE, rtol=PRECISE))
