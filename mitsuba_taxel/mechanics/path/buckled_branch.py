@@ -20,12 +20,15 @@ from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
-from mitsuba_taxel.mechanics.path.load_segment import TICKS, Interpolated, LoadSegment, hermite
+from mitsuba_taxel.mechanics.path.load_segment import Interpolated, LoadSegment, hermite
 from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected, Solution
 
 PRECISE = 1e-14
 """Tolerance of the amplitude that belongs to a load, in mm and relative."""
+
+FIRST = 0.125
+"""Amplitude, relative to a whole step, that tells whether the load rises from where a branch begins."""
 
 
 class _Bordered(NamedTuple):
@@ -79,13 +82,13 @@ class BuckledPad:
             value = self._segment.value(unknowns[-1])
             found = self.pad.near_balance(unknowns[:-1], value, iteration, True)
             bordered = self._bordered(unknowns)
-            if iteration and found.residual < RESIDUAL_TOLERANCE:
-                self._refuse_falling(bordered)
-                return replace(found, unknowns=unknowns), bordered
             correction = self.correction(bordered, unknowns, amplitude)
             if correction is None:
                 break
             unknowns = unknowns - correction
+            if iteration and found.residual < RESIDUAL_TOLERANCE:  # where a branch begins, loads need the further step
+                self._refuse_falling(bordered)
+                return replace(found, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
     solve_linearised = solve_symmetric
@@ -186,9 +189,9 @@ class BuckledBranch:
 
     def _begin(self) -> None:
         """End the branch at its begin if the load falls from there: no shorter step helps."""
-        tick, first = self.curve.step / TICKS, self.curve.nodes[0]
+        little, first = FIRST * self.curve.step, self.curve.nodes[0]
         try:
-            self.buckled.solve_symmetric(first.unknowns + tick * first.tangent, np.array([tick]))
+            self.buckled.solve_symmetric(first.unknowns + little * first.tangent, np.array([little]))
         except Rejected as rejection:
             self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({rejection})"
 

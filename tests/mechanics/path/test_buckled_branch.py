@@ -1,4 +1,4 @@
-"""A column that buckles, against the elastica; and a pad of two cells with thin walls that do."""
+"""Columns that buckle, against the elastica, and what a load path makes of them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
+from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
-from mitsuba_taxel.mechanics import NeoHookean, SpreadForce
+from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, linearise, load_path
+from mitsuba_taxel.mechanics.path import pad_path
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset
+from mitsuba_taxel.mechanics.path.second_meshes import carried_to
+from mitsuba_taxel.pads import Pad
 
 LENGTH, WIDTH, MODULUS = 16.0, 2.0, 4.0
 EULER = MODULUS * np.pi**2 / 48 * WIDTH / LENGTH**2
@@ -27,26 +31,77 @@ def bent(load):
     return 2 * np.sqrt(modulus) / ellipk(modulus)
 
 
-@pytest.fixture
-def column(symmetric_block):
-    """The pad, and the segment that it bears straight."""
+def branch_of(pad, direction, kept):
+    """Onset and branch of a column, loaded until it buckles."""
+    segment = LoadSegment(np.zeros(3), np.array(direction), 4 * EULER, judged=True)
+    segment.extend(pad, 2 * EULER, partial(np.zeros, pad.unknowns), pad.contact, lambda: False)
+    onset = find_onset(pad, segment)
+    segment.end_buckling(pad, pad.contact, *onset)
+    part = loaded_pad(pad.whole, pad.material, pad.load, kept)
+    return onset, BuckledBranch(part, segment, pad.split(onset.node.unknowns))
+
+
+def test_an_elastica(symmetric_block):
+    """Slender enough for shear and shortening to change a deflection by less than 1 %."""
     mesh = symmetric_block((1.0, WIDTH, LENGTH), (1, 1, 8))
     pad = loaded_pad(mesh, NeoHookean(MODULUS, 0.0), SpreadForce(), (ACROSS_X, ACROSS_Y))
-    segment = LoadSegment(np.zeros(3), np.array([0.0, 0.0, -1.0]), 4 * EULER, judged=True)
-    segment.extend(pad, 2 * EULER, partial(np.zeros, pad.unknowns), pad.contact, lambda: False)
-    return pad, segment
-
-
-def test_an_elastica(column):
-    pad, segment = column
-    print(segment.limit, segment.reason, [n.s for n in segment.nodes], EULER)
-    onset = find_onset(pad, segment)
-    assert onset.node.s == pytest.approx(EULER, rel=0.05)
-    segment.end_buckling(pad, pad.contact, *onset)
-    kept = loaded_pad(pad.whole, pad.material, pad.load, (ACROSS_Y,))
-    branch = BuckledBranch(kept, segment, pad.split(onset.node.unknowns))
-    branch.extend(1.05 * segment.limit, lambda: False)
-    top = pad.whole.points[:, 2] == LENGTH
+    onset, branch = branch_of(pad, (0.0, 0.0, -1.0), (ACROSS_Y,))
+    assert onset.node.s == pytest.approx(EULER, rel=0.005)
+    branch.extend(1.05 * onset.node.s, lambda: False)
+    assert len(branch.curve.nodes) > 5 and branch.limit == np.inf
+    top = mesh.points[:, 2] == LENGTH
     for load in (1.001, 1.01, 1.03, 1.05):
-        print(load, kept.split(branch.at(load * segment.limit).unknowns)[0][top, 0].mean() / LENGTH, bent(load))
-    print([(n.s, n.unknowns[-1] / segment.limit, n.iterations) for n in branch.curve.nodes])
+        displacement = branch.pad.split(branch.at(load * onset.node.s).unknowns)[0]
+        assert displacement[top, 0].mean() / LENGTH == pytest.approx(bent(load), rel=0.01)
+
+
+@pytest.fixture
+def columns(fresh, monkeypatch, symmetric_block):
+    """Pads that are columns in truth; a function that forgets all states in memory."""
+    monkeypatch.setattr(
+        pad_path, "pad_mesh", lambda pad, size: symmetric_block((1.0, WIDTH, LENGTH), (1, 1, round(8 / size)))
+    )
+    return fresh
+
+
+def test_a_load_path_goes_on_beyond(columns):
+    """On the branch it is in balance; its rate is that of its tangent; it does not depend on what else is asked for."""
+    pad, law, value = Pad(), NeoHookean(MODULUS, 0.0), np.array((0, 0, -1.05 * EULER))
+    straight, state = load_path(pad, law, [0.9 * value, value], mesh_size=1.0)
+    assert straight.buckled_at is None and state.buckled_at == pytest.approx((0, 0, -EULER), rel=0.005)
+    top = state.mesh.points[:, 2] == LENGTH
+    lean = bent(value[2] / state.buckled_at[2]) * LENGTH
+    assert np.abs(straight.displacement[top, 0]).max() < 1e-3 * lean
+    assert state.displacement[top, 0].mean() == pytest.approx(lean, rel=0.01)
+    at_state, rate = linearise(state), state.path_rate()
+    np.testing.assert_allclose(at_state.displacement, state.displacement, atol=1e-3 * lean)
+    along = at_state.by_value(rate.direction)
+    np.testing.assert_allclose(rate.displacement, along, atol=0.01 * np.abs(along).max())
+    columns()
+    (again,) = load_path(pad, law, [value], mesh_size=1.0)
+    np.testing.assert_array_equal(again.displacement, state.displacement)
+    columns()
+    (cold,) = load_path(pad, law, [value], mesh_size=1.0, step_tolerance=1.1e-5)  # of another place in the cache
+    np.testing.assert_allclose(cold.displacement, state.displacement, atol=1e-3 * lean)
+
+
+def test_the_same_branch_on_other_elements_and_sideways(columns):
+    """Under sideways forces, symmetries that it has lost are not used."""
+    law, value = NeoHookean(MODULUS, 0.0), np.array((0, 0, -1.05 * EULER))
+    (state,) = load_path(Pad(), law, [value], mesh_size=1.0)
+    path, other = (pad_path.pad_path(Pad(), law, SpreadForce(), size, judged=size == 1) for size in (1.0, 0.67))
+    displacement, *_ = carried_to(other, path, value, state.displacement, state.pressure)
+    there = displacement[other.mesh.points[:, 2] == LENGTH, 0].mean()
+    here = state.displacement[path.mesh.points[:, 2] == LENGTH, 0].mean()
+    assert here > 0 and there == pytest.approx(here, rel=0.05)
+    assert path.pad_for(0.9 * value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
+    assert path.pad_for(0.9 * value, np.array([0, 1.0, 0])).mirrors == (ACROSS_X,)
+    assert path.pad_for(value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
+    assert path.pad_for(value, np.array([0, 1.0, 0])).mirrors == ()
+
+
+def test_a_load_that_falls_ends_the_path():
+    """A single cell leans, and its load falls at once: that is the end of a force, and is named with the load."""
+    with pytest.raises(ComputationError, match=r"the load falls as the pad buckles\): the load path ends at") as end:
+        load_path(Pad(rows=1, columns=1), NeoHookean(), [(0, 0, -40)], mesh_size=2.5)
+    assert end.value.value[2] == pytest.approx(-17, rel=0.1)
