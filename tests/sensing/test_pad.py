@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from edited_pad import TWO_CELLS, edited
@@ -19,6 +21,7 @@ from mitsuba_taxel import (
     measure,
 )
 from mitsuba_taxel.sensing.runs import prepare
+from mitsuba_taxel.sensing.scene_pads import deformed_pads
 
 CELLS = ("parallelepiped", "cylindrical", "spherical", "hemispheric")
 
@@ -223,3 +226,12 @@ def test_an_indenter_that_misses_the_pad_is_told(llvm_mono, x, notes):
     )
     ready = prepare(sensor.scene().with_mesh_size(1.7))
     assert [note for note in ready.notes if "indenter" in note] == notes
+
+
+def test_a_buckled_pad_is_told(llvm_mono):
+    ready = prepare(PadSensor(Pad("cylindrical", 1, 1), force=(0, 0, -0.1)).scene().with_mesh_size(1.7))
+    assert not any("buckled" in note for note in ready.notes)
+    (pad,) = deformed_pads(ready.scene)
+    pad.state = replace(pad.state, buckled_at=np.array([0, 0, -0.05]))
+    notes = prepare(ready.scene).notes
+    assert "a pad has buckled at (0, 0, -0.05) N: of its mirrored shapes, one is followed" in notes

@@ -2,8 +2,9 @@
 
 Where a branch begins, the displacement changes without limit with the load, and both are smooth functions of the
 amplitude of the mode in which the pad buckles. So the branch is a segment of states of given amplitude, of which the
-load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). A state is stable if it is under its load, and that
-load must rise with the amplitude: where it falls, a pad jumps.
+load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and states
+be stable under it: where it falls, a pad jumps. Where it falls at first only, by as little as elements may decide, the
+pad is followed to beyond.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from mitsuba_taxel.mechanics.path.solution import UNSTABLE, Rejected, Solution
 PRECISE = 1e-14
 """Tolerance of the amplitude that belongs to a load, in mm and relative."""
 
-FIRST = 0.125
-"""Amplitude, relative to a whole step, that tells whether the load rises from where a branch begins."""
+LEAP = 0.5
+"""Amplitude, relative to a whole step, within which the load may fall where a branch begins: a pad leaps as far."""
+FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
 
 class _Bordered(NamedTuple):
@@ -77,6 +79,15 @@ class BuckledPad:
         return self.pad.split(unknowns[:-1])
 
     def solve_symmetric(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
+        solution, bordered = self.solve_linearised(start, amplitude)
+        if not (self._measure @ bordered.rate > 0 and solution.unknowns[-1] > self.onset[-1]):
+            raise Rejected(FALLS)
+        if bordered.tangent.negative not in (None, self.pad.numbering.pressures):
+            raise Rejected(UNSTABLE)
+        return solution, bordered
+
+    def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
+        """As :meth:`solve_symmetric`, without a check of stability."""
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])
@@ -87,22 +98,13 @@ class BuckledPad:
                 break
             unknowns = unknowns - correction
             if iteration and found.residual < RESIDUAL_TOLERANCE:  # where a branch begins, loads need the further step
-                self._refuse_falling(bordered)
                 return replace(found, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
-
-    solve_linearised = solve_symmetric
 
     def _bordered(self, unknowns: np.ndarray) -> _Bordered:
         value = self._segment.value(unknowns[-1])
         tangent = self.pad.tangent_at(unknowns[:-1], value, None)
         return _Bordered(tangent, self.pad.rate(tangent, unknowns[:-1], self._segment.direction, value))
-
-    def _refuse_falling(self, bordered: _Bordered) -> None:
-        if not self._measure @ bordered.rate > 0:
-            raise Rejected(f"{UNSTABLE}: the load falls as the pad buckles")
-        if bordered.tangent.negative not in (None, self.pad.numbering.pressures):
-            raise Rejected(UNSTABLE)
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, amplitude: np.ndarray) -> None:
         self.pad.refuse_unstable(unknowns[:-1], entries, self._segment.value(unknowns[-1]))
@@ -189,11 +191,12 @@ class BuckledBranch:
 
     def _begin(self) -> None:
         """End the branch at its begin if the load falls from there: no shorter step helps."""
-        little, first = FIRST * self.curve.step, self.curve.nodes[0]
+        little, first = LEAP * self.curve.step, self.curve.nodes[0]
         try:
             self.buckled.solve_symmetric(first.unknowns + little * first.tangent, np.array([little]))
         except Rejected as rejection:
-            self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({rejection})"
+            if str(rejection) == FALLS:
+                self.curve.limit, self.curve.reason = 0.0, f"cannot be loaded further ({FALLS})"
 
     def load_at(self, amplitude: float) -> float:
         """Distance along the segment of the state of an amplitude."""
@@ -215,9 +218,10 @@ class BuckledBranch:
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:
-        """That of the state at a distance: the load rises with it."""
+        """That of the state at a distance: where the load has fallen before, of that beyond."""
         nodes = self.curve.nodes
-        after = next(index for index, node in enumerate(nodes) if node.unknowns[-1] >= s)
-        start, end = nodes[max(after - 1, 0)], nodes[after]
-        low, high = (replace(node, unknowns=node.unknowns[-1:], tangent=node.tangent[-1:]) for node in (start, end))
+        start = max(index for index, node in enumerate(nodes[:-1]) if node.unknowns[-1] <= s)
+        low, high = (
+            replace(node, unknowns=node.unknowns[-1:], tangent=node.tangent[-1:]) for node in nodes[start : start + 2]
+        )
         return float(brentq(lambda a: hermite(low, high, a)[0] - s, low.s, high.s, xtol=PRECISE, rtol=PRECISE))
