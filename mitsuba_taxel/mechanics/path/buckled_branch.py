@@ -153,7 +153,9 @@ class BuckledBranch:
         self.curve = LoadSegment(
             np.zeros(1), np.ones(1), NATURAL_STRAIN * pad.height, segment.judged, segment.tolerance
         )
-        first = replace(segment.nodes[-1], s=0.0, unknowns=self.buckled.onset, tangent=np.append(mode, 0.0))
+        first = replace(
+            segment.nodes[-1], s=0.0, unknowns=self.buckled.onset, tangent=np.append(mode, 0.0), seconds=0.0
+        )
         self.curve.nodes.append(first)
 
     @property

@@ -72,25 +72,19 @@ def _unstable(pad: LoadedPad, segment: LoadSegment, node: Node) -> Iterator[Tang
 class _Crossing:
     """Where the least eigenvalue of a block falls to 0, between the last node of a segment and one ``ahead``.
 
-    It is followed by the rule of false position, as it is almost linear there.
+    It is followed by the secant method, as it is almost linear there.
     """
 
     def __init__(self, pad: LoadedPad, segment: LoadSegment, block: TangentBlock, ahead: Node) -> None:
-        self.block, start, end = block, segment.nodes[-1], ahead
-        (before, _), (after, self.mode) = (self._least(pad, segment, node) for node in (start, end))
-        self.node = end
-        for _ in range(MOST_TRIED):
-            if not before > 0 > after:
-                raise Rejected("its least stiff mode is not found")
-            stiffness, slope = before, (before - after) / (end.s - start.s)
-            self.node = segment.beyond(pad, start.s + before / slope)
-            stiffness, self.mode = self._least(pad, segment, self.node)
+        self.block, before, self.node = block, segment.nodes[-1], ahead
+        (was, _), (stiffness, self.mode) = (self._least(pad, segment, node) for node in (before, ahead))
+        for _ in range(MOST_TRIED if was > 0 > stiffness else 0):
+            slope = (was - stiffness) / (self.node.s - before.s)
             if abs(stiffness) <= CLOSE * slope * segment.step / TICKS:
                 return
-            if stiffness > 0:
-                start, before = self.node, stiffness
-            else:
-                end, after = self.node, stiffness
+            before, was = self.node, stiffness
+            self.node = segment.beyond(pad, before.s + was / slope)
+            stiffness, self.mode = self._least(pad, segment, self.node)
         raise Rejected("its least stiff mode is not found")
 
     def _least(self, pad: LoadedPad, segment: LoadSegment, node: Node) -> tuple[float, np.ndarray]:
