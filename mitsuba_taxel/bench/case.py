@@ -135,6 +135,8 @@ def _along_path(case: Case) -> _Outcome:
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
         verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{where}"
+        if last.limit > segments[-1].limit:
+            verdict += f"; buckled at {_listed(segments[-1].value(segments[-1].limit))} {path.load.unit}"
         before = last.value(JUST_BEFORE * last.limit)[None]
         (state,) = load_path(case.pad, case.material, before, load=path.load, mesh_size=case.mesh_size)
         return _Outcome(verdict, _figures(case, path), state)
