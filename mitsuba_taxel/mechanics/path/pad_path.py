@@ -192,9 +192,9 @@ class PadPath:
             indenter_moved=moved, bodies=self.bodies, buckled_at=buckled_at,
         )  # fmt: skip
 
-    def on_elements(self, mesh_size: float) -> PadPath:
-        """The same path on elements of another size, which is not judged."""
-        return self._like(mesh_size, judged=False)
+    def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
+        """The same path on elements of another size."""
+        return self._like(mesh_size, judged)
 
     def _like(self, mesh_size: float, judged: bool = True) -> PadPath:
         return pad_path(self.pad, self.material, self.load, mesh_size, judged, None, self.bodies, self.step_tolerance)
@@ -370,13 +370,9 @@ class PadPath:
                 return found
         return None
 
-    def mirrors_buckled(self, value: np.ndarray) -> tuple[Mirror, ...] | None:
-        """The symmetries of a canonical state that has buckled on the way; None if it has not."""
-        if self._buckled_at(value) is None:
-            return None
-        segment, s = self.segments_to(value)[-1]
-        pad = self.branch(segment).pad if s > segment.limit else self.pad_for(segment.origin, segment.direction)
-        return pad.mirrors
+    def has_buckled(self, value: np.ndarray) -> bool:
+        """Whether the pad has buckled on the way to a canonical state."""
+        return self._buckled_at(value) is not None
 
     @property
     def _may_buckle(self) -> bool:
@@ -395,8 +391,11 @@ class PadPath:
         """The mirrors that leave the pad under the normal part of a load as it is."""
         if not self._may_buckle or len(value) == 1 or not value[:2].any():
             return list(self.images)
-        normal = self.mirrors_buckled(np.array([0.0, 0.0, value[2]]))
-        return [mirror for mirror in self.images if normal is None or mirror in normal]
+        normal = np.array([0.0, 0.0, value[2]])
+        if not self.has_buckled(normal):
+            return list(self.images)
+        ((segment, _),) = self.segments_to(normal)
+        return list(self.branch(segment).pad.mirrors)
 
     def _pushed(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
         """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.

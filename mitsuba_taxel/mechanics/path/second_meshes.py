@@ -78,7 +78,9 @@ class SecondMeshes:
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
         def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
-            other, there, at = carried_to(second, path, value, displacement, pressure)
+            if path.has_buckled(value):  # second meshes are not judged otherwise, and would stay straight
+                second = path.on_elements(second.mesh_size, judged=True)
+            other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             of_force = share = 0.0
             if path.load.gives_displacement:
                 forces = [path.force(value, displacement, pressure), second.force(value, other, there)]
@@ -133,31 +135,29 @@ def share_of(error: float, force: np.ndarray) -> float:
 
 
 def carried_to(
-    path: PadPath, first: PadPath, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
+    path: PadPath, mesh: VolumeMesh, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-    """A canonical state of ``path``; under an indenter, and where the pad has buckled, without its way there, from the
-    same state of the ``first``.
+    """A canonical state of ``path``; under an indenter without its way there, from the same state on another mesh.
 
-    Without friction a state does not depend on the way to it. Of a buckled pad, that is the same branch of both.
+    Without friction a state does not depend on the way to it.
     """
-    mirrors = first.mirrors_buckled(value)
-    if mirrors is None and (not isinstance(path.load, IndenterDisplacement) or path.load.goes_on):
-        return path.canonical(value, [], None)  # of one carried, walls may meet
-    pad = path.pad_for(np.zeros(3), value) if mirrors is None else path.pad_between(mirrors)
-    name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(first.mesh, displacement), value.tolist())
+    if not isinstance(path.load, IndenterDisplacement) or path.load.goes_on:  # of one carried, walls may meet
+        return path.canonical(value, [], None)
+    name = cache.key("jump", *path.key_parts, RESIDUAL_TOLERANCE, _digest(mesh, displacement), value.tolist())
     with cache.alone(name):
         arrays = cache.load(name)
         if arrays is None:
-            began = time.perf_counter()
+            began, pad = time.perf_counter(), path.pad_for(np.zeros(3), value)
             try:
-                start = pad.gather(*carried(first.mesh, displacement, pressure, path.mesh, path.mesh_size))
+                start = pad.gather(*carried(mesh, displacement, pressure, path.mesh, path.mesh_size))
                 solution, _ = pad.solve_linearised(start, value)
             except (InputError, Rejected):
                 return path.canonical(value, [], None)
             arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
             cache.store(name, arrays)
+    seconds, pad = float(arrays["seconds"]), path.pad_for(np.zeros(3), value)
     found = pad.split(arrays["unknowns"])
-    return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, float(arrays["seconds"]))
+    return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
 
 
 def _digest(mesh: VolumeMesh, displacement: np.ndarray) -> str:

@@ -12,12 +12,12 @@ from scipy.special import ellipk
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, linearise, load_path
-from mitsuba_taxel.mechanics.path import pad_path
+from mitsuba_taxel.mechanics.path import pad_path, second_meshes
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset
-from mitsuba_taxel.mechanics.path.second_meshes import carried_to
+from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.pads import Pad
 
 LENGTH, WIDTH, MODULUS = 16.0, 2.0, 4.0
@@ -85,14 +85,24 @@ def test_a_load_path_goes_on_beyond(columns):
     np.testing.assert_allclose(cold.displacement, state.displacement, atol=1e-3 * lean)
 
 
-def test_the_same_branch_on_other_elements_and_sideways(columns):
-    """Under sideways forces, symmetries that it has lost are not used."""
-    law, value = NeoHookean(MODULUS, 0.0), np.array((0, 0, -1.05 * EULER))
+def test_the_same_branch_on_other_elements_and_sideways(columns, monkeypatch):
+    """Its error is told by that; under sideways forces, symmetries that it has lost are not used."""
+    law, value, compared = NeoHookean(MODULUS, 0.0), np.array((0, 0, -1.05 * EULER)), []
+
+    def remember(second, *state):
+        compared.append(second)
+        raise LookupError
+
+    monkeypatch.setattr(second_meshes, "carried_to", remember)
     (state,) = load_path(Pad(), law, [value], mesh_size=1.0)
-    path, other = (pad_path.pad_path(Pad(), law, SpreadForce(), size, judged=size == 1) for size in (1.0, 0.67))
-    displacement, *_ = carried_to(other, path, value, state.displacement, state.pressure)
-    there = displacement[other.mesh.points[:, 2] == LENGTH, 0].mean()
-    here = state.displacement[path.mesh.points[:, 2] == LENGTH, 0].mean()
+    path = pad_path.pad_path(Pad(), law, SpreadForce(), 1.0)
+    monkeypatch.setattr(SecondMeshes, "first", lambda self, told: told(path.on_elements(0.67), None))
+    with pytest.raises(LookupError):
+        _ = state.error
+    (other,) = compared
+    found = other.state(value)
+    there = found.displacement[found.mesh.points[:, 2] == LENGTH, 0].mean()
+    here = state.displacement[state.mesh.points[:, 2] == LENGTH, 0].mean()
     assert here > 0 and there == pytest.approx(here, rel=0.05)
     assert path.pad_for(0.9 * value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
     assert path.pad_for(0.9 * value, np.array([0, 1.0, 0])).mirrors == (ACROSS_X,)

@@ -240,7 +240,7 @@ def test_forces_change_with_the_shape_as_differences_say():
 def test_a_state_on_another_mesh_needs_no_path_of_its_own():
     (state,) = pressed((0, 0, -0.4), load=ASIDE)
     other = pad_path(PAD, LAW, ASIDE, 2.0, judged=False)
-    jumped, *_ = carried_to(other, pad_path(PAD, LAW, ASIDE, SIZE), state.value, state.displacement, state.pressure)
+    jumped, *_ = carried_to(other, state.mesh, state.value, state.displacement, state.pressure)
     walked, *_ = other.canonical(state.value, [], None)
     np.testing.assert_allclose(jumped, walked, atol=1e-7)
 
