@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
@@ -221,6 +220,8 @@ class BuckledBranch:
 
     def _amplitude(self, s: float) -> float:
         """That of the state at a distance: where the load has fallen before, of that beyond."""
+        from scipy.optimize import brentq  # here, as only pads that buckle need it
+
         nodes = self.curve.nodes
         start = max(index for index, node in enumerate(nodes[:-1]) if node.unknowns[-1] <= s)
         low, high = (

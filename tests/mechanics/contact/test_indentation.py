@@ -96,6 +96,33 @@ def test_a_ball_presses_as_hertz_says(half_space):
         assert_spread_as_a_half_ellipsoid(block, np.sqrt(RADIUS * depth))
 
 
+def layer_factor(relative, nu=0.49):
+    """Force of a ball on a bonded layer, relative to Hertz's, for a contact of such a radius relative to the layer (E.
+    K. Dimitriadis et al., 2002, equations 9 to 13)."""
+    a = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1 - nu)
+    b = (0.6387 - 1.0277 * nu + 1.5164 * nu**2) / (1 - nu)
+    x, second, third = relative / np.pi, a**3 + 4 * np.pi**2 / 15 * b, a**3 + 3 * np.pi**2 / 5 * b
+    return 1 - 2 * a * x + 4 * a**2 * x**2 - 8 * second * x**3 + 16 * a * third * x**4
+
+
+@pytest.mark.parametrize(("fraction", "within"), [(0.5, 5e-3), (0.25, 3e-3)])
+def test_a_contact_of_a_twentieth_of_the_ball(half_space, fraction, within):
+    """On elements of that fraction of the contact's radius; the block is eight times as wide as high."""
+    contact = 0.05 * RADIUS
+
+    def size(places):
+        return fraction * contact + 0.5 * np.maximum(0, np.linalg.norm(places, axis=1) - 1.2 * contact)
+
+    block, depth = Pressed(half_space(size, width=8.0), Indenter("sphere", radius=RADIUS)), contact**2 / RADIUS
+    for share in (0.5, 0.75, 1.0):
+        block.to(share * depth)
+    hertz = 4 / 3 * MODULUS * contact**3 / RADIUS
+    assert block.force == pytest.approx(hertz * layer_factor(contact / HEIGHT), rel=within)
+    squared = np.average((block.places[:, :2] ** 2).sum(axis=1), weights=block.holding)
+    of_force = np.cbrt(0.75 * block.force * RADIUS / MODULUS)
+    assert np.sqrt(2.5 * squared) == pytest.approx(of_force, rel=1e-2 if fraction < 0.5 else 1.2e-2)
+
+
 def assert_spread_as_a_half_ellipsoid(block, radius):
     body, pressed = block.pad.model.indentation, block.pressing.pressure
     pressure = smooth_pressure(body, pressed)
