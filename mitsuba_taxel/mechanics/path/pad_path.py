@@ -524,7 +524,7 @@ class PadPath:
         further = ""
         if reason.startswith("touches") and self.load.goes_on:
             further = " It may go on with smaller elements."
-        elif reason.startswith("touches"):
+        elif reason.startswith("touches") and buckled_at is None:  # such a path ends where the pad buckles
             further = " With self_contact = true it goes on."
         further = said_of(reason.removeprefix("touches "), self.mesh, place) + further
         if buckled_at is not None:
