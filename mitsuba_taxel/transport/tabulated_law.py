@@ -18,7 +18,7 @@ class TabulatedLaw:
     Attributes
     ----------
     cosines, values : (N,) ndarray
-        At the nodes; cosines increase, up to 1. A last value above 0 is the edge of a cone.
+        At the nodes; cosines increase, up to 1. A first value above 0 is the edge of a cone.
     """
 
     cosines: np.ndarray
