@@ -128,10 +128,10 @@ def _along_path(case: Case) -> _Outcome:
     except InputError as error:
         return _Outcome(f"refused: {error}", {}, None)
     except ComputationError as error:
-        segments = list(path.segments.values())
+        segments = list(path.segments.known.values())
         if not segments or math.isinf(segments[-1].limit):
             return _Outcome(f"refused: {error}", {}, None)
-        last = path.branches.get(segments[-1], segments[-1])
+        last = path.segments.branches.get(segments[-1], segments[-1])
         value = last.value(last.limit)
         where = f" near {_listed(last.place)} mm" if np.isfinite(last.place).all() else ""
         verdict = f"ends at {_listed(value)} {path.load.unit}: {last.reason}{where}"
@@ -145,7 +145,7 @@ def _along_path(case: Case) -> _Outcome:
 def _in_one_step(case: Case) -> _Outcome:
     value = np.array(case.value)
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
-    pad = path.pad_for(np.zeros_like(value), value)
+    pad = path.segments.pad_for(np.zeros_like(value), value)
     try:
         solution, _ = pad.solve(np.zeros(pad.unknowns), value)
     except Rejected as rejection:
@@ -178,8 +178,8 @@ def _own_figures(state: State) -> dict[str, float | str]:
 
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
-    segments = list(path.segments.values())
-    curves = [branch.curve for branch in path.branches.values()]
+    segments = list(path.segments.known.values())
+    curves = [branch.curve for branch in path.segments.branches.values()]
     nodes = [node for segment in segments + curves for node in segment.nodes]
     if not nodes:
         return {}
@@ -196,7 +196,7 @@ def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
 
 def _first_inverted(case: Case, path: PadPath, segment: LoadSegment) -> str:
     """The load of the first accepted step of a segment within the case that inverts an element at a node."""
-    pad = path.pad_for(segment.origin, segment.direction)
+    pad = path.segments.pad_for(segment.origin, segment.direction)
     driven, linear = isinstance(case.load, IndenterForce), where_linear(path.mesh, path.load)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
     for node in segment.nodes:

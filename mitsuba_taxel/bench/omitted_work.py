@@ -66,7 +66,7 @@ def _solve_without_load() -> None:
 
     def solved(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None):
         direction = np.eye(len(value))[-1]
-        pad = path.pad_for(0 * direction, direction)
+        pad = path.segments.pad_for(0 * direction, direction)
         pad.solve(np.zeros(pad.unknowns), value)
         return state(path, value, obstacles)
 

@@ -130,8 +130,8 @@ def test_mirrors_are_those_that_the_path_is_solved_with(load, value, columns):
         for end, mirrors in _symmetric_segments(SimpleNamespace(bodies=None, mesh=path.mesh, load=load, value=value))
     ]
     solved = [
-        (tuple(segment.value(s)), path.pad_for(segment.origin, segment.direction).part.mirrors)
-        for segment, s in path.segments_to(value)
+        (tuple(segment.value(s)), path.segments.pad_for(segment.origin, segment.direction).part.mirrors)
+        for segment, s in path.segments.to(value)
     ]
     solved = [segment for segment in solved if segment[1]]
     assert [count for _, count in told] == [count for _, count in solved]

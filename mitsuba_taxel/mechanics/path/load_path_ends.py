@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.loads import Load
 
@@ -31,3 +33,33 @@ class LoadPathEnds(ComputationError):
     ) -> None:
         super().__init__(message)
         self.load, self.value, self.contact = load, value, contact
+
+
+def end_of_path(
+    mesh: VolumeMesh, load: Load, value: np.ndarray, reason: str, place: np.ndarray, buckled_at: np.ndarray | None
+) -> LoadPathEnds:
+    """The end of a path at a ``value``, for a ``reason`` such as "touches the board", at a ``place`` (3,) in mm.
+
+    The place is NaN where there is none; ``buckled_at`` is the load at which the pad buckled before.
+    """
+    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+    touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
+    further = ""
+    if touched and load.goes_on:
+        further = " It may go on with smaller elements."
+    elif touched and buckled_at is None:  # such a path ends where the pad buckles
+        further = " With self_contact = true it goes on."
+    further = said_of(what, mesh, place) + further
+    if buckled_at is not None:
+        further = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{further}"
+    words = f"the pad {reason}{where}: the load path ends at {_shown(load, value)}.{further}"
+    return LoadPathEnds(words, load, value, Contact(what, tuple(place.tolist())) if touched else None)
+
+
+def _shown(load: Load, value: np.ndarray) -> str:
+    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
+    return f"{load.quantity} = {shown} {load.unit}"
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(f"{number:.4g}" for number in numbers)

@@ -1,10 +1,10 @@
-"""Mesh and segments of one path of a pad, which everybody shares."""
+"""One path of a pad, which everybody shares: its mesh, its states, and how they go on."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache, partial
@@ -16,49 +16,40 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
-from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.indentation import Indentation
 from mitsuba_taxel.mechanics.contact.local_mesh import mesh_under
 from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce, Load
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
-from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.path import cache
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
-from mitsuba_taxel.mechanics.path.equilibrium import RESIDUAL_TOLERANCE, LoadedPad
+from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indenter_depth import depth_under, force_at, stiffness_at
-from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds
+from mitsuba_taxel.mechanics.path.load_path_ends import LoadPathEnds, end_of_path
 from mitsuba_taxel.mechanics.path.load_segment import (
     INTERPOLATION_TOLERANCE,
     TICKS,
-    Followed,
     Interpolated,
     LoadSegment,
-    Node,
 )
-from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.path.loaded_pads import mirror_images
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
 from mitsuba_taxel.mechanics.path.natural_step import natural_step
 from mitsuba_taxel.mechanics.path.obstacles import Obstacles, refuse_at_rest
-from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset, is_kept
-from mitsuba_taxel.mechanics.path.pushed_states import PushedStates
+from mitsuba_taxel.mechanics.path.path_segments import PathSegments, nothing
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.mechanics.path.solution import Rejected
+from mitsuba_taxel.mechanics.path.solved_states import SolvedStates
 from mitsuba_taxel.mechanics.path.state import PathRate, State, StateComparison
 from mitsuba_taxel.pads.pad import Pad
 from mitsuba_taxel.pads.pad_file import PadFile
 
-LONGER_PRESSED = 2.0
-"""Relative length of steps along z where stability is not judged: pads give way to a push aside five times as much."""
 LOCK = threading.RLock()
-
-Start = Callable[[], tuple[np.ndarray, np.ndarray]]
-Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 class PadPath:
-    """Mesh and segments of one pad of one material under one kind of load, kept on disk and in memory.
+    """The states of one pad of one material under one kind of load, kept on disk and in memory.
 
     One that another is compared with is not ``judged``: it may be unstable where it does not show in that. One that is
     ``judged_on`` elements of another size in mm is stable as far as the pad of those bears the load; beyond, it is
@@ -84,10 +75,8 @@ class PadPath:
         self._identity = [pad.identity, mesh_size]
         if isinstance(load, IndenterDisplacement | IndenterForce):  # under which elements are smaller
             self._identity.append(asdict(load.indenter))
-        self.segments: dict[tuple[float, ...], LoadSegment] = {}
-        self.branches: dict[LoadSegment, BuckledBranch] = {}
-        self._asked: dict[LoadSegment, dict[float, Node]] = {}
-        self._asked_pushed: dict[LoadSegment, dict[float, Interpolated | None]] = {}
+        self.segments = PathSegments(self)
+        self.solved = SolvedStates(self)
         self.second_meshes = SecondMeshes(self)
 
     @cached_property
@@ -118,8 +107,8 @@ class PadPath:
         if not value.any():
             return np.zeros(3)
         driven, down = self.driven, np.array([0.0, 0.0, -1.0])
-        segment, pad = driven._segment(np.zeros(3), down), driven.pad_for(np.zeros(3), down)
-        name = cache.key("depth", driven._segment_name(segment), value.tolist())
+        segment, pad = driven.segments.towards(np.zeros(3), down), driven.segments.pad_for(np.zeros(3), down)
+        name = cache.key("depth", driven.segments.name_of(segment), value.tolist())
         arrays = cache.load(name)
         if arrays is None:
             while not segment.nodes or force_at(pad, segment, segment.nodes[-1]) < -value[2]:
@@ -157,7 +146,7 @@ class PadPath:
         return ContactTest(self.mesh, nodes=np.flatnonzero(kept)).at_rest
 
     @cached_property
-    def _step(self) -> float:
+    def step(self) -> float:
         return natural_step(self.mesh, self.material, self.load)
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
@@ -170,8 +159,8 @@ class PadPath:
             self.load.check(value)
         used: list[Mirror] = []
         turned = value = np.array(value)
-        self._follow_normal(value)
-        for mirror in self._mirrors_at(value):
+        self.segments.follow_normal(value)
+        for mirror in self.segments.mirrors_at(value):
             if len(value) == 3 and mirror.side(turned) < 0:
                 turned = mirror.image(turned)
                 used.append(mirror)
@@ -182,7 +171,7 @@ class PadPath:
         for mirror in reversed(used):
             image = self.images[mirror]
             displacement, pressure = mirror.image(displacement[image]), pressure[image[: len(pressure)]]
-        buckled_at = self._buckled_at(turned, used)
+        buckled_at = self.segments.buckled_at(turned, used)
         figures = (at.min_jacobian, at.residual, at.iterations, at.stability_checked, at.seconds)
         moved = value if isinstance(self.load, IndenterDisplacement) else None
         if isinstance(self.load, IndenterForce):
@@ -236,20 +225,20 @@ class PadPath:
         if isinstance(self.load, IndenterForce):
             return self._rate_of_force(value)
         with LOCK:
-            segment, s = self.segments_to(value)[-1]
+            segment, s = self.segments.to(value)[-1]
             direction = segment.direction
-            pad = self.pad_for(segment.origin, direction)
-            pushed = self._pushed(segment, s, pad)
+            pad = self.segments.pad_for(segment.origin, direction)
+            pushed = self.solved.beside(segment, s, pad)
             if pushed:
                 try:
-                    rate = _beside(self, tuple(segment.origin)).rate(pad, segment, s, pushed.unknowns)
+                    rate = self.solved.rate_beside(segment, s, pad, pushed.unknowns)
                 except Rejected:
                     return None
             elif s > segment.limit:
-                branch = self.branch(segment)
+                branch = self.segments.branch(segment)
                 pad, rate = branch.pad, branch.rate(s)
             else:
-                rate = self._solved(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
+                rate = self.solved.at(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
@@ -263,9 +252,9 @@ class PadPath:
     def rate_by_depth(self, value: np.ndarray) -> tuple[np.ndarray, float]:
         """Change (N, 3) of the displacement under a force (3,) with the depth of the body, and the stiffness [N/mm]."""
         driven = self.driven
-        ((segment, s),) = driven.segments_to(self.driven_to(value, None))
-        pad = driven.pad_for(segment.origin, segment.direction)
-        node = driven._solved(segment, s, pad)
+        ((segment, s),) = driven.segments.to(self.driven_to(value, None))
+        pad = driven.segments.pad_for(segment.origin, segment.direction)
+        node = driven.solved.at(segment, s, pad)
         return pad.split(node.tangent)[0], stiffness_at(pad, segment, node)
 
     def force(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
@@ -290,24 +279,26 @@ class PadPath:
         if isinstance(self.load, IndenterForce):
             return self.driven.canonical(self.driven_to(value, obstacles), mirrors, obstacles)
         start, seconds = partial(_at_rest, found), 0.0
-        for segment, s in self.segments_to(value):
-            pad = self.pad_for(segment.origin, segment.direction)
-            pushed = self._pushed(segment, s, pad)
+        for segment, s in self.segments.to(value):
+            pad = self.segments.pad_for(segment.origin, segment.direction)
+            pushed = self.solved.beside(segment, s, pad)
             if pushed and not (obstacles and obstacles.touch(pad.split(pushed.unknowns)[0])):
                 return *pad.split(pushed.unknowns), replace(pushed, seconds=seconds + pushed.seconds)
-            touch = obstacles.first if obstacles else _nothing
+            touch = obstacles.first if obstacles else nothing
             if not segment.reaches(s):
-                self._extend(segment, pad, s, start, touch)
+                self.segments.extend(segment, pad, s, start, touch)
             self._refuse_touch(segment, touch(segment, pad), s, mirrors)
             part: LoadSegment | BuckledBranch = segment
             if segment.mode.size and not segment.reaches(s):
-                part, pad = self._extended_branch(segment, s, touch, mirrors)
+                part = branch = self.segments.extended_branch(segment, s, touch)
+                pad, touched = branch.pad, touch(branch.curve, branch.buckled)
+                self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
             if not part.reaches(s):
                 raise self._end(part.value(part.limit), part.reason, part.place, mirrors)
             at = part.at(s)
             if pad.solves_between:
                 try:
-                    node = self._solved(segment, s, pad)
+                    node = self.solved.at(segment, s, pad)
                 except Rejected as rejection:
                     reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
                     raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection
@@ -316,34 +307,6 @@ class PadPath:
             found = pad.split(at.unknowns)
             start = partial(_in_balance, pad, at.unknowns, segment.value(s))
         return *found, replace(at, seconds=seconds)
-
-    def _extended_branch(
-        self, segment: LoadSegment, s: float, touch: Touch, mirrors: list[Mirror]
-    ) -> tuple[BuckledBranch, LoadedPad]:
-        """The branch beyond the end of a segment, as far as it leads to ``s``, and its pad."""
-        branch, name = self.branch(segment), cache.key("buckled", self._segment_name(segment))
-        with cache.alone(name):
-            arrays = cache.load(name)
-            if arrays is not None and len(arrays["s"]) > len(branch.curve.nodes):
-                branch.curve.restore(arrays)
-            before = len(branch.curve.nodes), branch.limit
-            try:
-                branch.extend(s, lambda: touch(branch.curve, branch.buckled) is not None)
-            finally:
-                if (len(branch.curve.nodes), branch.limit) != before:
-                    cache.store(name, branch.curve.arrays())
-        touched = touch(branch.curve, branch.buckled)
-        self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
-        return branch, branch.pad
-
-    def branch(self, segment: LoadSegment) -> BuckledBranch:
-        """The branch that begins at the end of a segment where the pad buckles."""
-        if segment not in self.branches:
-            pad = self.pad_for(segment.origin, segment.direction)
-            kept = tuple(mirror for mirror in pad.mirrors if is_kept(segment.mode, mirror, self.images[mirror]))
-            state = pad.split(segment.nodes[-1].unknowns)
-            self.branches[segment] = BuckledBranch(self.pad_between(kept), segment, state)
-        return self.branches[segment]
 
     def _refuse_touch(
         self,
@@ -357,92 +320,6 @@ class PadPath:
             free, contact = touched
             raise self._end(segment.value(free), f"touches {contact.what}", np.array(contact.place), mirrors)
 
-    def _buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:
-        """The load at which the pad buckles on the way to a canonical state that ``mirrors`` took there; None if it
-        does not."""
-        if not self._may_buckle:
-            return None
-        for segment, s in self.segments_to(value):
-            if segment.mode.size and s > segment.limit:
-                found = segment.value(segment.limit)
-                for mirror in reversed(mirrors):
-                    found = mirror.image(found)
-                return found
-        return None
-
-    def has_buckled(self, value: np.ndarray) -> bool:
-        """Whether the pad has buckled on the way to a canonical state."""
-        return self._buckled_at(value) is not None
-
-    @property
-    def _may_buckle(self) -> bool:
-        """Whether branches are followed."""
-        return self.judged and not (self.load.goes_on or isinstance(self.load, IndenterDisplacement | IndenterForce))
-
-    def _follow_normal(self, value: np.ndarray) -> None:
-        """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""
-        if self._may_buckle and len(value) == 3 and value[2] and value[:2].any():
-            ((segment, s),) = self.segments_to(np.array([0.0, 0.0, value[2]]))
-            if not segment.reaches(s):
-                rest = np.zeros_like(self.mesh.points), np.zeros(self.mesh.corner_count)
-                self._extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, _nothing)
-
-    def _mirrors_at(self, value: np.ndarray) -> list[Mirror]:
-        """The mirrors that leave the pad under the normal part of a load as it is."""
-        if not self._may_buckle or len(value) == 1 or not value[:2].any():
-            return list(self.images)
-        normal = np.array([0.0, 0.0, value[2]])
-        if not self.has_buckled(normal):
-            return list(self.images)
-        ((segment, _),) = self.segments_to(normal)
-        return list(self.branch(segment).pad.mirrors)
-
-    def _pushed(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        """The state at a distance ``s`` along a tangential segment, by the tangent of its normal force alone.
-
-        The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
-        pad touches itself or the board: then the segment must be followed.
-        """
-        small = segment.direction[:-1].any() and s <= segment.step
-        if not self.judge or not small or self.load.goes_on or self.load.gives_displacement:
-            return None
-        asked = self._asked_pushed.setdefault(segment, {})
-        if s not in asked:
-            name = cache.key("pushed", self._segment_name(segment), s)
-            with cache.alone(name):
-                arrays = cache.load(name)
-                if arrays is None:
-                    asked[s] = self._solved_beside(segment, s, pad)
-                    cache.store(name, cache.arrays_of(asked[s]) if asked[s] else {})
-                else:
-                    asked[s] = Interpolated(**cache.values_of(arrays)) if arrays else None
-        return asked[s]
-
-    def _solved_beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        try:
-            found = _beside(self, tuple(segment.origin)).state(pad, segment, s)
-        except Rejected:
-            return None
-        return None if self.contact.find(pad.split(found.unknowns)[0]) else found
-
-    def states_beside(self, normal: np.ndarray) -> PushedStates:
-        """States under a normal force (3,) and small tangential ones."""
-        displacement, pressure, _ = self.canonical(normal, [], None)
-        pad = self.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
-        return PushedStates(pad, pad.gather(displacement, pressure), normal)
-
-    def _solved(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
-        asked = self._asked.setdefault(segment, {})
-        if s not in asked:
-            name = cache.key("state", self._segment_name(segment), s)
-            with cache.alone(name):
-                arrays = cache.load(name)
-                asked[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
-                if arrays is None:
-                    cache.store(name, cache.arrays_of(asked[s]))
-        return asked[s]
-
     @cached_property
     def small_responses(self) -> list[np.ndarray]:
         """(N, 3) each: change of the displacement from rest with a normal load, and with a tangential one."""
@@ -451,92 +328,16 @@ class PadPath:
         return [self._rest_rate(direction) for direction in directions]
 
     def _rest_rate(self, direction: np.ndarray) -> np.ndarray:
-        pad = self.pad_for(np.zeros_like(direction), direction)
+        pad = self.segments.pad_for(np.zeros_like(direction), direction)
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
         return pad.split(pad.rate(linearised, at_rest.unknowns, direction, np.zeros_like(direction)))[0]
 
-    def segments_to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
-        """The segments of the path to ``value``, and how far along each it goes."""
-        if len(value) == 1:
-            return [(self._segment(np.zeros(1), np.sign(value)), abs(value[0]))]
-        normal, tangential = value[2], float(np.hypot(value[0], value[1]))
-        segments = []
-        if normal:
-            segments.append((self._segment(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
-        if tangential:
-            direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
-            segments.append((self._segment(np.array([0.0, 0.0, normal]), direction), tangential))
-        return segments
-
-    def _segment(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
-        index = (*origin, *direction)
-        if index not in self.segments:
-            step = self._step
-            if not (self.judged or direction[:-1].any() or self.pad_for(origin, direction).solves_between):
-                step *= LONGER_PRESSED
-            segment = self.segments[index] = LoadSegment(origin, direction, step, self.judged, self.step_tolerance)
-            self._take_stored(segment)
-        return self.segments[index]
-
-    def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
-        """The part of the pad that a segment needs: that between the mirrors which leave its loads as they are."""
-        path, kept = np.stack([origin, direction]), self._mirrors_at(origin + direction)
-        return self.pad_between(tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path)))
-
-    def pad_between(self, mirrors: tuple[Mirror, ...]) -> LoadedPad:
-        """The part of the pad between mirrors, which are symmetries of it."""
-        return loaded_pad(self.mesh, self.material, self.load, mirrors, self.bodies)
-
-    def _extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:
-        """Solve a segment as far as ``s``, or the pad touches something, unless another process has meanwhile.
-
-        ``start`` is the state at its origin.
-        """
-        with cache.alone(self._segment_name(segment)):
-            self._take_stored(segment)
-            before = len(segment.nodes), segment.limit
-            try:
-                contact = self.contact if self.load.goes_on else pad.contact
-                segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
-                onset = find_onset(pad, segment) if self._may_buckle else None
-                if onset:
-                    segment.end_buckling(pad, contact, *onset)
-            finally:
-                if (len(segment.nodes), segment.limit) != before:
-                    cache.store(self._segment_name(segment), segment.arrays())
-
-    def _take_stored(self, segment: LoadSegment) -> None:
-        arrays = cache.load(self._segment_name(segment))
-        if arrays is not None and len(arrays["s"]) >= len(segment.nodes):
-            segment.restore(arrays)
-
-    def _segment_name(self, segment: LoadSegment) -> str:
-        numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, segment.tolerance, available_solvers()[0]]
-        ends = segment.origin.tolist(), segment.direction.tolist()
-        return cache.key("segment", *self.key_parts, numerics, *ends)
-
     def _end(self, value: np.ndarray, reason: str, place: np.ndarray, mirrors: list[Mirror]) -> LoadPathEnds:
         """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
-        buckled_at = self._buckled_at(value, mirrors)
+        buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirror.image(value), mirror.image(place)
-        where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
-        further = ""
-        if reason.startswith("touches") and self.load.goes_on:
-            further = " It may go on with smaller elements."
-        elif reason.startswith("touches") and buckled_at is None:  # such a path ends where the pad buckles
-            further = " With self_contact = true it goes on."
-        further = said_of(reason.removeprefix("touches "), self.mesh, place) + further
-        if buckled_at is not None:
-            further = f" It buckled at {self._shown(buckled_at)}, into one of its mirrored shapes.{further}"
-        words = f"the pad {reason}{where}: the load path ends at {self._shown(value)}.{further}"
-        touched = reason.startswith("touches")
-        contact = Contact(reason.removeprefix("touches "), tuple(place.tolist())) if touched else None
-        return LoadPathEnds(words, self.load, value, contact)
-
-    def _shown(self, value: np.ndarray) -> str:
-        shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-        return f"{self.load.quantity} = {shown} {self.load.unit}"
+        return end_of_path(self.mesh, self.load, value, reason, place, buckled_at)
 
     @property
     def key_parts(self) -> list[Any]:
@@ -555,16 +356,8 @@ def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np
     return pad.split(pad.balance(near, value))
 
 
-def _nothing(segment: LoadSegment, pad: Followed) -> None:
-    """What a path touches that nothing stands in the way of."""
-
-
 def _name_of(part: object) -> str:
     return f"{type(part).__module__}.{type(part).__qualname__}"
-
-
-def _listed(numbers: np.ndarray) -> str:
-    return ", ".join(f"{number:.4g}" for number in numbers)
 
 
 def pad_path(
@@ -588,8 +381,3 @@ shared = lru_cache(maxsize=16)(PadPath)
 @lru_cache(maxsize=8)
 def _in_the_way(path: PadPath, triangles: bytes, mirrors: tuple[Mirror, ...]) -> Obstacles:
     return Obstacles(path.mesh, np.frombuffer(triangles).reshape(-1, 3, 3), mirrors)
-
-
-@lru_cache(maxsize=1)  # factors take memory
-def _beside(path: PadPath, normal: tuple[float, ...]) -> PushedStates:
-    return path.states_beside(np.array(normal))

@@ -78,7 +78,7 @@ class SecondMeshes:
             return StateComparison(NO_ERROR, partial(np.zeros, (2, *displacement.shape)), 0.0, 0.0)
 
         def told(second: PadPath, comparison: RoofComparison) -> StateComparison:
-            if path.has_buckled(value):  # second meshes are not judged otherwise, and would stay straight
+            if path.segments.buckled_at(value) is not None:  # as they are not judged, second meshes would stay straight
                 second = path.on_elements(second.mesh_size, judged=True)
             other, there, at = carried_to(second, path.mesh, value, displacement, pressure)
             of_force = share = 0.0
@@ -147,7 +147,7 @@ def carried_to(
     with cache.alone(name):
         arrays = cache.load(name)
         if arrays is None:
-            began, pad = time.perf_counter(), path.pad_for(np.zeros(3), value)
+            began, pad = time.perf_counter(), path.segments.pad_for(np.zeros(3), value)
             try:
                 start = pad.gather(*carried(mesh, displacement, pressure, path.mesh, path.mesh_size))
                 solution, _ = pad.solve_linearised(start, value)
@@ -155,7 +155,7 @@ def carried_to(
                 return path.canonical(value, [], None)
             arrays = {"unknowns": solution.unknowns, "seconds": np.array(time.perf_counter() - began)}
             cache.store(name, arrays)
-    seconds, pad = float(arrays["seconds"]), path.pad_for(np.zeros(3), value)
+    seconds, pad = float(arrays["seconds"]), path.segments.pad_for(np.zeros(3), value)
     found = pad.split(arrays["unknowns"])
     return *found, Interpolated(arrays["unknowns"], math.nan, math.nan, 0, True, seconds)
 

@@ -107,10 +107,10 @@ def test_the_same_branch_on_other_elements_and_sideways(columns, monkeypatch):
     assert "self_contact" in str(path._end(0.9 * value, "touches itself", np.zeros(3), []))
     end = str(path._end(value, "touches itself", np.zeros(3), []))
     assert "It buckled at" in end and "self_contact" not in end
-    assert path.pad_for(0.9 * value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
-    assert path.pad_for(0.9 * value, np.array([0, 1.0, 0])).mirrors == (ACROSS_X,)
-    assert path.pad_for(value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
-    assert path.pad_for(value, np.array([0, 1.0, 0])).mirrors == ()
+    assert path.segments.pad_for(0.9 * value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
+    assert path.segments.pad_for(0.9 * value, np.array([0, 1.0, 0])).mirrors == (ACROSS_X,)
+    assert path.segments.pad_for(value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
+    assert path.segments.pad_for(value, np.array([0, 1.0, 0])).mirrors == ()
 
 
 def test_a_load_that_falls_ends_the_path():

@@ -15,7 +15,8 @@ from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.natural_step import natural_step
-from mitsuba_taxel.mechanics.path.pad_path import LONGER_PRESSED, PadPath, pad_path
+from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
+from mitsuba_taxel.mechanics.path.path_segments import LONGER_PRESSED
 from mitsuba_taxel.mechanics.path.stability import Stability
 from mitsuba_taxel.pads import Pad
 
@@ -125,8 +126,8 @@ def test_a_state_may_be_stable_beyond_an_unstable_one(fresh):
     path = pad_path(pad, LAW, load, 2.0, judged=False)
     value = np.array((0.0, 0.0, -0.28))
     path.state(value)
-    ((segment, _),) = path.segments_to(value)
-    part = path.pad_for(segment.origin, segment.direction)
+    ((segment, _),) = path.segments.to(value)
+    part = path.segments.pad_for(segment.origin, segment.direction)
 
     def surplus(node):
         state, value = part.split(node.unknowns), segment.value(node.s)
