@@ -19,7 +19,7 @@ LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "
 AS_SHOWN = "As the circuit shows it"
 """Title of a table of circuit figures."""
 REMARKS = {
-    NOT_RESOLVED: "smaller than its standard error; more points resolve it, and the tables on disk hold the number",
+    NOT_RESOLVED: "smaller than its standard error; the tables on disk hold the number",
     NOT_ABOVE: "no slope is resolved to be larger than the mean one",
 }
 

@@ -30,7 +30,8 @@ class Nodal:
     dimensions : dict[str, float]
         Rates of the dimensions of the pad.
     side : int
-        Side of a pad at rest on which it is pressed: 1 with a larger, -1 with a smaller parameter, 0 if with neither.
+        Side of a pad at rest that is asked for, or on which it is pressed: 1 with a larger, -1 with a smaller
+        parameter, 0 if on neither.
     """
 
     displacement: np.ndarray
@@ -71,7 +72,7 @@ class LinearisedPad:
         if change.load.any():
             displacement += self._by_load(change.load)
         if not self.pad.is_loaded:  # only a load displaces a pad at rest
-            return Nodal(displacement, velocity, change.pad, _side(change.load))
+            return Nodal(displacement, velocity, change.pad, change.side or _side(change.load))
         if change.place.any():
             displacement += self._linear.by_place(change.place)
         for name, rate in change.material.items():

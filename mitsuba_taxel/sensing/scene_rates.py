@@ -66,6 +66,8 @@ class Rates:
         Weights of values of the parameter in a difference, for changes of other parts; empty if they do not change.
     at : Callable[[float], mi.Scene]
         The scene with another value of the parameter, with the pad of the present one, if it has any.
+    side : int
+        Side of a kink on which derivatives are wanted: 1 with a larger, -1 with a smaller parameter, 0 if on neither.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Rates:
     pad: dict[str, float]
     beside: list[tuple[float, float]]
     at: Callable[[float], mi.Scene]
+    side: int = 0
 
     def scenes(self) -> list[tuple[float, mi.Scene]]:
         """Weights of scenes in a difference, loaded anew: while one is alive, all kernels contain its parts."""

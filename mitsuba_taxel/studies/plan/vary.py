@@ -192,6 +192,17 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
     return next(iter([*forces, *numeric]), axes[0].dim)
 
 
+def sides_of(axes: Sequence[Axis], place: Sequence[int]) -> dict[str, int]:
+    """On which side of a place all other values of each numeric parameter lie: 1 if they are larger, -1 if smaller, 0
+    if there are some on both."""
+    sides = {}
+    for axis, index in zip(axes, place, strict=True):
+        for name, words in axis.values.items():
+            if numbers := as_numbers(words):
+                sides[name] = (numbers[index] == min(numbers)) - (numbers[index] == max(numbers))
+    return sides
+
+
 def checked_places(axis: Axis) -> set[int]:
     """Indices along an axis where the effect of the mechanics' error is computed: it changes slowly along a smooth
     curve.

@@ -66,7 +66,7 @@ class _Curve:
     def __init__(self, batch: Batch, axis: Axis, others: Mapping[str, str]) -> None:
         self._batch, self._name, self._others = batch, axis.dim, others
         self._ends = [float(word) for word in axis.values[axis.dim]]
-        self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        self._known: dict[float, tuple[np.ndarray, np.ndarray]] = {}  # readings, and slopes before and behind
 
     def steps(self) -> list[float]:
         """Steps, as fractions of the range."""
@@ -85,18 +85,19 @@ class _Curve:
         return sorted(self._known)
 
     def _read(self, share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Readings (T,) in W, and slopes by the fraction of the range; from disk, if an earlier run has read them."""
+        """Readings (T,) in W, and slopes (2, T) by the fraction of the range where a smaller one ends and a larger one
+        begins, which differ at a kink; from disk, if an earlier run has read them."""
         from mitsuba_taxel.mechanics.path import cache
 
         start, stop = self._ends
         values = {**self._others, self._name: f"{start + share * (stop - start):.10g}"}
         scene = self._batch.scene(values)
-        name = cache.key("reading and slope", self._origin, self._name, scene.parameters, scene.mesh_size)
+        name = cache.key("reading and slopes", self._origin, self._name, scene.parameters, scene.mesh_size)
         arrays = cache.load(name)
         if arrays is None:
             arrays = self._computed(scene, values)
             cache.store(name, arrays)
-        return arrays["power"], arrays["slope"] * (stop - start)
+        return arrays["power"], arrays["slopes"][:: 1 if stop > start else -1] * (stop - start)
 
     @cached_property
     def _origin(self) -> list[Any]:
@@ -111,22 +112,23 @@ class _Curve:
 
         try:
             change = rates(scene, self._name)
-            found = derivatives_by([change], prepare(scene).scene, False, COARSE, of_light_alone=True)
+            sides = [replace(change, side=side) for side in (-1, 1)]
+            found = derivatives_by(sides, prepare(scene).scene, False, COARSE, of_light_alone=True)
         except NotDiffuse as error:
             raise InputError(f"{self._name} needs a step, start:stop:step: {error}") from error
         except (InputError, ComputationError) as error:
             raise type(error)(f"{describe(values)}: {error}") from error
         finally:
             gc.collect()
-        return {"power": found.power, "slope": found.values[:, 0]}
+        return {"power": found.power, "slopes": found.values.T}
 
     def _follows(self, one: float, other: float) -> bool:
         """Whether the reading between two steps agrees with the cubic through them."""
-        (a, slope_a), (b, slope_b) = self._known[one], self._known[other]
-        value, slope = self._known[(one + other) / 2]
+        (a, (_, slope_a)), (b, (slope_b, _)) = self._known[one], self._known[other]
+        value, slopes = self._known[(one + other) / 2]
         length = other - one
         off = np.abs((a + b) / 2 + length * (slope_a - slope_b) / 8 - value)
-        slope_off = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slope)
+        slope_off = np.abs(1.5 * (b - a) / length - (slope_a + slope_b) / 4 - slopes)
         steepest = max(np.abs(rate).max() for _, rate in self._known.values())
         slope_error = self._batch.target_slope or SLOPE_ERROR
         close = off <= (self._batch.target_error or LIGHT_ERROR) * np.abs(value)

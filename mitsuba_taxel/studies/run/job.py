@@ -66,6 +66,8 @@ class Job:
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
         Readings of the same scene with fewer points, which this job extends.
+    sides : dict[str, int]
+        On which side all curves of the study go on from here, by parameter: 1 at larger, -1 at smaller values.
     """
 
     number: int
@@ -82,6 +84,7 @@ class Job:
     where_smooth: bool = False
     bare: bool = False
     continued: Readings | None = None
+    sides: dict[str, int] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -183,7 +186,7 @@ def _with_derivatives(readings: Readings, job: Job, scene: Scene, live: Any) -> 
     from mitsuba_taxel.sensing.scene_rates import rates
 
     try:
-        changes = [rates(scene, name) for name in job.derivatives]
+        changes = [replace(rates(scene, name), side=job.sides.get(name, 0)) for name in job.derivatives]
         return replace(readings, derivatives=derivatives_by(changes, live, job.mechanics_error))
     except (InputError, ComputationError) as reason:
         if job.where_smooth:

@@ -18,7 +18,7 @@ from mitsuba_taxel.sensing.runs import FIRST_POINTS
 from mitsuba_taxel.sensing.targets import Settings
 from mitsuba_taxel.studies.plan.batch import Batch, batch_from, make_batch, read_study
 from mitsuba_taxel.studies.plan.growth import grown
-from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension
+from mitsuba_taxel.studies.plan.vary import checked_places, combinations, curve_dimension, sides_of
 from mitsuba_taxel.studies.run.chosen_steps import with_chosen_steps
 from mitsuba_taxel.studies.run.dataset import assemble
 from mitsuba_taxel.studies.run.job import Failure, Job, describe
@@ -292,6 +292,7 @@ def _curves(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
             derivatives=batch.varied_forces if offered else batch.derivatives,
             where_smooth=offered,
             bare=batch.bare,
+            sides=sides_of(batch.axes, place),
             meshes=not batch.bare and keeps.get(batch.meshes, stored and place[curve] == batch.axes[curve].size - 1),
             maps=stored and batch.maps,
         )

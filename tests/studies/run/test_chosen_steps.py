@@ -23,7 +23,8 @@ def pad(tmp_path):
 
 def steps_of(pad, monkeypatch, curve, rate, text="0:-8"):
     """The steps for readings along a known curve of the share of the way."""
-    monkeypatch.setattr(chosen_steps._Curve, "_read", lambda self, x: (np.array([curve(x)]), np.array([rate(x)])))
+    slopes = lambda x: np.broadcast_to(np.array(rate(x)), 2)[:, None]  # noqa: E731
+    monkeypatch.setattr(chosen_steps._Curve, "_read", lambda self, x: (np.array([curve(x)]), slopes(x)))
     batch = with_chosen_steps(make_batch(pad, {"fz": text}, {"fx": "0.1"}))
     assert batch.derivatives == ("fz",) and not batch.axes[0].is_open
     return [float(word) for word in batch.axes[0].values["fz"]]
@@ -49,6 +50,21 @@ def test_curves_between_the_steps_are_within_the_target(pad, monkeypatch, width)
 def test_a_kink_is_told(pad, monkeypatch):
     with pytest.raises(ComputationError, match="fz needs a step, .* 6 halvings do not resolve -2.4"):
         steps_of(pad, monkeypatch, lambda x: 1 + abs(x - 0.3), lambda x: np.sign(x - 0.3))
+
+
+def test_a_kink_at_a_step_has_the_slopes_of_both_sides(pad, monkeypatch):
+    ahead, behind = (lambda x: np.sign(x - 0.5 + 1e-9)), (lambda x: np.sign(x - 0.5 - 1e-9))
+    found = steps_of(pad, monkeypatch, lambda x: 1 + abs(x - 0.5), lambda x: (behind(x), ahead(x)), "4:-4")
+    assert found == [4, 2, 0, -2, -4]
+
+
+def test_a_curve_along_x_begins_at_rest_with_its_own_slope(tmp_path):
+    """Of a flat isotropic roof, whose slope on the other side is a third of that."""
+    (tmp_path / "pad.xml").write_text(one_cell(cell="cylindrical", mesh_size=1.7, scattering="isotropic", fx=0, fz=0))
+    study = sweep(tmp_path / "pad.xml", {"fx": "0:2"}, points=16)
+    assert study.fx.values.tolist() == [0, 1, 2]
+    slopes, read = study.derivative.values[:, 0, 0], study.smooth_power.values[:, 0]
+    assert read[2] - read[0] == pytest.approx(2 * (slopes[0] + 4 * slopes[1] + slopes[2]) / 6, abs=0.01 * np.ptp(read))
 
 
 def test_a_sweep_without_a_step(pad, tmp_path, monkeypatch):
