@@ -1,4 +1,5 @@
-"""Mirrors: a curved one against a quadrature of its own, and rough ones in the two limits where optics is simple."""
+"""Mirrors: a curved one against a quadrature of its own, rough ones in the two limits where optics is simple, against
+formulas of Beckmann and Smith, and against Mitsuba's own rough conductor."""
 
 from __future__ import annotations
 
@@ -6,6 +7,9 @@ import math
 
 import numpy as np
 import pytest
+from chi_square import SIGNIFICANCE
+from kernel_arrays import vectors
+from wall_laws import as_array, direction, directions, draw, evaluate, wall
 
 from mitsuba_taxel import Scene, measure
 
@@ -170,3 +174,95 @@ def test_another_place_of_a_mirror_compiles_nothing(llvm_mono):
         measure(Scene("plate.xml", {"z": 0.7231, "scattering": "mirror"}), points=16)
         kernels = [kernel for kernel in dr.kernel_history() if "cache_hit" in kernel]
     assert kernels and all(kernel["cache_hit"] and not kernel["cache_disk"] for kernel in kernels)
+
+
+def beckmann(wi, wo, alpha):
+    """f cos(theta_o) of a rough perfect conductor, in double precision: Walter et al. 2007, with Smith's G1 exactly."""
+    from scipy.special import erf
+
+    def visible(v):
+        a = v[:, 2] / (alpha * np.maximum(np.hypot(v[:, 0], v[:, 1]), 1e-12))
+        shadow = 0.5 * (np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - (1 - erf(a)))
+        return 1 / (1 + shadow)
+
+    half = wi + wo
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    tan2 = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
+    facets = np.exp(-tan2 / alpha**2) / (np.pi * alpha**2 * half[:, 2] ** 4)
+    return facets * visible(wi) * visible(wo) / (4 * wi[:, 2])
+
+
+@pytest.mark.parametrize("slope", [0.1, 5.0, 20.0, 45.0])
+def test_rough_mirror_is_beckmann_and_smith(llvm_mono, slope):
+    """Against the formulas in double precision, and against Mitsuba's conductor, whose G1 is a fit to 0.35 %."""
+    mi = llvm_mono
+    alpha = math.sqrt(2) * math.tan(math.radians(slope))
+    tilt = np.random.default_rng(9).normal(size=(5000, 2)) * alpha / math.sqrt(2)
+    facet = np.concatenate([-tilt, np.ones((5000, 1))], axis=1)
+    facet /= np.linalg.norm(facet, axis=1, keepdims=True)
+    wi = directions(5000, 10)
+    wo = 2 * np.sum(wi * facet, axis=1, keepdims=True) * facet - wi
+    seen = (wo[:, 2] > 0.02) & (wi[:, 2] > 0.02)
+    wi, wo = wi[seen], wo[seen]
+    assert len(wi) > 1000
+    ours = evaluate(mi, wall(mi, "rough", rms_slope=slope, reflectance=1.0), "Importance", wi, wo)[0]
+    assert np.allclose(ours, beckmann(wi, wo, alpha), rtol=2e-2 if slope < 1 else 1e-3)
+    conductor = {"type": "roughconductor", "material": "none", "distribution": "beckmann", "alpha": alpha}
+    theirs = mi.load_dict(conductor)
+    assert np.allclose(ours, evaluate(mi, theirs, "Importance", wi, wo)[0], rtol=8e-3)
+
+
+@pytest.mark.parametrize("slope", [0.01, 1.0, 20.0, 45.0])
+def test_facets_project_to_the_area_of_the_wall(llvm_mono, slope):
+    """The integral of D cos over the hemisphere is 1; in slopes, over which it is smooth however small they are."""
+    mi = llvm_mono
+    normals = wall(mi, "rough", rms_slope=slope).law._normals()
+    alpha = math.sqrt(2) * math.tan(math.radians(slope))
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    x, y = np.meshgrid(8 * alpha * nodes, 8 * alpha * nodes)
+    normal = np.stack([-x.ravel(), -y.ravel(), np.ones(x.size)], axis=1)
+    cosine = 1 / np.linalg.norm(normal, axis=1)
+    d = normals.eval(vectors(mi, *(normal * cosine[:, None]).T)).numpy().astype(float)
+    total = (np.outer(weights, weights).ravel() * (8 * alpha) ** 2) @ (d * cosine * cosine**3)
+    assert total == pytest.approx(1, abs=1e-5)
+
+
+@pytest.mark.parametrize("slope", [0.01, 0.1, 1.0, 5.0])
+def test_slopes_of_the_facets_have_the_given_root_mean_square(llvm_mono, slope):
+    """At normal incidence: along x and along y, the sum of squares follows the chi-square distribution."""
+    from scipy import stats
+
+    mi = llvm_mono
+    count = 200_000
+    bs, weight = draw(mi, wall(mi, "rough", rms_slope=slope), "Importance", np.array([0, 0, 1.0]), count)
+    wo = as_array(bs.wo)
+    assert np.all(weight > 0)
+    slopes = wo[:, :2] / (1 + wo[:, 2:])
+    for axis in (0, 1):
+        total = np.sum((slopes[:, axis] / math.tan(math.radians(slope))) ** 2)
+        assert SIGNIFICANCE / 2 < stats.chi2.cdf(total, count) < 1 - SIGNIFICANCE / 2
+
+
+@pytest.mark.parametrize("angle", [0.0, 60.0, 89.0])
+def test_the_smallest_slope_is_a_mirror_nearly(llvm_mono, angle):
+    """In single precision too: the mean direction is the mirror's, all light comes back, also by the stated values."""
+    mi = llvm_mono
+    slope, wi = 0.01, direction(angle)
+    bsdf = wall(mi, "rough", rms_slope=slope, reflectance=1.0)
+    bs, weight = draw(mi, bsdf, "Importance", wi)
+    wo = as_array(bs.wo)
+    spread = 5 * 2 * math.tan(math.radians(slope))
+    assert np.allclose(wo.mean(axis=0), wi * [-1, -1, 1], atol=spread / math.sqrt(len(wo)) + 1e-6)
+    assert np.allclose(weight, 1, atol=1e-3)
+    value, _ = evaluate(mi, bsdf, "Importance", np.tile(wi, (len(wo), 1)), wo)
+    reference = beckmann(np.tile(wi, (len(wo), 1)), wo, math.sqrt(2) * math.tan(math.radians(slope)))
+    assert np.mean(value / reference) == pytest.approx(1, abs=1e-3)
+
+
+def test_the_smallest_slope_may_be_given_in_a_file(llvm_mono, tmp_path):
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        '<scene version="3.9.0"> <bsdf type="wall"> <string name="scattering" value="rough_mirror"/>'
+        '<float name="rms_slope" value="0.01"/> </bsdf> </scene>'
+    )
+    Scene.from_file(path).load()

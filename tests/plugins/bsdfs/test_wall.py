@@ -1,4 +1,4 @@
-"""The wall: what it samples against what it says, against closed forms, and against Mitsuba's own rough conductor."""
+"""The wall: what it samples against what it says, and against closed forms."""
 
 from __future__ import annotations
 
@@ -7,79 +7,23 @@ import math
 import numpy as np
 import pytest
 from chi_square import SIGNIFICANCE, chi2
-from kernel_arrays import vectors
+from wall_laws import (
+    LAWS,
+    MODES,
+    REFLECTANCE,
+    SMOOTH_SHARE,
+    as_array,
+    context,
+    direction,
+    directions,
+    draw,
+    evaluate,
+    hemisphere,
+    interaction,
+    wall,
+)
 
-from mitsuba_taxel import InputError, Scene, measure
-
-REFLECTANCE = 0.7
-LAWS = {
-    "lambertian": {"scattering": "lambertian"},
-    "isotropic": {"scattering": "isotropic"},
-    "mixed": {"scattering": "mixed", "specular": 0.2, "lambertian": 0.3, "isotropic": 0.5},
-    "rough": {"scattering": "rough_mirror", "rms_slope": 20.0},
-    "rougher": {"scattering": "rough_mirror", "rms_slope": 45.0},
-}
-MODES = ("Importance", "Radiance")
-SMOOTH_SHARE = {"mixed": 0.8}
-
-
-def wall(mi, law, **parameters):
-    return mi.load_dict({"type": "wall", "reflectance": REFLECTANCE, **LAWS[law], **parameters})
-
-
-def context(mi, mode):
-    return mi.BSDFContext(getattr(mi.TransportMode, mode))
-
-
-def direction(angle, azimuth=30.0, side=1):
-    """(3,) unit vector at an angle in degrees from the normal."""
-    theta, phi = math.radians(angle), math.radians(azimuth)
-    return np.array([math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), side * math.cos(theta)])
-
-
-def directions(count, seed=0):
-    """(count, 3) unit vectors, uniform over the upper hemisphere."""
-    z, phi = np.random.default_rng(seed).uniform(size=(2, count)) * [[1], [2 * np.pi]]
-    return np.stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z], axis=1)
-
-
-def interaction(mi, wi):
-    import drjit as dr
-
-    wi = vectors(mi, *np.atleast_2d(wi).T)
-    si = dr.zeros(mi.SurfaceInteraction3f, dr.width(wi))
-    si.wi = wi
-    si.sh_frame = mi.Frame3f(mi.Vector3f(0, 0, 1))
-    return si
-
-
-def evaluate(mi, bsdf, mode, wi, wo):
-    """(n,) values f |cos(theta_o)| and (n,) densities, in double precision."""
-    value, density = bsdf.eval_pdf(context(mi, mode), interaction(mi, wi), vectors(mi, *np.atleast_2d(wo).T))
-    return value[0].numpy().astype(float), density.numpy().astype(float)
-
-
-def draw(mi, bsdf, mode, wi, count=100_000, seed=0):
-    """A sample and its weights (n,), for one direction of incidence."""
-    rng = mi.PCG32(size=count, initstate=seed)
-    sample1, sample2 = rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32())
-    bs, weight = bsdf.sample(context(mi, mode), interaction(mi, np.tile(wi, (count, 1))), sample1, sample2)
-    return bs, weight[0].numpy().astype(float)
-
-
-def as_array(vector):
-    return np.stack([component.numpy().astype(float) for component in vector], axis=1)
-
-
-def hemisphere(n=400, azimuths=400):
-    """Directions (n * azimuths, 3) and weights that integrate over the upper hemisphere."""
-    nodes, weights = np.polynomial.legendre.leggauss(n)
-    theta = 0.25 * np.pi * (nodes + 1)
-    phi = 2 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
-    theta, phi = np.meshgrid(theta, phi, indexing="ij")
-    wo = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-    weight = np.outer(0.25 * np.pi * weights, np.full(azimuths, 2 * np.pi / azimuths)) * np.sin(theta)
-    return wo.reshape(-1, 3), weight.ravel()
+from mitsuba_taxel import Scene, measure
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -173,7 +117,7 @@ def test_transport_modes_are_adjoint(llvm_mono, law):
     bsdf, wi, wo = wall(mi, law), directions(2000, 3), directions(2000, 4)
     from_light = evaluate(mi, bsdf, "Importance", wi, wo)[0] / wo[:, 2]
     from_detector = evaluate(mi, bsdf, "Radiance", wo, wi)[0] / wi[:, 2]
-    assert np.allclose(from_light, from_detector, rtol=1e-3, atol=1e-6)
+    assert np.allclose(from_light, from_detector, rtol=1e-3 if law.startswith("rough") else 1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -197,89 +141,6 @@ def test_a_mixed_wall_of_one_part_is_that_part(llvm_mono, mode, only):
         assert np.allclose(mine, other, rtol=1e-6)
     mine, other = (draw(mi, bsdf, mode, direction(60)) for bsdf in (mixed, alone))
     assert np.allclose(as_array(mine[0].wo), as_array(other[0].wo)) and np.allclose(mine[1], other[1], rtol=1e-5)
-
-
-def beckmann(wi, wo, alpha):
-    """f cos(theta_o) of a rough perfect conductor, in double precision: Walter et al. 2007, with Smith's G1 exactly."""
-    from scipy.special import erf
-
-    def visible(v):
-        a = v[:, 2] / (alpha * np.maximum(np.hypot(v[:, 0], v[:, 1]), 1e-12))
-        shadow = 0.5 * (np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - (1 - erf(a)))
-        return 1 / (1 + shadow)
-
-    half = wi + wo
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    tan2 = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
-    facets = np.exp(-tan2 / alpha**2) / (np.pi * alpha**2 * half[:, 2] ** 4)
-    return facets * visible(wi) * visible(wo) / (4 * wi[:, 2])
-
-
-@pytest.mark.parametrize("slope", [0.1, 5.0, 20.0, 45.0])
-def test_rough_mirror_is_beckmann_and_smith(llvm_mono, slope):
-    """Against the formulas in double precision, and against Mitsuba's conductor, whose G1 is a fit to 0.35 %."""
-    mi = llvm_mono
-    alpha = math.sqrt(2) * math.tan(math.radians(slope))
-    tilt = np.random.default_rng(9).normal(size=(5000, 2)) * alpha / math.sqrt(2)
-    facet = np.concatenate([-tilt, np.ones((5000, 1))], axis=1)
-    facet /= np.linalg.norm(facet, axis=1, keepdims=True)
-    wi = directions(5000, 10)
-    wo = 2 * np.sum(wi * facet, axis=1, keepdims=True) * facet - wi
-    seen = (wo[:, 2] > 0.02) & (wi[:, 2] > 0.02)
-    wi, wo = wi[seen], wo[seen]
-    assert len(wi) > 1000
-    ours = evaluate(mi, wall(mi, "rough", rms_slope=slope, reflectance=1.0), "Importance", wi, wo)[0]
-    assert np.allclose(ours, beckmann(wi, wo, alpha), rtol=2e-2 if slope < 1 else 1e-3)
-    conductor = {"type": "roughconductor", "material": "none", "distribution": "beckmann", "alpha": alpha}
-    theirs = mi.load_dict(conductor)
-    assert np.allclose(ours, evaluate(mi, theirs, "Importance", wi, wo)[0], rtol=8e-3)
-
-
-@pytest.mark.parametrize("slope", [0.01, 1.0, 20.0, 45.0])
-def test_facets_project_to_the_area_of_the_wall(llvm_mono, slope):
-    """The integral of D cos over the hemisphere is 1; in slopes, over which it is smooth however small they are."""
-    mi = llvm_mono
-    normals = wall(mi, "rough", rms_slope=slope).law._normals()
-    alpha = math.sqrt(2) * math.tan(math.radians(slope))
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    x, y = np.meshgrid(8 * alpha * nodes, 8 * alpha * nodes)
-    normal = np.stack([-x.ravel(), -y.ravel(), np.ones(x.size)], axis=1)
-    cosine = 1 / np.linalg.norm(normal, axis=1)
-    d = normals.eval(vectors(mi, *(normal * cosine[:, None]).T)).numpy().astype(float)
-    total = (np.outer(weights, weights).ravel() * (8 * alpha) ** 2) @ (d * cosine * cosine**3)
-    assert total == pytest.approx(1, abs=1e-5)
-
-
-@pytest.mark.parametrize("slope", [0.01, 0.1, 1.0, 5.0])
-def test_slopes_of_the_facets_have_the_given_root_mean_square(llvm_mono, slope):
-    """At normal incidence: along x and along y, the sum of squares follows the chi-square distribution."""
-    from scipy import stats
-
-    mi = llvm_mono
-    count = 200_000
-    bs, weight = draw(mi, wall(mi, "rough", rms_slope=slope), "Importance", np.array([0, 0, 1.0]), count)
-    wo = as_array(bs.wo)
-    assert np.all(weight > 0)
-    slopes = wo[:, :2] / (1 + wo[:, 2:])
-    for axis in (0, 1):
-        total = np.sum((slopes[:, axis] / math.tan(math.radians(slope))) ** 2)
-        assert SIGNIFICANCE / 2 < stats.chi2.cdf(total, count) < 1 - SIGNIFICANCE / 2
-
-
-@pytest.mark.parametrize("angle", [0.0, 60.0, 89.0])
-def test_the_smallest_slope_is_a_mirror_nearly(llvm_mono, angle):
-    """In single precision too: the mean direction is the mirror's, all light comes back, also by the stated values."""
-    mi = llvm_mono
-    slope, wi = 0.01, direction(angle)
-    bsdf = wall(mi, "rough", rms_slope=slope, reflectance=1.0)
-    bs, weight = draw(mi, bsdf, "Importance", wi)
-    wo = as_array(bs.wo)
-    spread = 5 * 2 * math.tan(math.radians(slope))
-    assert np.allclose(wo.mean(axis=0), wi * [-1, -1, 1], atol=spread / math.sqrt(len(wo)) + 1e-6)
-    assert np.allclose(weight, 1, atol=1e-3)
-    value, _ = evaluate(mi, bsdf, "Importance", np.tile(wi, (len(wo), 1)), wo)
-    reference = beckmann(np.tile(wi, (len(wo), 1)), wo, math.sqrt(2) * math.tan(math.radians(slope)))
-    assert np.mean(value / reference) == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -374,9 +235,12 @@ def test_all_ways_to_trace_agree(llvm_mono, agree, law):
         agree(ours.power, ours.standard_error, theirs.power, theirs.standard_error)
 
 
-def test_changed_numbers_need_no_new_kernel(llvm_mono, table):
+def test_changed_numbers_need_no_new_kernel(llvm_mono, tmp_path):
     """Shares, slope, reflectance and wavelength are kernel parameters, shares of zero included."""
     import drjit as dr
+
+    table = tmp_path / "paint.csv"
+    table.write_text("900, 0.8\n925, 0.7\n")
 
     def kernels(wavelength=None, **bsdf):
         live = plate(bsdf).load()
@@ -390,118 +254,11 @@ def test_changed_numbers_need_no_new_kernel(llvm_mono, table):
     mixed = {"scattering": "mixed"}
     kernels(**mixed, specular=0.2, lambertian=0.3, isotropic=0.5)
     again = kernels(**mixed, specular=0.0, lambertian=0.25, isotropic=0.75, reflectance=0.4)
-    again += kernels(**mixed, lambertian=1.0, reflectance_table=table, wavelength=905.0)
+    again += kernels(**mixed, lambertian=1.0, reflectance_table=str(table), wavelength=905.0)
     rough = {"scattering": "rough_mirror"}
     kernels(**rough, rms_slope=3.0)
     again += kernels(**rough, rms_slope=0.5, reflectance=0.3)
     assert again and all(entry["cache_hit"] for entry in again)
-
-
-@pytest.fixture
-def table(tmp_path):
-    """A file with the reflectances of a wall that gets darker, with all that a table may hold besides."""
-    path = tmp_path / "paint.csv"
-    path.write_text("# nm, reflectance\n900, 0.8\n\n925, 0.7  # measured\n1000, 0.1\n")
-    return str(path)
-
-
-@pytest.mark.parametrize("nm, reflectance", [(900, 0.8), (905, 0.78), (925, 0.7), (950, 0.5), (1000, 0.1)])
-def test_table_is_interpolated(llvm_mono, table, nm, reflectance):
-    mi = llvm_mono
-    bsdf = mi.load_dict({"type": "wall", "reflectance_table": table})
-    assert bsdf.needs_wavelength and "not known yet" in str(bsdf)
-    bsdf.set_wavelength(nm)
-    assert draw(mi, bsdf, "Importance", direction(20), 4)[1] == pytest.approx(reflectance)
-    assert bsdf.needs_wavelength
-
-
-def test_table_is_found_beside_the_scene(llvm_mono, table, tmp_path):
-    path = tmp_path / "scene.xml"
-    path.write_text(
-        '<scene version="3.9.0"> <shape type="sphere"> <bsdf type="wall">'
-        '<string name="reflectance_table" value="paint.csv"/> </bsdf> </shape> </scene>'
-    )
-    assert Scene.from_file(path).load().shapes()[0].bsdf().needs_wavelength
-
-
-def test_a_wall_with_a_table_waits_for_the_wavelength(llvm_mono, table):
-    mi = llvm_mono
-    bsdf = mi.load_dict({"type": "wall", "reflectance_table": table})
-    ctx, si, wo = context(mi, "Importance"), interaction(mi, direction(20)), mi.Vector3f(0, 0, 1)
-    for call in (
-        lambda: bsdf.sample(ctx, si, 0.5, mi.Point2f(0.5)),
-        lambda: bsdf.eval(ctx, si, wo),
-        lambda: bsdf.pdf(ctx, si, wo),
-        lambda: bsdf.eval_pdf(ctx, si, wo),
-        lambda: bsdf.eval_diffuse_reflectance(si),
-    ):
-        with pytest.raises(InputError, match="reflectance_table needs the wavelength .* through mitsuba_taxel"):
-            call()
-    with pytest.raises(InputError, match=r"paint.csv' has no .* wavelength of 850 nm: it holds 900 to 1000 nm"):
-        bsdf.set_wavelength(850.0)
-    with pytest.raises(InputError, match="wavelength of nan nm"):
-        bsdf.set_wavelength(float("nan"))
-
-
-def test_region_passes_the_wavelength_on(llvm_mono, table):
-    mi = llvm_mono
-    tabulated, plain = {"type": "wall", "reflectance_table": table}, {"type": "wall", "reflectance": 0.3}
-    stock = {"type": "diffuse"}
-    assert not mi.load_dict({"type": "region", "roof": plain, "side": stock}).needs_wavelength
-    region = mi.load_dict({"type": "region", "roof": tabulated, "side": plain, "bottom": stock, "led": tabulated})
-    assert region.needs_wavelength and not region.walls["side"].needs_wavelength
-    region.set_wavelength(950)
-    assert region.walls["roof"].reflectance[0] == region.walls["led"].reflectance[0] == pytest.approx(0.5)
-    assert region.walls["side"].reflectance[0] == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize(
-    "text, message",
-    [
-        ("", "0 rows"),
-        ("900, 0.5, 1\n", "3 columns"),
-        ("nm, reflectance\n900, 0.5\n", "two columns of numbers are needed"),
-        ("900, 0.5\n900, 0.6\n", "row 2, 900, 0.6, is not allowed"),
-        ("900, 1.5\n", "row 1, 900, 1.5, is not allowed"),
-        ("900, nan\n", "row 1, 900, nan, is not allowed"),
-        ("900, 0.5\ninf, 0.5\n", "row 2, inf, 0.5, is not allowed"),
-        ("-900, 0.5\n", "row 1, -900, 0.5, is not allowed"),
-    ],
-)
-def test_bad_tables_are_refused(llvm_mono, tmp_path, text, message):
-    path = tmp_path / "bad.csv"
-    path.write_text(text)
-    scene = Scene({"type": "scene", "s": {"type": "sphere", "b": {"type": "wall", "reflectance_table": str(path)}}})
-    with pytest.raises(InputError, match=message) as caught:
-        scene.load()
-    assert "\n" not in str(caught.value) and "reflectance_table" in str(caught.value)
-
-
-def test_the_smallest_slope_may_be_given_in_a_file(llvm_mono, tmp_path):
-    path = tmp_path / "scene.xml"
-    path.write_text(
-        '<scene version="3.9.0"> <bsdf type="wall"> <string name="scattering" value="rough_mirror"/>'
-        '<float name="rms_slope" value="0.01"/> </bsdf> </scene>'
-    )
-    Scene.from_file(path).load()
-
-
-@pytest.mark.parametrize("scattering", ["lambertian", "isotropic"])
-def test_wall_transport_modes_are_adjoint(llvm_mono, scattering):
-    """f(wi -> wo) seen from the light equals f(wo -> wi) seen from the detector, cosines apart."""
-    import drjit as dr
-
-    mi = llvm_mono
-    bsdf, light, detector = wall(mi, scattering), *(context(mi, mode) for mode in MODES)
-    rng = mi.PCG32(size=1000)
-    directions = [
-        mi.warp.square_to_uniform_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32())) for _ in range(2)
-    ]
-    forward, backward = dr.zeros(mi.SurfaceInteraction3f, 1000), dr.zeros(mi.SurfaceInteraction3f, 1000)
-    forward.wi, backward.wi = directions
-    from_light = bsdf.eval(light, forward, directions[1])[0] / directions[1].z
-    from_detector = bsdf.eval(detector, backward, directions[0])[0] / directions[0].z
-    assert from_light.numpy() == pytest.approx(from_detector.numpy(), rel=1e-4)
 
 
 @pytest.mark.parametrize(
