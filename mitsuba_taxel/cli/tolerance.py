@@ -58,7 +58,7 @@ def _show(result) -> None:
     from .tables import print_table
 
     def share(value: float) -> str:
-        return "-" if math.isnan(value) else f"{value:.1%}"
+        return "-" if math.isnan(value) else f"{round(value, 3) + 0.0:.1%}"  # what rounds to zero has no sign
 
     def with_error(value: float, error: float) -> str:
         return share(value) if math.isnan(error) else f"{share(value)} ± {share(error)}"

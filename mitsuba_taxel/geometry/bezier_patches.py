@@ -175,25 +175,26 @@ def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
     for normals in (_face_normals, _side_normals):
         left = np.flatnonzero(~apart)
         one, other = pairs[:, :6, left], pairs[:, 6:12, left]
-        for axis in normals(one, other):
-            a, b = _dot(axis[:, None], one), _dot(axis[:, None], other)
-            gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
-            apart[left] |= gap > tolerance * _length(axis)
+        axes = normals(one, other)
+        a, b = (_dot(axes[:, :, None], points[:, None]) for points in (one, other))
+        gap = np.maximum(a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1))
+        apart[left] = (gap > tolerance * _length(axes)).any(axis=0)
     return apart
 
 
-def _face_normals(one: np.ndarray, other: np.ndarray) -> list[np.ndarray]:
+def _face_normals(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(3, 3, n) normals of both flat triangles, and the way from one to the other."""
     between = other[:, :3].mean(axis=1) - one[:, :3].mean(axis=1)
-    return [*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (one, other)), between]
+    return np.stack([*(_cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) for p in (one, other)), between], axis=1)
 
 
-def _side_normals(one: np.ndarray, other: np.ndarray) -> list[np.ndarray]:
+def _side_normals(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(3, 15, n) directions across a side of each, and across a side and a normal of either."""
     sides, other_sides = _sides(one), _sides(other)
-    axes = [_cross(sides[:, i], other_sides[:, j]) for i, j in product(range(3), repeat=2)]
+    axes = [_cross(sides[:, :, None], other_sides[:, None]).reshape(3, 9, -1)]
     for side in (sides, other_sides):
-        normal = _cross(side[:, 0], side[:, 1])
-        axes += [_cross(normal, side[:, i]) for i in range(3)]
-    return axes
+        axes.append(_cross(_cross(side[:, :1], side[:, 1:2]), side))
+    return np.concatenate(axes, axis=1)
 
 
 def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:

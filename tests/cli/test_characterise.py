@@ -10,24 +10,13 @@ import numpy as np
 import pytest
 import taxel_cli
 import xarray as xr
+from plate_scenes import PLATE_FILE
 
 import mitsuba_taxel
 from mitsuba_taxel.characterise.characteristics import SLOPES
 
 PLOTS = [f"{name}.{form}" for name in ("nonlinearity", "sensitivity") for form in ("png", "svg")]
 FILES = ["characteristics.csv", "characteristics.tex", *PLOTS]
-SCENE = """<scene version="3.9.0">
-    <default name="fz" value="0.7"/>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-    <shape type="rectangle">
-        <transform name="to_world">
-            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
-        </transform>
-        <bsdf type="wall"/>
-    </shape>
-    <integrator type="taxel_tracer"/>
-</scene>"""
-"""No pad: the plate's height stands for a force, which costs nothing."""
 
 
 @pytest.fixture
@@ -96,7 +85,7 @@ def test_what_is_not_there(characterise, tmp_path, name, said):
 
 
 def test_a_study(characterise, tmp_path):
-    (tmp_path / "scene.xml").write_text(SCENE)
+    (tmp_path / "scene.xml").write_text(PLATE_FILE)
     mitsuba_taxel.sweep(tmp_path / "scene.xml", {"fz": "0.6:1:0.1"}, points=64, output=tmp_path / "study")
     before = os.listdir(tmp_path / "study")
     code, out, err = characterise(tmp_path / "study", "--json")

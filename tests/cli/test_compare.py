@@ -5,28 +5,16 @@ from __future__ import annotations
 import json
 
 import pytest
+from plate_scenes import PLATE_FILE
 from taxel_cli import compare
 
 import mitsuba_taxel
 from mitsuba_taxel.characterise import comparison
 
-SCENE = """<scene version="3.9.0">
-    <default name="fz" value="0.7"/> <default name="reflectance" value="1"/>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-    <shape type="rectangle">
-        <transform name="to_world">
-            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
-        </transform>
-        <bsdf type="wall"> <float name="reflectance" value="$reflectance"/> </bsdf>
-    </shape>
-    <integrator type="taxel_tracer"/>
-</scene>"""
-"""No pad: the plate's height stands for a force."""
-
 
 @pytest.mark.usefixtures("painted_figures")
 def test_a_study_is_ranked(taxel, tmp_path):
-    (tmp_path / "scene.xml").write_text(SCENE)
+    (tmp_path / "scene.xml").write_text(PLATE_FILE)
     vary = {"reflectance": "0.5,1", "fz": "0.6,0.8,1"}
     mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
     done = taxel("compare", "out", "--by", "mean_slope", "-o", "ranking")
@@ -41,7 +29,7 @@ def test_a_study_is_ranked(taxel, tmp_path):
 @pytest.mark.usefixtures("painted_figures")
 def test_a_study_is_ranked_in_volts(taxel, tmp_path):
     """On a load that is too large the brighter variant saturates: the other one is more sensitive."""
-    (tmp_path / "scene.xml").write_text(SCENE)
+    (tmp_path / "scene.xml").write_text(PLATE_FILE)
     vary = {"reflectance": "0.1,1", "fz": "0.6,0.8,1"}
     study = mitsuba_taxel.sweep(tmp_path / "scene.xml", vary, points=64, output=tmp_path / "out")
     dim, bright = study.power.sel(fz=0.6, taxel=1).values

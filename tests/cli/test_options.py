@@ -5,26 +5,14 @@ from __future__ import annotations
 import json
 
 import pytest
+from plate_scenes import PLATE_FILE
 
 from mitsuba_taxel import open_study, write_template
-
-PLATE = """<scene version="3.9.0">
-    <default name="fz" value="0.7"/>
-    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
-    <shape type="rectangle">
-        <transform name="to_world">
-            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
-        </transform>
-        <bsdf type="wall"/>
-    </shape>
-    <integrator type="taxel_tracer"/>
-</scene>"""
-"""No pad: the plate's height stands for a force, which costs nothing."""
 
 
 @pytest.fixture(autouse=True)
 def files(tmp_path):
-    (tmp_path / "plate.xml").write_text(PLATE)
+    (tmp_path / "plate.xml").write_text(PLATE_FILE)
     write_template("circuit", tmp_path / "circuit.toml")
     circuit = (tmp_path / "circuit.toml").read_text()
     study = f'scene = "plate.xml"\npoints = 64\n{circuit}\n[vary]\nfz = "0.6:1:0.1"\n'

@@ -10,6 +10,18 @@ from mitsuba_taxel import Pad, PadSensor, Scene
 BODY_TOP = 0.5  # mm
 ABSORBING = {"type": "wall", "scattering": "absorbing"}
 WHITE = {"type": "wall"}
+PLATE_FILE = """<scene version="3.9.0">
+    <default name="fz" value="0.7"/> <default name="reflectance" value="1"/>
+    <shape type="photo_reflector"> <emitter type="annular_led"/> <sensor type="phototransistor"/> </shape>
+    <shape type="rectangle">
+        <transform name="to_world">
+            <rotate x="1" angle="180"/> <scale x="2" y="2"/> <translate z="0.5"/> <translate z="$fz"/>
+        </transform>
+        <bsdf type="wall"> <float name="reflectance" value="$reflectance"/> </bsdf>
+    </shape>
+    <integrator type="taxel_tracer"/>
+</scene>"""
+"""No pad: the plate's height stands for a force, which costs nothing."""
 SOFT_PAD = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 
 

@@ -67,8 +67,10 @@ class Barrier:
             *(np.asfortranarray(part) for part in (mesh.points[self._nodes], np.unique(sides, axis=0), triangles))
         )
         height = float(np.ptp(mesh.points[:, 2]))
+        self._last: tuple[np.ndarray, Any] = np.empty(0), None
         self.reach = REACH / REACH_AT_REST * height  # how far is looked
         self.reach = share * REACH_AT_REST * self.gap(np.zeros_like(mesh.points))
+        self._last = np.empty(0), None  # that was within another reach
         self._potential = ipc.BarrierPotential(self.reach, modulus, True)
         self._ccd = additive_ccd(ipc)
 
@@ -82,14 +84,14 @@ class Barrier:
 
     def gap(self, displacement: np.ndarray) -> float:
         """Smallest distance in mm of triangles without a common corner, if below the reach, which else it is."""
-        places = self._places(displacement)
-        near = self._near(places)
+        places, near = self._near(displacement)
         return float(np.sqrt(near.compute_minimum_distance(self._mesh, places))) if len(near) else self.reach
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) nodal forces in N of the pad on itself, and of the board on what does not stand on it."""
-        places, own, board = self._places(displacement), np.zeros_like(displacement), np.zeros_like(displacement)
-        own[self._nodes] = -self._potential.gradient(self._near(places), self._mesh, places).reshape(-1, 3)
+        own, board = np.zeros_like(displacement), np.zeros_like(displacement)
+        places, near = self._near(displacement)
+        own[self._nodes] = -self._potential.gradient(near, self._mesh, places).reshape(-1, 3)
         board[:, 2] = self._over.T @ (-self._weight * self._repulsion(displacement)[0])
         return own, board
 
@@ -98,9 +100,9 @@ class Barrier:
 
         Of a ``steady`` one each pair has no negative eigenvalues, as it has by the turn of a force about a corner.
         """
-        places = self._places(displacement)
+        places, near = self._near(displacement)
         projection = self._ipc.PSDProjectionMethod.CLAMP if steady else self._ipc.PSDProjectionMethod.NONE
-        of_nodes = sparse.coo_array(self._potential.hessian(self._near(places), self._mesh, places, projection))
+        of_nodes = sparse.coo_array(self._potential.hessian(near, self._mesh, places, projection))
         degrees = (3 * self._nodes[:, None] + np.arange(3)).ravel()
         at_points = sparse.diags_array(self._weight * self._repulsion(displacement)[1])
         board = sparse.coo_array(self._over.T @ at_points @ self._over)
@@ -132,12 +134,15 @@ class Barrier:
     def _places(self, displacement: np.ndarray) -> np.ndarray:
         return np.asfortranarray((self._points + displacement)[self._nodes])
 
-    def _near(self, places: np.ndarray) -> Any:
-        """The pairs of points, edges and triangles within the reach."""
-        pairs = self._ipc.NormalCollisions()
-        pairs.use_area_weighting = True
-        pairs.build(self._mesh, places, self.reach)
-        return pairs
+    def _near(self, displacement: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Places of the surface, and the pairs of points, edges and triangles within the reach; kept of the last."""
+        places, last = self._places(displacement), self._last
+        if not np.array_equal(places, last[0]):
+            pairs = self._ipc.NormalCollisions()
+            pairs.use_area_weighting = True
+            pairs.build(self._mesh, places, self.reach)
+            last = self._last = places, pairs
+        return last
 
 
 def additive_ccd(ipctk: Any) -> Any:
