@@ -15,7 +15,7 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.past import Past
-from mitsuba_taxel.mechanics.elements.sparsity import Sparsity
+from mitsuba_taxel.mechanics.elements.sparsity import Sparsity, equal_pairs
 from mitsuba_taxel.mechanics.materials.laws import Material
 
 MOST_KEPT = 1000
@@ -130,11 +130,9 @@ class _Pattern:
         self._kept = np.flatnonzero((first >= 0) & (second >= 0) & sparsity.lower)
         first, second = first[self._kept], second[self._kept]
         rows, columns = sparsity.rows[self._kept], sparsity.columns[self._kept]
-        keys = np.minimum(first, second).astype(np.int64) * self._size + np.maximum(first, second)
-        keys, target = np.unique(keys, return_inverse=True)
-        self._target = target.astype(np.int32)
-        self._indices = (keys % self._size).astype(np.int32)
-        count = np.bincount(keys // self._size, minlength=self._size)
+        low, high = np.minimum(first, second), np.maximum(first, second)
+        column, self._indices, self._target = equal_pairs(low, high, self._size)
+        count = np.bincount(column, minlength=self._size)
         self._indptr = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
         # Two degrees of freedom tied to the same unknown contribute to the diagonal twice.
         factor = np.where((first == second) & (rows != columns), 2.0, 1.0)

@@ -36,9 +36,9 @@ class Sparsity:
 
     def __init__(self, nodes: np.ndarray, corners: np.ndarray, count: int) -> None:
         self._count = count
-        self._blocks = _Merged(self._block_key(nodes))
-        self._mixed = _Merged(corners[:, :, None] * count + nodes[:, None, :])
-        self._pressures = _Merged(corners[:, :, None] * count + corners[:, None, :])
+        self._blocks = _Merged(nodes[:, PAIRS[1]], nodes[:, PAIRS[0]], count)
+        self._mixed = _Merged(corners[:, :, None], nodes[:, None, :], count)
+        self._pressures = _Merged(corners[:, :, None], corners[:, None, :], count)
         component = np.arange(3)
         column, row = np.divmod(self._blocks.keys, count)
         rows = (3 * row[:, None] + np.repeat(component, 3)).ravel()
@@ -75,18 +75,33 @@ class Sparsity:
         blocks = matrices[rows, order[:, first], :, order[:, second]]
         np.add.at(entries[: 9 * len(self._blocks.keys)].reshape(-1, 3, 3), places, blocks)
 
-    def _block_key(self, nodes: np.ndarray) -> np.ndarray:
-        return nodes[:, PAIRS[1]] * self._count + nodes[:, PAIRS[0]]
-
 
 class _Merged:
-    """Groups of equal keys."""
+    """Groups of equal pairs of numbers below ``size``."""
 
-    def __init__(self, keys: np.ndarray) -> None:
-        self.keys, target = np.unique(keys.ravel(), return_inverse=True)
+    def __init__(self, first: np.ndarray, second: np.ndarray, size: int) -> None:
+        first, second = (each.ravel() for each in np.broadcast_arrays(first, second))
+        rows, columns, target = equal_pairs(first, second, size)
+        self.keys = rows * size + columns
         ones, places = np.ones(len(target)), np.arange(len(target))
-        self._sum = sparse.csr_array((ones, (target.ravel(), places)), shape=(len(self.keys), len(target)))
+        self._sum = sparse.csr_array((ones, (target, places)), shape=(len(self.keys), len(target)))
 
     def summed(self, values: np.ndarray, size: int) -> np.ndarray:
         """Flattened sums of blocks of ``size`` values with equal keys."""
         return (self._sum @ values.reshape(-1, size)).ravel()
+
+
+def equal_pairs(first: np.ndarray, second: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The different pairs of numbers (n,) below ``size``, in ascending order, and (n,) which of them each pair is.
+
+    By counting, where numpy's ``unique`` sorts: in a third of the time.
+    """
+    pairs = sparse.coo_array((np.arange(len(first)), (first, second)), shape=(size, size))
+    pairs.has_canonical_format = True  # or equal ones would be summed
+    ordered = pairs.tocsc().tocsr()
+    rows, columns = np.repeat(np.arange(size), np.diff(ordered.indptr)), ordered.indices
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = (rows[1:] != rows[:-1]) | (columns[1:] != columns[:-1])
+    target = np.empty(len(rows), dtype=np.int32)
+    target[ordered.data] = np.cumsum(new) - 1
+    return rows[new], columns[new], target
