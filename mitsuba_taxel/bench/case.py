@@ -179,7 +179,8 @@ def _own_figures(state: State) -> dict[str, float | str]:
 def _figures(case: Case, path: PadPath) -> dict[str, float | str]:
     """Figures of the steps of a path, and the first load at which an element is inverted at a node."""
     segments = list(path.segments.known.values())
-    curves = [branch.curve for branch in path.segments.branches.values()]
+    branches = path.segments.branches.values()
+    curves = [part for branch in branches for part in (branch.curve, branch.onwards) if part]
     nodes = [node for segment in segments + curves for node in segment.nodes]
     if not nodes:
         return {}

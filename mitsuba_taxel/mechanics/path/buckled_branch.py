@@ -5,6 +5,9 @@ amplitude of the mode in which the pad buckles. So the branch is a segment of st
 load is one more unknown (E. Riks, Int. J. Solids Struct. 15, 1979). The load must rise with the amplitude, and states
 be stable under it: where it falls, a pad jumps. Where it falls at first only, by as little as elements may decide, the
 pad is followed to beyond.
+
+Where a pad that goes on presses on what it touches, it bends little further: from there on the load is given again, and
+the branch is stable under it.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, RESIDUAL_TOLERANCE, LoadedPad
@@ -81,8 +85,7 @@ class BuckledPad:
         solution, bordered = self.solve_linearised(start, amplitude)
         if not (self._measure @ bordered.rate > 0 and solution.unknowns[-1] > self.onset[-1]):
             raise Rejected(FALLS)
-        if bordered.tangent.negative not in (None, self.pad.numbering.pressures):
-            raise Rejected(UNSTABLE)
+        self.pad.is_stable(bordered.tangent, solution.unknowns[:-1], self._segment.value(solution.unknowns[-1]))
         return solution, bordered
 
     def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
@@ -95,7 +98,10 @@ class BuckledPad:
             correction = self.correction(bordered, unknowns, amplitude)
             if correction is None:
                 break
-            unknowns = unknowns - correction
+            ahead = unknowns - correction
+            if self.towards(unknowns, ahead) is not ahead:
+                raise Rejected("it presses on what it touches")
+            unknowns = ahead
             if iteration and found.residual < RESIDUAL_TOLERANCE:  # where a branch begins, loads need the further step
                 return replace(found, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
@@ -122,7 +128,7 @@ class BuckledPad:
         return np.append(correction + load * bordered.rate, load)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        return guess
+        return self.pad.towards(known, guess)  # the load, the last of them, goes as much of the way
 
 
 class BuckledBranch:
@@ -142,6 +148,8 @@ class BuckledBranch:
         The states by their amplitude in mm.
     buckled : BuckledPad
         The pad of that segment.
+    onwards : LoadSegment or None
+        The states by their load from the end of that segment on, of a pad that goes on where it touches something.
     """
 
     def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
@@ -156,20 +164,36 @@ class BuckledBranch:
             segment.nodes[-1], s=0.0, unknowns=self.buckled.onset, tangent=np.append(mode, 0.0), seconds=0.0
         )
         self.curve.nodes.append(first)
+        self._onwards: LoadSegment | None = None
+
+    @property
+    def onwards(self) -> LoadSegment | None:
+        curve, part = self.curve, self._segment
+        ends = 0 < curve.limit < math.inf and UNSTABLE not in curve.reason and not np.isfinite(curve.place).all()
+        if self._onwards is None and ends and self.pad.contacts is not None:
+            start = part.value(self.solved_to)
+            self._onwards = LoadSegment(start, part.direction, part.step, part.judged, part.tolerance)
+        return self._onwards
+
+    @property
+    def _last(self) -> LoadSegment:
+        return self.onwards or self.curve
 
     @property
     def reason(self) -> str:
         """Why the branch ends."""
-        return self.curve.reason
+        return self._last.reason
 
     @property
     def place(self) -> np.ndarray:
         """(3,) mm, point of contact where it ends; NaN without contact."""
-        return self.curve.place
+        return self._last.place
 
     @property
     def limit(self) -> float:
         """Distance along the segment beyond which there is no state; infinite if unknown."""
+        if self.onwards:
+            return self.solved_to + self.onwards.limit
         return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf
 
     def value(self, s: float) -> np.ndarray:
@@ -177,17 +201,17 @@ class BuckledBranch:
         return self._segment.value(s)
 
     def reaches(self, s: float) -> bool:
-        """Whether a state at a distance needs no further solve."""
-        return min(self._solved_to, self.limit) >= s
+        """Whether a state at a distance is one by its amplitude that needs no further solve."""
+        return min(self.solved_to, self.limit) >= s
 
-    def extend(self, s: float, touched: Callable[[], bool]) -> None:
-        """Solve the branch up to a distance, or until it has ``touched`` something."""
+    def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
+        """Solve the states by their amplitude up to a distance, or until the pad has ``touched`` something."""
         curve = self.curve
         if len(curve.nodes) == 1:
             self._begin()
         curve.extend(
-            self.buckled, math.inf, lambda: curve.nodes[0].unknowns, self.pad.contact,
-            lambda: self._solved_to >= s or touched(),
+            self.buckled, math.inf, lambda: curve.nodes[0].unknowns, contact,
+            lambda: self.solved_to >= s or touched(),
         )  # fmt: skip
 
     def _begin(self) -> None:
@@ -206,8 +230,12 @@ class BuckledBranch:
     def at(self, s: float) -> Interpolated:
         """The state at a distance, which the branch must reach."""
         found = self.curve.at(self._amplitude(s))
-        seconds = found.seconds + self._segment.at(self._segment.limit).seconds
-        return replace(found, unknowns=found.unknowns[:-1], seconds=seconds)
+        return replace(found, unknowns=found.unknowns[:-1])
+
+    def seconds_before(self, s: float) -> float:
+        """Time of all states before the part that leads to a distance."""
+        nodes = self._segment.nodes + (self.curve.nodes if self.onwards and s > self.solved_to else [])
+        return sum(node.seconds for node in nodes)
 
     def rate(self, s: float) -> np.ndarray:
         """Derivative of the unknowns by the distance; without limit at the begin of the branch."""
@@ -215,7 +243,8 @@ class BuckledBranch:
         return rate[:-1] / rate[-1]
 
     @property
-    def _solved_to(self) -> float:
+    def solved_to(self) -> float:
+        """Distance along the segment of the last state by its amplitude."""
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:

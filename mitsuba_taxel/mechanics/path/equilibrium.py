@@ -134,7 +134,7 @@ class LoadedPad:
         # A further step costs a back-solve, and removes the effect of the residual on derivatives.
         correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
         found = replace(found, unknowns=found.unknowns - correction, linearised=None)
-        solution = self._accepted(found, self._is_stable(linearised, found.unknowns, value))
+        solution = self._accepted(found, self.is_stable(linearised, found.unknowns, value))
         self.refuse_unstable(solution.unknowns, linearised.entries, value)
         return solution, linearised
 
@@ -150,7 +150,7 @@ class LoadedPad:
             return self._accepted(found, True), linearised
         found = replace(found, linearised=None)  # frees its memory for the next one
         linearised = self._linearised(entries, found.unknowns, value)
-        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
         """Raise Rejected if an equilibrium is unstable against the displacements that :class:`Stability` checks.
@@ -177,7 +177,7 @@ class LoadedPad:
         largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
         if linearised is None or found.distance > NEAR * largest:
             linearised = self._linearised(self._entries(found, value), found.unknowns, value, linearised)
-        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
     def solve_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """As :meth:`solve_linearised`, with the tangent of the state itself; its factor may be that of a nearby one."""
@@ -212,7 +212,7 @@ class LoadedPad:
         linearised = found.linearised
         if linearised is None:
             linearised = self._linearised(self._entries(found, value), found.unknowns, value)
-        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
     def judged(self, unknowns: np.ndarray, value: np.ndarray, near: Linearised) -> Linearised:
         """The linearised pad at an equilibrium that all displacements leave stable; raises Rejected if one does not.
@@ -223,7 +223,7 @@ class LoadedPad:
         of_all = self._solver.knows_inertia and self._stability.of_all
         linearised = self.tangent_at(unknowns, value, near if of_all else None)
         if not of_all:
-            self._is_stable(linearised, unknowns, value)
+            self.is_stable(linearised, unknowns, value)
         self.refuse_unstable(unknowns, linearised.entries, value)
         return linearised
 
@@ -417,7 +417,7 @@ class LoadedPad:
         force = self.model.load_rate(self.numbering.split(unknowns)[0], direction, value)
         return linearised.correction(force, self.numbering.plate_values(direction) if self._driven else None)
 
-    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """Whether stability was checked for displacements of the part; raises Rejected if it is unstable."""
         if linearised.negative is None:
             return False

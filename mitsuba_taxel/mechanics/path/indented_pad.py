@@ -75,13 +75,13 @@ class IndentedPad(LoadedPad):
         largest = np.abs(found.unknowns[: self.numbering.displacements]).max()
         near = found.linearised if found.distance <= NEAR * largest else None
         linearised = self._linearised(self._entries(found, value), found.unknowns, value, near)
-        return self._accepted(found, self._is_stable(linearised, found.unknowns, value)), linearised
+        return self._accepted(found, self.is_stable(linearised, found.unknowns, value)), linearised
 
-    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         if self.friction is not None:
             return False
         try:
-            return super()._is_stable(linearised, unknowns, value)
+            return super().is_stable(linearised, unknowns, value)
         except Rejected as unstable:
             factor = self._with_straight_pushes(unknowns, value)
             held = self.model.held(self.numbering.split(unknowns)[0], value)

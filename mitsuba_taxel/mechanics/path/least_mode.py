@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.mechanics.elements.solvers import symmetric_product
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.tangent_blocks import TangentBlock
 
@@ -36,4 +35,4 @@ def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tu
             break
     else:
         raise ComputationError(f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations.")
-    return float(mode @ symmetric_product(model.assembly.matrix(tangent.entries), mode)), mode
+    return tangent.stiffness(mode), mode

@@ -92,6 +92,10 @@ class Linearised:
                 break
         return found
 
+    def stiffness(self, mode: np.ndarray) -> float:
+        """N/mm, that against a mode over the unknowns."""
+        return float(mode @ symmetric_product(self._lower, mode))
+
     @cached_property
     def negative(self) -> int | None:
         """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968); None if unknown."""

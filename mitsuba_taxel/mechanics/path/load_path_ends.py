@@ -47,7 +47,7 @@ def end_of_path(
     further = ""
     if touched and load.goes_on:
         further = " It may go on with smaller elements."
-    elif touched and buckled_at is None:  # such a path ends where the pad buckles
+    elif touched:
         further = " With self_contact = true it goes on."
     further = said_of(what, mesh, place) + further
     if buckled_at is not None:

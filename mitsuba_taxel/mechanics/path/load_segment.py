@@ -212,7 +212,7 @@ class LoadSegment:
         """Extrapolated unknowns beyond the last node: by the last interval's cubic up to its length, else linearly."""
         last = self.nodes[-1]
         if len(self.nodes) > 1 and s - last.s <= last.s - self.nodes[-2].s and not pad.solves_between:
-            return hermite(self.nodes[-2], last, s)
+            return pad.towards(last.unknowns, hermite(self.nodes[-2], last, s))
         return pad.towards(last.unknowns, last.unknowns + (s - last.s) * last.tangent)
 
     def _node(self, pad: Followed, solve: Solve, s: float, guess: np.ndarray) -> tuple[Node, Any]:

@@ -97,7 +97,7 @@ def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: No
     on_part = block.model.part.restrict(*pad.split(node.unknowns))
     entries = block.model.evaluate(*on_part, value).entries
     assert entries is not None  # no element is inverted in balance
-    return block.tangent(entries, on_part[0], value)
+    return block.tangent(entries, on_part[0], value, pad.contacts)
 
 
 def is_kept(mode: np.ndarray, mirror: Mirror, image: np.ndarray) -> bool:

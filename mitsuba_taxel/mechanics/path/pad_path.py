@@ -227,18 +227,17 @@ class PadPath:
         with LOCK:
             segment, s = self.segments.to(value)[-1]
             direction = segment.direction
-            pad = self.segments.pad_for(segment.origin, direction)
+            part, along, pad = self.segments.part_to(segment, s)
             pushed = self.solved.beside(segment, s, pad)
             if pushed:
                 try:
                     rate = self.solved.rate_beside(segment, s, pad, pushed.unknowns)
                 except Rejected:
                     return None
-            elif s > segment.limit:
-                branch = self.segments.branch(segment)
-                pad, rate = branch.pad, branch.rate(s)
+            elif pad.solves_between and isinstance(part, LoadSegment):
+                rate = self.solved.at(part, along, pad).tangent
             else:
-                rate = self.solved.at(segment, s, pad).tangent if pad.solves_between else segment.rate(s)
+                rate = part.rate(along)
             displacement = pad.split(rate)[0]
         for mirror in reversed(mirrors):
             direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
@@ -288,17 +287,18 @@ class PadPath:
             if not segment.reaches(s):
                 self.segments.extend(segment, pad, s, start, touch)
             self._refuse_touch(segment, touch(segment, pad), s, mirrors)
-            part: LoadSegment | BuckledBranch = segment
             if segment.mode.size and not segment.reaches(s):
-                part = branch = self.segments.extended_branch(segment, s, touch)
-                pad, touched = branch.pad, touch(branch.curve, branch.buckled)
+                branch = self.segments.extended_branch(segment, s, touch)
+                touched = touch(branch.curve, branch.buckled)
                 self._refuse_touch(branch, touched and (branch.load_at(touched[0]), touched[1]), s, mirrors)
-            if not part.reaches(s):
+                seconds += branch.seconds_before(s)
+            part, along, pad = self.segments.part_to(segment, s)
+            if not part.reaches(along):
                 raise self._end(part.value(part.limit), part.reason, part.place, mirrors)
-            at = part.at(s)
-            if pad.solves_between:
+            at = part.at(along)
+            if pad.solves_between and isinstance(part, LoadSegment):
                 try:
-                    node = self.solved.at(segment, s, pad)
+                    node = self.solved.at(part, along, pad)
                 except Rejected as rejection:
                     reason, nowhere = f"cannot be loaded further ({rejection})", np.full(3, np.nan)
                     raise self._end(segment.value(s), reason, nowhere, mirrors) from rejection

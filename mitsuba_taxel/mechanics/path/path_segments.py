@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
-from mitsuba_taxel.mechanics.contact.self_contact import Contact
+from mitsuba_taxel.mechanics.contact.self_contact import Contact, ContactTest
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.path import cache
@@ -83,14 +83,17 @@ class PathSegments:
             self._take_stored(segment)
             before = len(segment.nodes), segment.limit
             try:
-                contact = self._path.contact if self._path.load.goes_on else pad.contact
+                contact = self._contact(pad)
                 segment.extend(pad, s, lambda: pad.gather(*start()), contact, lambda: touch(segment, pad) is not None)
-                onset = find_onset(pad, segment) if self.may_buckle else None
+                onset = find_onset(pad, segment) if self.may_buckle and segment in self.known.values() else None
                 if onset:
                     segment.end_buckling(pad, contact, *onset)
             finally:
                 if (len(segment.nodes), segment.limit) != before:
                     cache.store(self.name_of(segment), segment.arrays())
+
+    def _contact(self, pad: LoadedPad) -> ContactTest:
+        return self._path.contact if self._path.load.goes_on else pad.contact
 
     def _take_stored(self, segment: LoadSegment) -> None:
         arrays = cache.load(self.name_of(segment))
@@ -110,13 +113,26 @@ class PathSegments:
             arrays = cache.load(name)
             if arrays is not None and len(arrays["s"]) > len(branch.curve.nodes):
                 branch.curve.restore(arrays)
-            before = len(branch.curve.nodes), branch.limit
+            before = len(branch.curve.nodes), branch.curve.limit
             try:
-                branch.extend(s, lambda: touch(branch.curve, branch.buckled) is not None)
+                branch.extend(s, self._contact(branch.pad), lambda: touch(branch.curve, branch.buckled) is not None)
             finally:
-                if (len(branch.curve.nodes), branch.limit) != before:
+                if (len(branch.curve.nodes), branch.curve.limit) != before:
                     cache.store(name, branch.curve.arrays())
+        if branch.onwards and s > branch.solved_to:
+            last = branch.curve.nodes[-1].unknowns[:-1]
+            self.extend(branch.onwards, branch.pad, s - branch.solved_to, lambda: branch.pad.split(last), touch)
         return branch
+
+    def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
+        """What leads to a distance along a segment that has been followed: it, or what is beyond; how far along that,
+        and its pad."""
+        if not segment.mode.size or s <= segment.limit:
+            return segment, s, self.pad_for(segment.origin, segment.direction)
+        branch = self.branch(segment)
+        if branch.onwards and s > branch.solved_to:
+            return branch.onwards, s - branch.solved_to, branch.pad
+        return branch, s, branch.pad
 
     def branch(self, segment: LoadSegment) -> BuckledBranch:
         """The branch that begins at the end of a segment where the pad buckles."""
@@ -143,8 +159,7 @@ class PathSegments:
     @property
     def may_buckle(self) -> bool:
         """Whether branches are followed."""
-        load = self._path.load
-        return self._path.judged and not (load.goes_on or isinstance(load, IndenterDisplacement | IndenterForce))
+        return self._path.judged and not isinstance(self._path.load, IndenterDisplacement | IndenterForce)
 
     def follow_normal(self, value: np.ndarray) -> None:
         """Solve the normal segment as far as a load with a tangential part needs it, which tells its symmetries."""

@@ -63,7 +63,8 @@ class SelfTouchingPad(LoadedPad):
         return type(self)(*parts, bodies=self._bodies, share=0.5 * self._share).balance(unknowns, value)
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        return known + self.contacts.free_share(self.split(known)[0], self.split(guess)[0]) * (guess - known)
+        share = self.contacts.free_share(self.split(known)[0], self.split(guess)[0])
+        return guess if share == 1 else known + share * (guess - known)
 
     def refuse_unstable(self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray) -> None:
         displacement, pressure = self.split(unknowns)
@@ -75,21 +76,21 @@ class SelfTouchingPad(LoadedPad):
             alike = whole.gather(displacement, pressure)
             tangent = whole._evaluate(alike, value).entries
             assert tangent is not None  # no element is inverted
-            whole._is_stable(whole._linearised(tangent, alike, value), alike, value)
+            whole.is_stable(whole._linearised(tangent, alike, value), alike, value)
 
     @cached_property
     def _of_whole(self) -> SelfTouchingPad:
         parts = self.whole, self.material, self.load
         return type(self)(*parts, solver=self._solver_name, bodies=self._bodies, share=self._share)
 
-    def _is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
+    def is_stable(self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray) -> bool:
         """As of a `LoadedPad`, whatever forces do that turn about corners: these are corners of cut faces and of
         bodies that are sharper than the elements."""
         try:
-            return super()._is_stable(linearised, unknowns, value)
+            return super().is_stable(linearised, unknowns, value)
         except Rejected:
             steady = self._linearised(linearised.entries, unknowns, value, steady=True)
-            return super()._is_stable(steady, unknowns, value)
+            return super().is_stable(steady, unknowns, value)
 
     def _balanced(self, start: np.ndarray, value: np.ndarray, linearised: Linearised | None = None) -> Balanced:
         """Newton's method with steps that collide with nothing, shortened until they lead closer to balance."""
@@ -141,7 +142,7 @@ class SelfTouchingPad(LoadedPad):
         slope = self._slope(step, there)
         for _ in range(MOST_HALVINGS):
             here, tried = unknowns + share * step, unknowns + 2 * share * step
-            if not slope < 0 or not np.array_equal(self.towards(here, tried), tried):
+            if not slope < 0 or self.towards(here, tried) is not tried:
                 break
             there = self._evaluate(tried, value, with_tangent=False)
             if not there.min_jacobian > 0 or not self._slope(step, there) < -OVERSHOT * slope:

@@ -80,7 +80,6 @@ def _solved_closer(
         missing = float((value - driven.force(moved, closer, squeezed))[2])
         rate, stiffness = path.rate_by_depth(value)
         return closer - missing / stiffness * rate, squeezed
-    segment, _ = path.segments.to(value)[-1]
-    pad = path.segments.pad_for(segment.origin, segment.direction)
+    *_, pad = path.segments.part_to(*path.segments.to(value)[-1])
     assert isinstance(pad, SelfTouchingPad)  # as the load goes on
     return pad.split(pad.closer(pad.gather(displacement, pressure), value))

@@ -143,6 +143,8 @@ class TangentBlock:
         if contacts is None:
             return lower
         stiffness = contacts.stiffness(part.expand(displacement, np.zeros(part.mesh.corner_count))[0], steady)
+        if not stiffness.nnz:
+            return lower
         moves = self.expansion[: stiffness.shape[0]]
         self._solver = make_solver()  # other pairs: it has to be analysed again
         return sum_of_triangles(lower, sparse.tril(moves.T @ stiffness @ moves / part.copies))

@@ -295,7 +295,7 @@ class Stretch:
         solution, self._near = pad.solve_next(guess, value, self._near)
         moved = float(np.abs(solution.unknowns - here.unknowns)[: pad.numbering.displacements].max())
         unjudged = here.unjudged + moved
-        if self._judges and unjudged > NATURAL_STRAIN * pad.height:
+        if self._judges and (unjudged > NATURAL_STRAIN * pad.height or share == 1):
             self._near = pad.judged(solution.unknowns, value, self._near)
             unjudged = 0.0
         elif course is not None:

@@ -6,12 +6,22 @@ from functools import partial
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
-from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, linearise, load_path
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    NeoHookean,
+    SpreadForce,
+    Viscoelastic,
+    linearise,
+    load_path,
+)
+from mitsuba_taxel.mechanics.contact.contacts import Contacts
 from mitsuba_taxel.mechanics.path import pad_path, second_meshes
 from mitsuba_taxel.mechanics.path.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.path.load_segment import LoadSegment
@@ -23,6 +33,8 @@ from mitsuba_taxel.pads import Pad
 LENGTH, WIDTH, MODULUS = 16.0, 2.0, 4.0
 EULER = MODULUS * np.pi**2 / 48 * WIDTH / LENGTH**2
 """Of a column of unit thickness that is clamped below and free above."""
+LEAN = 0.5
+"""How far one may lean between bodies beside it, in mm."""
 
 
 def bent(load):
@@ -47,7 +59,7 @@ def test_an_elastica(symmetric_block):
     pad = loaded_pad(mesh, NeoHookean(MODULUS, 0.0), SpreadForce(), (ACROSS_X, ACROSS_Y))
     onset, branch = branch_of(pad, (0.0, 0.0, -1.0), (ACROSS_Y,))
     assert onset.node.s == pytest.approx(EULER, rel=0.005)
-    branch.extend(1.05 * onset.node.s, lambda: False)
+    branch.extend(1.05 * onset.node.s, pad.contact, lambda: False)
     assert len(branch.curve.nodes) > 5 and branch.limit == np.inf
     top = mesh.points[:, 2] == LENGTH
     for load in (1.001, 1.01, 1.03, 1.05):
@@ -106,11 +118,75 @@ def test_the_same_branch_on_other_elements_and_sideways(columns, monkeypatch):
     assert here > 0 and there == pytest.approx(here, rel=0.05)
     assert "self_contact" in str(path._end(0.9 * value, "touches itself", np.zeros(3), []))
     end = str(path._end(value, "touches itself", np.zeros(3), []))
-    assert "It buckled at" in end and "self_contact" not in end
+    assert "It buckled at" in end and "self_contact" in end
     assert path.segments.pad_for(0.9 * value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
     assert path.segments.pad_for(0.9 * value, np.array([0, 1.0, 0])).mirrors == (ACROSS_X,)
     assert path.segments.pad_for(value, np.array([1.0, 0, 0])).mirrors == (ACROSS_Y,)
     assert path.segments.pad_for(value, np.array([0, 1.0, 0])).mirrors == ()
+
+
+@pytest.fixture
+def beside():
+    """Two bodies, as far from the upper part of a column as it may lean."""
+    pytest.importorskip("ipctk")
+    places = [trimesh.transformations.translation_matrix((side * (1 + LEAN), 0, 15)) for side in (1, -1)]
+    return np.concatenate([trimesh.creation.box((1, 4, 6), place).triangles for place in places])
+
+
+def held(load, lean):
+    """Force across it on the end of a column that leans so far, clamped below, relative to its load (S. P. Timoshenko
+    and J. M. Gere, Theory of Elastic Stability, 1961, section 1.3)."""
+    k = np.pi / 2 * np.sqrt(load) / LENGTH
+    return lean / (np.tan(k * LENGTH) / k - LENGTH)
+
+
+def test_a_column_leans_on_what_it_touches(columns, beside):
+    """Beyond Euler's load the body beside holds it; states do not depend on what is asked before."""
+    law, load = NeoHookean(MODULUS, 0.0), SpreadForce(self_contact=True)
+
+    def pressed(*loads):
+        values = [(0, 0, -share * EULER) for share in loads]
+        return load_path(Pad(), law, values, load=load, mesh_size=1.0, obstacles=beside)
+
+    before, *states = pressed(1.0013, 2, 4)
+    assert not Contacts(before.mesh, MODULUS, before.bodies).all_forces(before.displacement).any()
+    for state in states:
+        assert state.stability_checked and state.buckled_at == pytest.approx((0, 0, -EULER), rel=0.005)
+        places = state.mesh.points + state.displacement
+        top = state.mesh.points[:, 2] == LENGTH
+        assert 0.9 * LEAN < places[top, 0].mean() and places[:, 0].max() < 0.5 + LEAN
+        other = Contacts(state.mesh, MODULUS, state.bodies).forces(state.displacement)[1][:, 0].sum()
+        at = -state.value[2] / EULER
+        assert other / -state.value[2] == pytest.approx(held(at, state.displacement[top, 0].mean()), rel=0.02, abs=1e-4)
+        rate = state.path_rate()
+        along = linearise(state).by_value(rate.direction)
+        np.testing.assert_allclose(rate.displacement, along, atol=1e-6 * np.abs(along).max())
+    columns()
+    np.testing.assert_array_equal(pressed(4)[0].displacement, states[-1].displacement)
+
+
+def test_a_column_under_a_plane_ends_where_it_buckles(columns):
+    """That keeps its end upright and lets it slide, so that it bears four times Euler's load (Timoshenko and Gere,
+    section 2.2); branches are not followed there."""
+    shortened = 4 * EULER * LENGTH / (MODULUS * WIDTH)
+    with pytest.raises(ComputationError, match=r"the equilibrium is unstable .* the load path ends at displ") as end:
+        load_path(
+            Pad(), NeoHookean(MODULUS, 0.0), [(0, 0, -0.1)], load=IndenterDisplacement(Indenter("plane")), mesh_size=1.0
+        )
+    assert 0.75 * shortened < -end.value.value[2] < 1.02 * shortened
+
+
+def test_a_column_ends_in_time_where_it_buckles(columns):
+    """States that are asked for are judged, however little the pad has moved; branches are not followed in time."""
+    silicone = Viscoelastic(NeoHookean(MODULUS, 0.0), ((0.5, 1.0),))
+
+    def loaded(*shares):
+        values = [(0, 0, -share * EULER) for share in shares]
+        return load_path(Pad(), silicone, values, times=0.1 * np.arange(1, 1 + len(shares)), mesh_size=1.0)
+
+    assert all(state.stability_checked for state in loaded(0.5, 0.9))
+    with pytest.raises(ComputationError, match=r"the equilibrium is unstable .* the load path ends at force"):
+        loaded(0.5, 1.05)
 
 
 def test_a_load_that_falls_ends_the_path():
