@@ -224,12 +224,11 @@ class _LinearContact:
     pressing : Pressing
         State of contact.
     surplus : int
-        Number of negative eigenvalues of the tangent which pressures, without friction, have to remove.
+        Number of negative eigenvalues of the tangent which pressures have to remove, as if nothing stuck.
     """
 
     def __init__(self, pad: IndentedPad, factor: Factorisation, pressing: Pressing, surplus: int = 0) -> None:
-        self._factor, self._may, self._friction = factor, pad.model.may_press, pad.friction
-        self._surplus = 0 if pad.friction else surplus
+        self._factor, self._may, self._friction, self._surplus = factor, pad.model.may_press, pad.friction, surplus
         rows = [pressing.rate]
         if pad.friction is not None:
             rows.append(pad.friction.rows(pad.friction.tangents(pressing)))

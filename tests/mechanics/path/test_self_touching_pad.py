@@ -38,6 +38,7 @@ from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
 from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.path.indented_touching_pad import IndentedTouchingPad
 from mitsuba_taxel.mechanics.path.pad_path import pad_path
 from mitsuba_taxel.mechanics.path.self_touching_pad import SelfTouchingPad
 from mitsuba_taxel.mechanics.path.shorter_reach import with_reach
@@ -403,6 +404,20 @@ def test_a_dragged_body_presses_walls_on_each_other():
     touching = pressing.pressure > 0
     assert share.max() < 1 + 1e-6 and share[~touching].max() == 0
     assert 0 < np.mean(share[touching] > 1 - 1e-6) < 0.5
+
+
+def test_steps_under_friction_are_not_cut(monkeypatch):
+    """Below, walls that press on each other turn about corners, and make the linear pad unstable; the pad is not."""
+    find, found = IndentedTouchingPad._balanced, []
+
+    def balanced(pad, *start):
+        found.append(None)
+        found[-1] = find(pad, *start)
+        return found[-1]
+
+    monkeypatch.setattr(IndentedTouchingPad, "_balanced", balanced)
+    pressed((0, 0, -2.34), load=IndenterDisplacement(replace(BALL, friction=0.3), self_contact=True))
+    assert all(found)
 
 
 SOFT, LEFT = Viscoelastic(LAW, ((0.2, 1.0), (0.3, 10.0))), 0.5 * LAW.shear_modulus
