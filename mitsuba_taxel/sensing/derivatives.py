@@ -24,12 +24,14 @@ from mitsuba_taxel.sensing.equal_cells import equal_cells
 from mitsuba_taxel.sensing.linearised_pad import LinearisedPad, Nodal
 from mitsuba_taxel.sensing.package_clearance import clearances
 from mitsuba_taxel.sensing.scene_rates import Rates
+from mitsuba_taxel.sensing.slope_error import Against, mechanics_errors, unknown
 from mitsuba_taxel.transport.cell import Cell
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
     from mitsuba_taxel.mechanics import State
+    from mitsuba_taxel.mechanics.path.second_state import SecondState
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 LIGHT_SHARE = 0.25
@@ -37,9 +39,6 @@ LIGHT_SHARE = 0.25
 HORIZON_SHARE = 1.3
 """Standard deviation of a derivative, relative to its change with a horizon of twice the width: compared with
 differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
-APART_SHARE = 0.25
-"""Weight of the root of the sum of squares of the changes that patches make, beside their sum: with it, derivatives of
-98 in 100 single cells are off by less than twice what is stated, without it of 88."""
 
 
 def derivatives_by(
@@ -116,9 +115,11 @@ class _Linearised:
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)
         light = np.array([each.light_errors for each in solved])
-        mechanics, of_reading = np.zeros(len(changes)), np.zeros_like(reading)
+        mechanics, of_reading = np.zeros_like(light[:, 1:]), np.zeros_like(reading)
         if displaced:
-            mechanics, of_reading = _mechanics_errors([each.against for each in solved], reading, second)
+            mechanics, of_reading = mechanics_errors(
+                [each.against for each in solved], reading, None if second is None else second.told
+            )
         errors = np.sqrt(light[:, 1:] ** 2 + mechanics**2 + blocked**2)
         reading_errors = np.sqrt(light[:, :1] ** 2 + of_reading**2 + (hidden * reading) ** 2)
         strain = clearance = math.nan, np.full(len(changes), math.nan)
@@ -142,7 +143,7 @@ class _Linearised:
         if found is None:
             return None
         whole = _Linearised(self.cells, COARSE, found.state)
-        return _Second(whole, [whole.linear.nodal(change) for change in changes], found.share, found.least)
+        return _Second(whole, [whole.linear.nodal(change) for change in changes], found)
 
     def _equal(self, nodal: list[Nodal], others: list, second: _Second | None) -> list[int]:
         """The representative cell of each cell."""
@@ -159,21 +160,11 @@ class _Linearised:
 
 @dataclass(frozen=True, eq=False)
 class _Second:
-    """A second mesh, and what a difference from it tells; see :class:`SecondState`."""
+    """A second mesh, and what a difference from it tells."""
 
     whole: _Linearised
     nodal: list[Nodal]
-    share: float
-    least: float
-
-
-class _Against(NamedTuple):
-    """A cell compared with that of a second mesh: changes (1 + P) of reading and derivatives, roots (P,) of the sums of
-    squares of the changes that each patch makes, and the parts (P,) of derivatives through the displacement."""
-
-    changes: np.ndarray
-    apart: np.ndarray
-    displaced: np.ndarray
+    told: SecondState
 
 
 class _Found(NamedTuple):
@@ -183,7 +174,7 @@ class _Found(NamedTuple):
     reading: float
     values: np.ndarray
     light_errors: np.ndarray
-    against: _Against
+    against: Against
     flows: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -204,7 +195,7 @@ class _OfCell:
         """Results of the cell, without its pairs of points, which take much memory."""
         fine = self._solved(self._whole.degree)
         values = self._by_patch(fine, fine.gradient(self._whole.wider)).sum(axis=1)
-        light, against = np.full(1 + len(values), np.nan), _unknown(len(values))
+        light, against = np.full(1 + len(values), np.nan), unknown(len(values))
         if with_errors:
             coarse = self._solved(COARSE)
             gradient = coarse.gradient()
@@ -238,14 +229,17 @@ class _OfCell:
             return np.zeros((1, len(self._rest)))
         return np.array([cell.bent(velocity, one) for one in ((side,) if side else (1, -1))])
 
-    def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> _Against:
+    def _against(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Against:
         """The coarser solution compared with that of a second mesh."""
         other = _OfCell(second.whole, self._number, second.nodal, self._others)
         cell = other._solved(COARSE)
-        change = other._by_patch(cell, cell.gradient()) - by_patch
+        there = cell.gradient()
+        change = other._by_patch(cell, there) - by_patch
+        both = zip(self._velocities, other._velocities, strict=True)
+        kinks = np.array([((there - gradient) * (velocity - own)).sum() for own, velocity in both])
         displaced = np.array([(gradient * rate).sum() for rate in self._displaced])
         apart = np.sqrt((change**2).sum(axis=1))
-        return _Against(np.array([cell.reading - reading, *change.sum(axis=1)]), apart, displaced)
+        return Against(np.array([cell.reading - reading, *change.sum(axis=1)]), apart, kinks, displaced)
 
     def _solved(self, degree: int) -> Cell:
         cells = self._whole.cells
@@ -274,32 +268,6 @@ class _OfCell:
             change = cell.change(then.led, then.phototransistor, then.body, scattered)
             total += weight * (change + cell.reading * then.power / taxel.power)
         return total
-
-
-def _unknown(count: int) -> _Against:
-    return _Against(np.full(1 + count, np.nan), *np.full((2, count), np.nan))
-
-
-def _mechanics_errors(
-    against: list[_Against], reading: np.ndarray, second: _Second | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) errors of derivatives by the finite elements, and (T, 1) of readings, per W of an LED; NaN if unknown.
-
-    Two meshes may agree by chance: errors are averaged over all cells that receive light, and the changes that patches
-    make count in part as if they were independent.
-    """
-    lit = reading[:, 0] > 0
-    changes, apart, displaced = (np.array(each)[lit] for each in zip(*against, strict=True))
-    if second is None or not lit.any():
-        return np.full(displaced.shape[1:], np.nan), np.full_like(reading, np.nan)
-    difference = np.hypot(_mean(changes[:, 1:]), APART_SHARE * _mean(apart))
-    errors = np.maximum(second.share * difference, second.least * _mean(displaced))
-    return errors, second.share * _mean(changes[:, :1] / reading[lit]) * reading
-
-
-def _mean(values: np.ndarray) -> np.ndarray:
-    """Root mean square over the first axis."""
-    return np.sqrt((values**2).mean(axis=0))
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:

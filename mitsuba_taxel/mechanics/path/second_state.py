@@ -27,12 +27,15 @@ class SecondState(NamedTuple):
     state : State
     share : float
         Error of a derivative on the elements of the first state, relative to its difference from that on these.
+    share_of_sum : float
+        The same, relative to the sum of its errors on both.
     least : float
         Least relative error of a rate of the displacement on the elements of the first state.
     """
 
     state: State
     share: float
+    share_of_sum: float
     least: float
 
 
@@ -54,7 +57,8 @@ def second_state(
 
         def told(second: PadPath, comparison: RoofComparison) -> SecondState:
             state = second.state(np.array(value, dtype=float))
-            share = 1 / abs(size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER - 1)
-            return SecondState(state, share, path.second_meshes.typical(TYPICAL_SLOPE_ERROR))
+            growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
+            least = path.second_meshes.typical(TYPICAL_SLOPE_ERROR)
+            return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)
 
         return path.second_meshes.first(told)

@@ -42,11 +42,13 @@ def test_it_is_the_state_of_the_path_on_larger_elements(fresh):
 
 
 def test_a_difference_counts_as_that_of_a_quadratic_error(fresh):
-    """A quantity d(h) = d + c h^2 on both meshes: share |d(h') - d(h)| is its error c h^2."""
+    """A quantity d(h) = d + c h^2 on both meshes: share |d(h') - d(h)| is its error c h^2, and so is share_of_sum times
+    the sum of both errors."""
     (first,) = load_path(PAD, NeoHookean(), np.array([FORCE]), mesh_size=2.0)
     second = second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0)
     here, there = (3.0 * size_of_elements(mesh) ** 2 for mesh in (first.mesh, second.state.mesh))
     assert second.share * abs(there - here) == pytest.approx(here)
+    assert second.share_of_sum * (there + here) == pytest.approx(here)
 
 
 @pytest.mark.parametrize("cell", CELL_SHAPES)
