@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.kernels.guide import guide_for
 from mitsuba_taxel.kernels.sample_warping import descend, shares_of_grid
 from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 from mitsuba_taxel.kernels.walls import has_mirrors
@@ -67,7 +68,8 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
     lanes = pair.count * _PILOT
     sampler.seed(0, lanes)
     taxel = mi.UInt32(sampler.sequence)
-    power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, None).numpy()
+    guide = guide_for(scene, pair)
+    power = integrator.sample_guided(scene, pair, taxel, taxel, sampler, None, None, guide).numpy()
     sampler.seed(0, lanes)
     sampler.next_2d()
     u = np.array(sampler.next_2d())

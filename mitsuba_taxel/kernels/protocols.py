@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.faces import FaceGrid
     from mitsuba_taxel.kernels.guide import Guide
     from mitsuba_taxel.kernels.mesh_adapter import Places
+    from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
+    from mitsuba_taxel.kernels.scene_state import SceneState
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
     from mitsuba_taxel.kernels.windows import Window
     from mitsuba_taxel.mechanics.elements.loads import Load
@@ -72,7 +74,8 @@ class LedEmitter(TaxelEnd, Protocol):
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
-    """A `phototransistor`, one or an array, with what pilot runs have learned (None: not yet).
+    """A `phototransistor`, one or an array, with its ``recorded`` kernels, the state of the scene when last
+    ``checked``, and what pilot runs have learned (None: not yet).
 
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
     """
@@ -80,6 +83,8 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     specification: Phototransistor
     guided_emission: GuidedEmission | None
     guide: tuple[np.ndarray, Guide | None] | None
+    recorded: RecordedPaths
+    checked: SceneState | None
 
     @property
     def normal(self) -> mi.Vector3f: ...

@@ -8,7 +8,7 @@ between the two.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -124,6 +124,8 @@ class Mixed:
     so that from the light every weight is 1.
     """
 
+    DRJIT_STRUCT: ClassVar = {"shares": list}  # for recorded kernels
+
     def __init__(self, specular: float, lambertian: float, isotropic: float) -> None:
         self.mirror, self.lambertian, self.isotropic = Mirror(), Lambertian(), Isotropic()
         total = specular + lambertian + isotropic
@@ -166,6 +168,8 @@ class RoughMirror:
     Heitz, E. d'Eon, Importance Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals, EGSR 2014),
     which leaves the weight G1(wo).
     """
+
+    DRJIT_STRUCT: ClassVar = {"alpha": float}  # for recorded kernels
 
     def __init__(self, rms_slope: float) -> None:
         self.components = [+mi.BSDFFlags.GlossyReflection | _BOTH_SIDES]

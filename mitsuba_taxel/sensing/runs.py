@@ -16,8 +16,7 @@ from mitsuba_taxel.base.arguments import require
 from mitsuba_taxel.kernels.protocols import has_faces, is_led, traces_taxels
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.kernels.wavefronts import trace
-from mitsuba_taxel.sensing.modelled import refuse_unmodelled
-from mitsuba_taxel.sensing.probes import refuse_unreadable
+from mitsuba_taxel.sensing.checked import check_readable
 from mitsuba_taxel.sensing.readings import Readings
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
@@ -44,15 +43,14 @@ def prepare(scene: Any) -> Prepared:
     """Load a scene in any form, and choose an integrator if it names none."""
     scene = described(scene)
     if isinstance(scene, Prepared):
-        refuse_unmodelled(scene.scene, scene.integrator)  # it may have been changed
+        check_readable(scene.scene, scene.integrator)  # it may have been changed
         return scene
     live, parameters = (scene.load(), scene.parameters) if isinstance(scene, Scene) else (scene, {})
     integrator, notes = live.integrator(), []
     if integrator is None:
         integrator = make_plugin("taxel_tracer")
         notes.append(CHOSEN_INTEGRATOR)
-    refuse_unmodelled(live, integrator)
-    refuse_unreadable(live, integrator)
+    check_readable(live, integrator)
     if any(not pad.state.displacement.any() for pad in loaded_pads(live)):
         notes.append("a pad is at rest: its indenter does not touch it")  # any other load moves a pad
     for pad in deformed_pads(live):

@@ -14,6 +14,8 @@ class Specification(Checked):
     """Its name in a scene."""
     nested: ClassVar[tuple[Nested, ...]] = ()
     """Objects that may be nested in it, but are not part of the Python object."""
+    DRJIT_STRUCT: ClassVar[dict[str, type]] = {}
+    """Dr.Jit looks for variables in plugins, but not in here, where there are none."""
 
     def to_dict(self) -> dict[str, Any]:
         """The plugin as a Mitsuba dictionary, with defaults written out."""

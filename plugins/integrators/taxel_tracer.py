@@ -55,15 +55,22 @@ class TaxelTracer(mi.CppADIntegrator):
 
     def sample_paths(self, scene, pair, index, led_index, sampler, pixels):
         """Power that one path from each LED of ``led_index`` brings to the phototransistor of ``index`` [W]."""
-        emission = guided_emission(self, scene, pair)
-        return self.sample_guided(scene, pair, index, led_index, sampler, pixels, emission)
+        emission, guide = guided_emission(self, scene, pair), guide_for(scene, pair)
+
+        def trace(scene, sampler, index, led_index):
+            return self.sample_guided(scene, pair, index, led_index, sampler, pixels, emission, guide)
+
+        if pixels is not None:
+            return trace(scene, sampler, index, led_index)
+        return pair.sensor.recorded.power(trace, scene, sampler, index, led_index, self, emission, guide)
 
     @dr.syntax
-    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission):
-        """As :meth:`sample_paths`, with the directions of emission drawn from ``emission``, if there is one."""
+    def sample_guided(self, scene, pair, index, led_index, sampler, pixels, emission, guide):
+        """As :meth:`sample_paths`, with the directions of emission drawn from ``emission`` and those between walls from
+        ``guide``, if there are any."""
         led, sensor = pair.led, pair.sensor
         clearance = clearance_of(scene, pair)
-        techniques = Techniques(self.strategy, scene, sensor, index, guide_for(scene, pair), clearance)
+        techniques = Techniques(self.strategy, scene, sensor, index, guide, clearance)
         most_reflections = dr.opaque(mi.UInt32, MOST_REFLECTIONS if self.max_depth < 0 else self.max_depth)
         is_bent = pair.is_below_windows
 

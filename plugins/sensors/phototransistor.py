@@ -12,6 +12,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import make_plugin
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.faces import FaceGrid, faces_on
+from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
 from mitsuba_taxel.kernels.tables import Interpolant, read_angular_table, refine
 from mitsuba_taxel.kernels.windows import Window, transmittance, window_on
 from mitsuba_taxel.specification.phototransistor import Phototransistor as Parameters
@@ -19,6 +20,7 @@ from mitsuba_taxel.specification.phototransistor import Phototransistor as Param
 if TYPE_CHECKING:
     from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
     from mitsuba_taxel.kernels.guide import Guide
+    from mitsuba_taxel.kernels.scene_state import SceneState
 
 MOST_PIXELS = 1 << 24
 """Most pixels of a film, all blocks together."""
@@ -82,6 +84,8 @@ class Phototransistor(mi.Sensor):
         self._faces: FaceGrid | None = None
         self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
+        self.recorded = RecordedPaths()
+        self.checked: SceneState | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
         """Enlarge the film to one block of pixels per phototransistor of an array; raises `InputError`."""

@@ -1,0 +1,104 @@
+"""Whether a loaded scene is as it was: all variables of Dr.Jit, and all other values in Python objects of its plugins.
+
+A variable that is held is never written to, and its number not given to another, so that equal numbers mean equal
+values. What Mitsuba does not let anyone change, in its own shapes, needs no watch. A scene that holds an object of a
+kind that is not known has no state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any, ClassVar
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsuba_taxel.kernels.walls import walls_of
+from mitsuba_taxel.specification.specification import Specification
+
+
+class UnknownState(Exception):
+    """An object whose state is not known."""
+
+
+class SceneState:
+    """The state of a scene and further objects, equal to another if nothing was changed in between.
+
+    Raises
+    ------
+    UnknownState
+        unless LEDs, phototransistors, walls and ``objects`` are of this package, and shapes of it or Mitsuba's own.
+
+    Attributes
+    ----------
+    variables : list
+        Of Dr.Jit, in Python objects.
+    """
+
+    KEPT: ClassVar = True  # no part of the state
+    DRJIT_STRUCT: ClassVar[dict[str, type]] = {}  # Dr.Jit looks for variables in plugins, but not in here
+
+    def __init__(self, scene: mi.Scene, *objects: Any) -> None:
+        self.variables: list[Any] = []
+        constants: list[Hashable] = []
+        plugins = (*scene.emitters(), *scene.sensors(), *(shape.bsdf() for shape in scene.shapes()))
+        _collect((_known(scene, plugins), objects), self.variables, constants)
+        exposed: list[Any] = []
+        _collect([value for _, value in mi.traverse(scene) if not _is_scalar_array(value)], exposed, constants)
+        self._held = dr.copy([self.variables, exposed])
+        self._key = dr.detail.collect_indices(self._held), constants
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SceneState) and self._key == other._key
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
+    shapes = (shape for shape in scene.shapes() if type(shape) not in (mi.Shape, mi.Mesh))
+    if not all(map(_is_ours, (*plugins, *walls_of(scene), *shapes))):
+        raise UnknownState
+    return plugins
+
+
+def _collect(value: Any, variables: list[Any], constants: list[Hashable]) -> None:
+    """Gather what is in an object and in what it holds.
+
+    Arrays of numpy and specifications are left out: kernels use only what was made of them.
+    """
+    seen: set[int] = set()
+
+    def visit(value: Any) -> None:
+        kind = type(value)
+        if dr.is_jit_v(kind) or (hasattr(kind, "DRJIT_STRUCT") and kind.__module__ == "mitsuba"):
+            variables.append(value)
+        elif value is None or kind in (bool, int, float, str):
+            constants.append(value)
+        elif isinstance(value, (list, tuple)):
+            constants.append(len(value))
+            for part in value:
+                visit(part)
+        elif kind is dict:
+            constants.append(tuple(value))
+            for part in value.values():
+                visit(part)
+        elif isinstance(value, (np.ndarray, Specification)) or hasattr(kind, "KEPT") or id(value) in seen:
+            return
+        elif not _is_ours(value):
+            raise UnknownState
+        else:
+            seen.add(id(value))
+            constants.append(kind.__qualname__)
+            visit(vars(value))
+
+    visit(value)
+
+
+def _is_scalar_array(value: Any) -> bool:
+    """Whether it is a vector of Mitsuba's for sizes and the like, which no path depends on."""
+    return dr.is_array_v(value) and not dr.is_jit_v(value)
+
+
+def _is_ours(value: Any) -> bool:
+    return type(value).__module__.startswith("mitsuba_taxel.")
