@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
-    from mitsuba_taxel.kernels.scene_state import SceneState
+    from mitsuba_taxel.kernels.scene_state import Checked
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
     from mitsuba_taxel.kernels.windows import Window
     from mitsuba_taxel.mechanics.elements.loads import Load
@@ -74,8 +74,8 @@ class LedEmitter(TaxelEnd, Protocol):
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
-    """A `phototransistor`, one or an array, with its ``recorded`` kernels, the state of the scene when last
-    ``checked``, and what pilot runs have learned (None: not yet).
+    """A `phototransistor`, one or an array, with its ``recorded`` kernels, what is known of the scene since
+    it was ``checked``, and what pilot runs have learned (None: not yet).
 
     ``guide`` holds the vertices for which it was found, and the guide, or None where it does not pay.
     """
@@ -84,7 +84,7 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     guided_emission: GuidedEmission | None
     guide: tuple[np.ndarray, Guide | None] | None
     recorded: RecordedPaths
-    checked: SceneState | None
+    checked: Checked | None
 
     @property
     def normal(self) -> mi.Vector3f: ...

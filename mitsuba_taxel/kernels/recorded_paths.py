@@ -8,7 +8,7 @@ such as vertices that were moved, would else be read from there again.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -25,8 +25,6 @@ Trace = Callable[[Any, Any, Any, Any], Any]
 class RecordedPaths:
     """Recorded wavefronts of a scene, kept with the phototransistor that they are read by."""
 
-    KEPT: ClassVar = True  # no part of the state
-    DRJIT_STRUCT: ClassVar[dict[str, type]] = {}  # Dr.Jit looks for variables in plugins, but not in here
 
     def __init__(self) -> None:
         self.state: SceneState | None = None

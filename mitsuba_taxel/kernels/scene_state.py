@@ -8,7 +8,7 @@ kind that is not known has no state.
 from __future__ import annotations
 
 from collections.abc import Hashable
-from typing import Any, ClassVar
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -36,8 +36,6 @@ class SceneState:
         Of Dr.Jit, in Python objects.
     """
 
-    KEPT: ClassVar = True  # no part of the state
-    DRJIT_STRUCT: ClassVar[dict[str, type]] = {}  # Dr.Jit looks for variables in plugins, but not in here
 
     def __init__(self, scene: mi.Scene, *objects: Any) -> None:
         self.variables: list[Any] = []
@@ -53,6 +51,23 @@ class SceneState:
         return isinstance(other, SceneState) and self._key == other._key
 
     __hash__ = None  # type: ignore[assignment]
+
+
+class Checked:
+    """What is known of a scene, None if that cannot be told from another one.
+
+    Attributes
+    ----------
+    state : SceneState or None
+        When it was checked.
+    points : dict[float, int]
+        Points per taxel and replicate for relative errors of the light.
+    """
+
+
+    def __init__(self, state: SceneState | None) -> None:
+        self.state = state
+        self.points: dict[float, int] = {}
 
 
 def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -83,14 +98,15 @@ def _collect(value: Any, variables: list[Any], constants: list[Hashable]) -> Non
             constants.append(tuple(value))
             for part in value.values():
                 visit(part)
-        elif isinstance(value, (np.ndarray, Specification)) or hasattr(kind, "KEPT") or id(value) in seen:
+        elif isinstance(value, (np.ndarray, Specification)) or id(value) in seen:
             return
         elif not _is_ours(value):
             raise UnknownState
         else:
             seen.add(id(value))
             constants.append(kind.__qualname__)
-            visit(vars(value))
+            learned = getattr(kind, "LEARNED", ())
+            visit({name: part for name, part in vars(value).items() if name not in learned})
 
     visit(value)
 

@@ -4,22 +4,33 @@ from __future__ import annotations
 
 import mitsuba as mi
 
-from mitsuba_taxel.kernels.protocols import is_phototransistor
-from mitsuba_taxel.kernels.scene_state import SceneState, UnknownState
+from mitsuba_taxel.kernels.protocols import PhototransistorSensor, is_phototransistor
+from mitsuba_taxel.kernels.scene_state import Checked, SceneState, UnknownState
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.probes import refuse_unreadable
 
 
 def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
     """Raise as :func:`refuse_unmodelled` and :func:`refuse_unreadable` do."""
-    keepers = [sensor for sensor in scene.sensors() if is_phototransistor(sensor)]
-    state = _state_of(scene, integrator)
-    if keepers and state is not None and keepers[0].checked == state:
+    keeper, state = _keeper(scene), _state_of(scene, integrator)
+    if keeper is not None and keeper.checked is not None and state is not None and keeper.checked.state == state:
         return
     refuse_unmodelled(scene, integrator)
     refuse_unreadable(scene, integrator)
-    if keepers:
-        keepers[0].checked = _state_of(scene, integrator)  # checks may move pads
+    if keeper is not None:
+        keeper.checked = Checked(_state_of(scene, integrator))  # checks may move pads
+
+
+def found_points(scene: mi.Scene) -> dict[float, int]:
+    """Points per taxel and replicate for relative errors of the light, as found since the scene was checked, to be
+    added to."""
+    keeper = _keeper(scene)
+    return {} if keeper is None or keeper.checked is None else keeper.checked.points
+
+
+def _keeper(scene: mi.Scene) -> PhototransistorSensor | None:
+    """The first phototransistor, with which is kept what is known."""
+    return next((sensor for sensor in scene.sensors() if is_phototransistor(sensor)), None)
 
 
 def _state_of(scene: mi.Scene, integrator: mi.Integrator) -> SceneState | None:

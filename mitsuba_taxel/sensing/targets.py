@@ -18,6 +18,7 @@ from mitsuba_taxel.base.convergence import FACETS_SHARE, ORDER
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
+from mitsuba_taxel.sensing.checked import found_points
 from mitsuba_taxel.sensing.darkness import may_be_lit
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
@@ -328,8 +329,13 @@ def points_for(
 ) -> int:
     """Points per taxel and replicate for a relative standard error of the light, found by pilot runs.
 
-    ``first`` is the first of them, if it exists already.
+    ``first`` is the first of them, if it exists already. Else their random numbers do not depend on ``seed``, so that
+    what they find is that of the scene, and is found once.
     """
+    found = found_points(ready.scene) if first is None else {}
+    if target_error in found:
+        return found[target_error]
+    seed = seed if first else 0
     points = FIRST_POINTS
     for pilot in range(1, 16):
         run = first or Run(ready, derived_seed(seed, pilot))
@@ -345,6 +351,7 @@ def points_for(
         # The error falls at most as 1/points, so at least this many doublings are needed.
         doublings = max(1, math.floor(math.log2(min(error / target_error, 16.0))))
         points = min(points << doublings, MOST_POINTS)
+    found[target_error] = points
     return points
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -20,7 +20,7 @@ from mitsuba_taxel.specification.phototransistor import Phototransistor as Param
 if TYPE_CHECKING:
     from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
     from mitsuba_taxel.kernels.guide import Guide
-    from mitsuba_taxel.kernels.scene_state import SceneState
+    from mitsuba_taxel.kernels.scene_state import Checked
 
 MOST_PIXELS = 1 << 24
 """Most pixels of a film, all blocks together."""
@@ -62,6 +62,9 @@ class Phototransistor(mi.Sensor):
             'type': 'phototransistor', 'response': 'cosine_power', 'exponent': 2
     """
 
+    LEARNED: ClassVar = ("guided_emission", "guide", "recorded", "checked")
+    """Attributes that follow from the state of the scene, and so are no part of it."""
+
     def __init__(self, props: mi.Properties) -> None:
         kinds = [type(value) for _, value in props.objects()]
         if not any(issubclass(kind, mi.Film) for kind in kinds):
@@ -85,7 +88,7 @@ class Phototransistor(mi.Sensor):
         self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
         self.recorded = RecordedPaths()
-        self.checked: SceneState | None = None
+        self.checked: Checked | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
         """Enlarge the film to one block of pixels per phototransistor of an array; raises `InputError`."""

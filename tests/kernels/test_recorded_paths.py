@@ -126,15 +126,16 @@ def test_attributes_of_plugins_count(llvm_mono):
 
 
 def grey_wall(mi):
-    """A plugin of a user, whose reflectance is a number of Python's, and which holds a variable where none finds it."""
+    """A plugin of a user, whose reflectance is a number of Python's, and which uses a variable where none finds it."""
 
     import drjit as dr
+
+    hidden = dr.opaque(mi.Float, 1.0)
 
     class Grey(mi.BSDF):
         def __init__(self, props):
             super().__init__(props)
             self.share = 1.0
-            self.hidden = lambda one=dr.opaque(mi.Float, 1.0): one
             self.m_flags = +mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
             self.m_components = [self.m_flags]
 
@@ -143,10 +144,10 @@ def grey_wall(mi):
             bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
             bs.pdf = mi.warp.square_to_cosine_hemisphere_pdf(bs.wo)
             bs.eta, bs.sampled_type = 1.0, self.m_flags
-            return bs, mi.Spectrum(self.share * self.hidden()) & mi.Bool(active)
+            return bs, mi.Spectrum(self.share * hidden) & mi.Bool(active)
 
         def eval(self, ctx, si, wo, active=True):
-            return mi.Spectrum(self.share * self.hidden() * self.pdf(ctx, si, wo, active))
+            return mi.Spectrum(self.share * hidden * self.pdf(ctx, si, wo, active))
 
         def pdf(self, ctx, si, wo, active=True):
             return dr.select(active & (si.wi.z > 0) & (wo.z > 0), dr.inv_pi * wo.z, 0)
