@@ -25,7 +25,6 @@ Trace = Callable[[Any, Any, Any, Any], Any]
 class RecordedPaths:
     """Recorded wavefronts of a scene, kept with the phototransistor that they are read by."""
 
-
     def __init__(self) -> None:
         self.state: SceneState | None = None
         self.sizes: dict[tuple[int, int], _Recording | None] = {}  # lanes and points; None: it cannot be recorded

@@ -36,7 +36,6 @@ class SceneState:
         Of Dr.Jit, in Python objects.
     """
 
-
     def __init__(self, scene: mi.Scene, *objects: Any) -> None:
         self.variables: list[Any] = []
         constants: list[Hashable] = []
@@ -63,7 +62,6 @@ class Checked:
     points : dict[float, int]
         Points per taxel and replicate for relative errors of the light.
     """
-
 
     def __init__(self, state: SceneState | None) -> None:
         self.state = state
