@@ -37,14 +37,13 @@ class SceneState:
     """
 
     def __init__(self, scene: mi.Scene, *objects: Any) -> None:
-        self.variables: list[Any] = []
-        constants: list[Hashable] = []
         plugins = (*scene.emitters(), *scene.sensors(), *(shape.bsdf() for shape in scene.shapes()))
-        _collect((_known(scene, plugins), objects), self.variables, constants)
-        exposed: list[Any] = []
-        _collect([value for _, value in mi.traverse(scene) if not _is_scalar_array(value)], exposed, constants)
-        self._held = dr.copy([self.variables, exposed])
-        self._key = dr.detail.collect_indices(self._held), constants
+        inside, exposed = _Collector(), _Collector()
+        inside.visit((_known(scene, plugins), objects))
+        exposed.visit([value for _, value in mi.traverse(scene) if not _is_scalar_array(value)])
+        self.variables = inside.variables
+        self._held = dr.copy([inside.variables, exposed.variables])
+        self._key = dr.detail.collect_indices(self._held), inside.constants, exposed.constants
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SceneState) and self._key == other._key
@@ -75,38 +74,41 @@ def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
     return plugins
 
 
-def _collect(value: Any, variables: list[Any], constants: list[Hashable]) -> None:
-    """Gather what is in an object and in what it holds.
+class _Collector:
+    """What is in objects and in what they hold: variables of Dr.Jit, and other values.
 
     Arrays of numpy and specifications are left out: kernels use only what was made of them.
     """
-    seen: set[int] = set()
 
-    def visit(value: Any) -> None:
+    def __init__(self) -> None:
+        self.variables: list[Any] = []
+        self.constants: list[Hashable] = []
+        self._seen: set[int] = set()
+
+    def visit(self, value: Any) -> None:
+        """Add what is in an object; raises `UnknownState`."""
         kind = type(value)
         if dr.is_jit_v(kind) or (hasattr(kind, "DRJIT_STRUCT") and kind.__module__ == "mitsuba"):
-            variables.append(value)
+            self.variables.append(value)
         elif value is None or kind in (bool, int, float, str):
-            constants.append(value)
+            self.constants.append(value)
         elif isinstance(value, (list, tuple)):
-            constants.append(len(value))
+            self.constants.append(len(value))
             for part in value:
-                visit(part)
+                self.visit(part)
         elif kind is dict:
-            constants.append(tuple(value))
+            self.constants.append(tuple(value))
             for part in value.values():
-                visit(part)
-        elif isinstance(value, (np.ndarray, Specification)) or id(value) in seen:
+                self.visit(part)
+        elif isinstance(value, (np.ndarray, Specification)) or id(value) in self._seen:
             return
         elif not _is_ours(value):
             raise UnknownState
         else:
-            seen.add(id(value))
-            constants.append(kind.__qualname__)
+            self._seen.add(id(value))
+            self.constants.append(kind.__qualname__)
             learned = getattr(kind, "LEARNED", ())
-            visit({name: part for name, part in vars(value).items() if name not in learned})
-
-    visit(value)
+            self.visit({name: part for name, part in vars(value).items() if name not in learned})
 
 
 def _is_scalar_array(value: Any) -> bool:

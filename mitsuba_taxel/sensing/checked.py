@@ -12,8 +12,9 @@ from mitsuba_taxel.sensing.probes import refuse_unreadable
 
 def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
     """Raise as :func:`refuse_unmodelled` and :func:`refuse_unreadable` do."""
-    keeper, state = _keeper(scene), _state_of(scene, integrator)
-    if keeper is not None and keeper.checked is not None and state is not None and keeper.checked.state == state:
+    keeper = _keeper(scene)
+    known = None if keeper is None or keeper.checked is None else keeper.checked.state
+    if known is not None and known == _state_of(scene, integrator):
         return
     refuse_unmodelled(scene, integrator)
     refuse_unreadable(scene, integrator)
