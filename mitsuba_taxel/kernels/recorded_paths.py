@@ -17,6 +17,9 @@ from mitsuba_taxel.kernels.scene_state import SceneState, UnknownState
 
 MOST_SIZES = 8
 """Most sizes of wavefronts that are kept for one phototransistor array."""
+MOST_LANES = 1 << 18
+"""Of a wavefront that is worth it: larger ones take far longer than tracing, and a tenth longer still where their
+kernel reads from memory which point each lane takes, which it else computes."""
 
 Trace = Callable[[Any, Any, Any, Any], Any]
 """Scene, sampler, phototransistor and LED of each path -> its power."""
@@ -39,7 +42,9 @@ class RecordedPaths:
         *objects: Any,
     ) -> mi.Float:
         """What ``trace`` returns, which depends on the scene and ``objects``."""
-        dr.eval(sampler.index, sampler.sequence, sampler.sequence_seed, index, led_index)  # for the same kernel
+        if dr.width(index) > MOST_LANES:
+            return trace(scene, sampler, index, led_index)
+        dr.eval(sampler.index, sampler.sequence_seed, index, led_index)  # so that the kernel is the same
         recording = self._of(scene, (dr.width(index), sampler.sample_count()), objects)
         if recording is not None:
             try:
