@@ -189,6 +189,14 @@ class LoadedPad:
         correction = linearised.step(self._left(state), self._gap(solution.unknowns, value))
         return replace(solution, unknowns=solution.unknowns - correction), linearised
 
+    def balance_closely(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
+        """As :meth:`solve_closely`, an equilibrium that need not be stable."""
+        found = self._balanced(start, value)
+        linearised = self.tangent_at(found.unknowns, value, None)
+        correction = linearised.step(self._left(found.state), self._gap(found.unknowns, value))
+        found = replace(found, unknowns=found.unknowns - correction, linearised=None)
+        return self._accepted(found, self._solver.knows_inertia), linearised
+
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa, second Piola-Kirchhoff stress of the law in the part, at a displacement of the whole pad."""
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])

@@ -327,10 +327,10 @@ class LoadSegment:
         return hermite_rate(*self._interval_to(self._first_from(s)), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
-        """The equilibrium at a distance ``s`` little beyond the last node, which need only be stable by the pad's own
-        symmetry; raises Rejected if it is not."""
+        """The equilibrium at a distance ``s`` little beyond the last node, which need not be stable; raises Rejected if
+        there is none."""
         last = self.nodes[-1]
-        return self._node(pad, pad.solve_closely, s, last.unknowns + (s - last.s) * last.tangent)[0]
+        return self._node(pad, pad.balance_closely, s, last.unknowns + (s - last.s) * last.tangent)[0]
 
     def _first_from(self, s: float) -> int:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)

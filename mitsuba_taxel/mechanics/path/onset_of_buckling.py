@@ -15,6 +15,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.least_mode import least_mode
 from mitsuba_taxel.mechanics.path.linearised import Linearised
@@ -40,7 +41,11 @@ class Onset(NamedTuple):
 
 
 def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
-    """Where a pad buckles within a tick beyond the last node of a segment; None if it does not end so."""
+    """Where a pad buckles within a tick beyond the last node of a segment; None if it does not end so.
+
+    By symmetry in most cases, the mode lacks that of the state. Bodies that nothing touches yet may leave the pad less
+    symmetry than its state has, so that the mode has it.
+    """
     if segment.mode.size or UNSTABLE not in segment.reason:
         return None
     last = segment.nodes[-1]
@@ -48,7 +53,7 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
         ahead = segment.beyond(pad, last.s + segment.step / TICKS)
         found = [_Crossing(pad, segment, block, ahead) for block in _unstable(pad, segment, ahead)]
         first = min(found, key=lambda crossing: crossing.node.s, default=None)
-    except (Rejected, ComputationError):  # the symmetric state is unstable itself, or modes cannot be told apart
+    except (Rejected, ComputationError):  # there is no state beyond, or modes cannot be told apart
         return None
     if first is None:
         return None
@@ -58,10 +63,9 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
 
 
 def _unstable(pad: LoadedPad, segment: LoadSegment, node: Node) -> Iterator[TangentBlock]:
-    """The blocks without the symmetry of the state in which a state is unstable, one of two that mirrors map on each
-    other."""
-    seen = {pad.model}
-    for block in tangent_blocks(pad)[1:]:
+    """The blocks in which a state is unstable, one of two that mirrors map on each other."""
+    seen = set[Model]()
+    for block in tangent_blocks(pad):
         if block.model not in seen:
             seen.add(block.model)
             negative = _tangent(pad, segment, block, node).negative

@@ -161,6 +161,8 @@ def test_a_column_leans_on_what_it_touches(columns, beside):
         rate = state.path_rate()
         along = linearise(state).by_value(rate.direction)
         np.testing.assert_allclose(rate.displacement, along, atol=1e-6 * np.abs(along).max())
+    (alone,) = load_path(Pad(), law, [states[0].value], load=load, mesh_size=1.0, obstacles=beside[: len(beside) // 2])
+    np.testing.assert_allclose(alone.displacement, states[0].displacement, atol=1e-4 * LEAN)  # one is enough
     columns()
     np.testing.assert_array_equal(pressed(4)[0].displacement, states[-1].displacement)
 
