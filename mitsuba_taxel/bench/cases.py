@@ -55,7 +55,7 @@ def _walls() -> Iterator[Case]:
         pad = replace(_PAD, wall=wall, pitch=_PAD.cell_size + wall)
         yield Case(f"walls of {wall:g} mm, -20 N", pad)
     thin = replace(_PAD, wall=0.3, pitch=_PAD.cell_size + 0.3)
-    for size in (1.25, 0.8, 0.63, 0.5, 0.4):  # the walls buckle
+    for size in (1.25, 0.8, 0.63):  # the walls buckle
         yield Case(f"walls of 0.3 mm, mesh of {size:g} mm, -20 N", thin, mesh_size=size)
 
 
