@@ -448,11 +448,11 @@ def test_what_touches_relaxes_from_the_instantaneous_to_the_lasting_law(value, b
 
 
 def test_a_pad_creeps_onto_the_board():
-    """Which it does not touch at first, under a force on a plate."""
+    """Which it does not touch at first, under a force on a plate; under half a newton more it ends unstable."""
     load = PlateForce(self_contact=True)
-    first, late = pressed(*[(0, 0, -15.85)] * 2, load=load, material=SOFT, times=[0.0, LATE])
+    first, late = pressed(*[(0, 0, -14.5)] * 2, load=load, material=SOFT, times=[0.0, LATE])
     pushed = [Barrier(s.mesh, LAW.youngs_modulus).forces(s.displacement)[1][:, 2].sum() for s in (first, late)]
-    assert pushed[0] == 0 and pushed[1] > 0.5
+    assert pushed[0] == 0 and pushed[1] > 0.3
     np.testing.assert_allclose(late.displacement, in_the_long_run(late)[0], atol=1e-6)
     assert max(reactions_of(state).imbalance for state in (first, late)) < 1e-8
 
