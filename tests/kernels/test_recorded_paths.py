@@ -20,6 +20,12 @@ ROUGH = {"scattering": "rough_mirror", "rms_slope": 5.0}
 TABLE = "0, 1\n30, 0.9\n80, 0.1\n"
 
 
+@pytest.fixture(autouse=True)
+def on_a_cpu(llvm_mono):
+    if not llvm_mono.variant().startswith("llvm"):
+        pytest.skip("kernels are recorded on CPUs alone")
+
+
 def readings(scene, seeds=range(4), points=32):
     return np.array([measure(scene, points=points, seed=seed, mechanics_error=False).replicates for seed in seeds])
 
