@@ -20,7 +20,9 @@ RENDER = (
 
 
 def python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """``code`` where nothing but ``environment`` chooses a library; on CPUs, as these use one, unless it says else."""
     clean = {name: value for name, value in os.environ.items() if name != "DRJIT_LIBLLVM_PATH"}
+    clean["MITSUBA_TAXEL_VARIANT"] = "llvm_ad_mono"
     return subprocess.run([sys.executable, "-c", code], env={**clean, **environment}, capture_output=True, text=True)
 
 
