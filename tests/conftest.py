@@ -14,6 +14,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "same everywhere",  # the same examples in each run, however slow the machine is
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("same everywhere")
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree, few
-from hypothesis import given
+from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import InputError, Scene, check_scene
 from mitsuba_taxel.sensing.runs import prepare
 
-FEW = few(100)
+FEW = settings(max_examples=100)
 
 
 def assert_findings_of(file) -> None:

@@ -107,7 +107,7 @@ CIRCUITS = st.fixed_dictionaries(
 
 
 @given(CIRCUITS)
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 def test_a_response_is_finite_and_rises(numbers):
     try:
         circuit = Circuit(**numbers)

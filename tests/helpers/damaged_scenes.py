@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 
-from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 EXTREMES = [
@@ -89,13 +88,3 @@ def damaged_bytes(data: st.DataObject, content: bytes) -> bytes:
     for _ in range(data.draw(st.integers(1, 4))):
         mutable[data.draw(st.integers(0, len(mutable) - 1))] = data.draw(st.integers(0, 255))
     return bytes(mutable[: data.draw(st.one_of(st.just(len(mutable)), st.integers(0, len(mutable))))])
-
-
-def few(examples: int):
-    return settings(
-        max_examples=examples,
-        deadline=None,
-        derandomize=True,
-        database=None,
-        suppress_health_check=[HealthCheck.function_scoped_fixture],
-    )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from taxel_program import run_program
 
@@ -48,13 +48,7 @@ VALUES = [
     "9" * 5000, '"' + 5000 * "a" + '"', 2000 * "[" + 2000 * "]",
 ]  # fmt: skip
 
-few = settings(
-    max_examples=60,
-    deadline=None,
-    derandomize=True,
-    database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+few = settings(max_examples=60)
 
 
 def refused(read, *arguments) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.geometry import box_tree as boxes
@@ -17,13 +17,7 @@ SEED = 20240607
 
 
 @pytest.mark.parametrize("kind", ["stl_ascii", "ply", "obj"])
-@settings(
-    max_examples=40,
-    deadline=None,
-    derandomize=True,
-    database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_damaged_surfaces_are_read_or_refused(data, kind):
     content = trimesh.creation.cylinder(2.0, 3.0, sections=8).export(file_type=kind)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 import trimesh
-from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree, few
-from hypothesis import given
+from damaged_scenes import PAD, PLATE, damaged_bytes, damaged_tree
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel import ComputationError, InputError, Scene, check_scene, measure
@@ -29,7 +29,7 @@ def assert_agreement(file, isolated) -> None:
     assert bool(outcome) == bool(errors), (outcome, errors)
 
 
-@few(160)
+@settings(max_examples=160)
 @given(data=st.data(), text=st.sampled_from([PLATE, STOCK, OPEN, BACKWARDS]))
 def test_damaged_scenes(data, text, isolated, tmp_path):
     file = tmp_path / "scene.xml"
@@ -37,7 +37,7 @@ def test_damaged_scenes(data, text, isolated, tmp_path):
     assert_agreement(file, isolated)
 
 
-@few(30)
+@settings(max_examples=30)
 @given(data=st.data())
 def test_damaged_pads(data, isolated, tmp_path):
     file = tmp_path / "scene.xml"
@@ -45,7 +45,7 @@ def test_damaged_pads(data, isolated, tmp_path):
     assert_agreement(file, isolated)
 
 
-@few(40)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_damaged_bytes(data, isolated, tmp_path):
     file = tmp_path / "scene.xml"

@@ -34,7 +34,7 @@ PADS, SEED = 6, 20240607
 FALSE_ALARM_RATE = 1e-4
 """Chance that one test of all of its examples fails although all is well."""
 
-few = settings(max_examples=EXAMPLES, deadline=None, derandomize=True, database=None)
+few = settings(max_examples=EXAMPLES)
 
 
 def number(low: float, high: float) -> st.SearchStrategy[float]:

@@ -118,10 +118,7 @@ def read_again(mi, made, path):
 @pytest.mark.parametrize("plugin", sorted(plugin_files()))
 @settings(
     max_examples=12,
-    deadline=None,
-    derandomize=True,
-    database=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.filter_too_much, HealthCheck.too_slow],
+    suppress_health_check=[*settings.default.suppress_health_check, HealthCheck.filter_too_much],
 )
 @given(data=st.data())
 def test_scenes_say_what_objects_say(llvm_mono, tmp_path, plugin, data):

@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
@@ -231,7 +231,7 @@ def _no_mesher(*_):
     raise ComputationError("as far as this test goes.")
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150)
 @given(data=st.data())
 def test_whatever_the_bytes_the_answer_is_one_line(data, box, tmp_path, monkeypatch):
     monkeypatch.setattr(surface_meshing, "_meshed", _no_mesher)
