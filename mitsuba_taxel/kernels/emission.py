@@ -58,7 +58,7 @@ class UniformPolarAngle:
         return dr.select(inside, dr.inv_two_pi / (self.cutoff * sin_theta), 0)
 
 
-class Lambertian:
+class CosineLaw:
     """Lambert's cosine law over the whole hemisphere: density cos(theta) / pi."""
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
@@ -165,4 +165,4 @@ def law_of(led: AnnularLed) -> EmissionLaw:
         return cone(led.cone_angle)
     if led.exponent is not None:
         return CosinePower(led.exponent)
-    return Lambertian() if led.file is None else Tabulated(*read_angular_table(led.file))
+    return CosineLaw() if led.file is None else Tabulated(*read_angular_table(led.file))

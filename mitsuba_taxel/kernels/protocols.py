@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.kernels.recorded_paths import RecordedPaths
     from mitsuba_taxel.kernels.reflectance import ReflectanceTable
     from mitsuba_taxel.kernels.scattering import Scattering
-    from mitsuba_taxel.kernels.scene_state import Checked
+    from mitsuba_taxel.kernels.scene_state import KnownScene
     from mitsuba_taxel.kernels.taxel_pair import TaxelPair
     from mitsuba_taxel.kernels.windows import Window
     from mitsuba_taxel.mechanics.elements.loads import Load
@@ -84,7 +84,7 @@ class PhototransistorSensor(TaxelEnd, Protocol):
     guided_emission: GuidedEmission | None
     guide: tuple[np.ndarray, Guide | None] | None
     recorded: RecordedPaths
-    checked: Checked | None
+    checked: KnownScene | None
 
     @property
     def normal(self) -> mi.Vector3f: ...

@@ -58,7 +58,7 @@ class Absorbing:
         return 0.0
 
 
-class Mirror:
+class SmoothMirror:
     """A smooth mirror."""
 
     def __init__(self) -> None:
@@ -127,7 +127,7 @@ class Mixed:
     DRJIT_STRUCT: ClassVar = {"shares": list}  # for recorded kernels
 
     def __init__(self, specular: float, lambertian: float, isotropic: float) -> None:
-        self.mirror, self.lambertian, self.isotropic = Mirror(), Lambertian(), Isotropic()
+        self.mirror, self.lambertian, self.isotropic = SmoothMirror(), Lambertian(), Isotropic()
         total = specular + lambertian + isotropic
         shares = (specular / total, lambertian / total, isotropic / total)
         self.shares = [dr.opaque(mi.Float, share) for share in shares]

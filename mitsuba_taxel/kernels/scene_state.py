@@ -51,7 +51,7 @@ class SceneState:
     __hash__ = None  # type: ignore[assignment]
 
 
-class Checked:
+class KnownScene:
     """What is known of a scene, None if that cannot be told from another one.
 
     Attributes

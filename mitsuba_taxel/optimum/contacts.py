@@ -15,7 +15,7 @@ from mitsuba_taxel.sensing.first_contact import why_no_contact
 from mitsuba_taxel.studies.plan.batch import Batch
 
 
-class Contact(NamedTuple):
+class DesignContact(NamedTuple):
     """A first contact: its value, what is touched, why the path ends before, and derivatives with respect to each
     variable, in the unit cube, and each parameter with a tolerance, per standard deviation. Where a path ends, and its
     derivatives are not known, they are ``missing``, and 0."""
@@ -28,7 +28,7 @@ class Contact(NamedTuple):
     missing: bool = False
 
     @classmethod
-    def told(cls, study: xr.Dataset, row: int, by: list[float], off: list[float]) -> Contact:
+    def told(cls, study: xr.Dataset, row: int, by: list[float], off: list[float]) -> DesignContact:
         """That of a row of a study."""
         touched, ended = (str(study[name].values[row]) if name in study else "" for name in ("touched", "ended"))
         missing = bool(ended) and not np.isfinite([*by, *off]).all()
@@ -63,7 +63,7 @@ def lines_untold(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[st
     return found
 
 
-def why_untold(plan: Plan, seen: Seen, contacts: Mapping[str, Contact]) -> str:
+def why_untold(plan: Plan, seen: Seen, contacts: Mapping[str, DesignContact]) -> str:
     """Why a figure of a design cannot be told where the derivatives of a path's end are missing; empty if it can, as
     where the design bears as much as is asked for."""
     for asked in (*plan.asked, *([plan.front[0]] if plan.front else [])):

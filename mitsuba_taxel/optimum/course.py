@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.optimum.descent import JUMP, JUMP_BARE, JUMP_MOVED, TOLERANCE, TOLERANCE_BARE, Found, descend
+from mitsuba_taxel.optimum.descent import JUMP, JUMP_BARE, JUMP_MOVED, TOLERANCE, TOLERANCE_BARE, Trial, descend
 from mitsuba_taxel.optimum.designs import Designs, Read
 from mitsuba_taxel.optimum.figures import TINY, Figure
 from mitsuba_taxel.optimum.plan import Design, Goal, Limit, Plan
@@ -117,16 +117,16 @@ class Course:
             (read,) = self.look([design])
             return None if read is None else self._judge(read, self.read(start), goal, limits)
 
-        def at(end: np.ndarray, x: np.ndarray) -> Found:
+        def at(end: np.ndarray, x: np.ndarray) -> Trial:
             here = placed[tuple(x.tolist())]
             if np.array_equal(end, x):
-                return Found(judged(here))
+                return Trial(judged(here))
             beside, there = self._beside(here, end)
             anew = None if beside == here else judged(beside)
             if anew is None:
                 beside = here
             placed[tuple(x.tolist())], placed[tuple(end.tolist())] = beside, there
-            return Found(judged(there), anew, self._jump(there, beside))
+            return Trial(judged(there), anew, self._jump(there, beside))
 
         tolerance = TOLERANCE if self.designs.has_parts else TOLERANCE_BARE
 

@@ -36,7 +36,7 @@ TOLERANCE_BARE = 1e-6
 STEPS = 100
 
 
-class Found(NamedTuple):
+class Trial(NamedTuple):
     """Evaluation of a point of the unit cube beside the last one that was accepted.
 
     Attributes
@@ -54,7 +54,7 @@ class Found(NamedTuple):
     jump: float = JUMP
 
 
-At = Callable[[np.ndarray, np.ndarray], Found]
+At = Callable[[np.ndarray, np.ndarray], Trial]
 """Evaluation at a point beside another one, which was accepted."""
 
 

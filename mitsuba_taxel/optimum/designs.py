@@ -14,7 +14,7 @@ import xarray as xr
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.path.meshes import pad_mesh
-from mitsuba_taxel.optimum.contacts import Contact, first_contact_in, lines_untold, why_untold
+from mitsuba_taxel.optimum.contacts import DesignContact, first_contact_in, lines_untold, why_untold
 from mitsuba_taxel.optimum.figures import TINY, Line, Seen
 from mitsuba_taxel.optimum.plan import Design, Plan
 from mitsuba_taxel.pads import Pad
@@ -259,7 +259,7 @@ class Designs:
 
     def _contacts(
         self, study: xr.Dataset, design: Design, rows: dict[Design, _Rows], shifted: dict[tuple[int, int], Design]
-    ) -> dict[str, Contact]:
+    ) -> dict[str, DesignContact]:
         """First contacts by line; NaN if unknown."""
         found = {}
         for line, row in rows[design].contacts.items():
@@ -273,11 +273,16 @@ class Designs:
             has = zip(self._plan.variables, self._has(design), strict=True)
             by = [(one.high - one.low) * slopes[one.name] if there else 0.0 for one, there in has]
             off = [sd * slopes[name] for name, sd in self._plan.tolerances.items()]
-            found[line] = Contact.told(study, row, by, off)
+            found[line] = DesignContact.told(study, row, by, off)
         return found
 
     def _seen(
-        self, design: Design, power: np.ndarray, rates: np.ndarray, off: list[np.ndarray], contacts: dict[str, Contact]
+        self,
+        design: Design,
+        power: np.ndarray,
+        rates: np.ndarray,
+        off: list[np.ndarray],
+        contacts: dict[str, DesignContact],
     ) -> Read:
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
@@ -288,7 +293,7 @@ class Designs:
                 values = np.array([float(row[along]) for row in rows]) if along else np.zeros(1)
                 of_line = power[[loads.index(frozenset(row.items())) for row in rows]]
                 strain, clearance = of_line[:, -OTHERS:].T
-                contact = contacts.get(name, Contact(np.nan, "", "", [], []))
+                contact = contacts.get(name, DesignContact(np.nan, "", "", [], []))
                 at = complex(contact.value, TINY * moved.get(name, 0.0))
                 lines[name] = Line(values, of_line[:, :-OTHERS], strain, clearance, at, contact.touched, contact.ended)
             imaginary = {} if rate is None else {name: 1j * TINY * rate[name] for name in shape}

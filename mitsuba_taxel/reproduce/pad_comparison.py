@@ -9,7 +9,7 @@ import xarray as xr
 
 from mitsuba_taxel.reproduce import bench_pad, measured
 from mitsuba_taxel.reproduce.bench_pad import Press
-from mitsuba_taxel.reproduce.pad_fit import Found, PressedTaxel, fit
+from mitsuba_taxel.reproduce.pad_fit import FittedPad, PressedTaxel, fit
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 INDENTER, START = "sphere", (7.5, 1.05)
@@ -66,7 +66,7 @@ class Wide(NamedTuple):
 class Results(NamedTuple):
     """Attributes
     ----------
-    found : Found
+    found : FittedPad
     taxels : dict[int, Compared]
         By the taxel that is pressed.
     offset : (2,) ndarray
@@ -83,7 +83,7 @@ class Results(NamedTuple):
         Of the pads tried, that whose map is nearest to the measured one at the four nearest taxels.
     """
 
-    found: Found
+    found: FittedPad
     taxels: dict[int, Compared]
     offset: np.ndarray
     centred: np.ndarray
@@ -129,7 +129,7 @@ def results(store: PaperStudies) -> Results:
     return Results(found, compared, offset, centred, held_map(moved), change, errors, finer, widest)
 
 
-def _press_of(found: Found) -> Press:
+def _press_of(found: FittedPad) -> Press:
     return Press(float(found.unknowns[0]), INDENTER, float(found.unknowns[1]))
 
 
@@ -148,7 +148,7 @@ def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
     return PressedTaxel(study.travel.values, study.force.values, study.change.sel(taxel=taxel).values)
 
 
-def compare(study: xr.Dataset, taxel: int, found: Found, there: PressedTaxel) -> Compared:
+def compare(study: xr.Dataset, taxel: int, found: FittedPad, there: PressedTaxel) -> Compared:
     """The computed path of a taxel beside its measured curve."""
     computed = curve_of(study, taxel)
     places = np.linspace(0.0, computed.travel[-1], 200)

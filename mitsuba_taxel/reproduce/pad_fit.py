@@ -56,7 +56,7 @@ class PressedTaxel(NamedTuple):
         return PressedTaxel(travel, *values)
 
 
-class Found(NamedTuple):
+class FittedPad(NamedTuple):
     """What a fit found.
 
     Attributes
@@ -120,7 +120,9 @@ def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0)
     return found.ravel()
 
 
-def fit(pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]) -> Found:
+def fit(
+    pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]
+) -> FittedPad:
     """Height and radius whose curve, computed by ``pressed(height, radius)``, is nearest to the measured one."""
     known: dict[tuple[float, ...], PressedTaxel] = {}
 
@@ -161,7 +163,7 @@ def fit(pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel,
     spread = np.linalg.pinv(jacobian.T @ jacobian) * 2 * solution.cost / (len(solution.fun) - UNKNOWNS)
     deviations = np.sqrt(np.diag(spread)) * [*best, 1.0]
     stiffness = modulus(known[best], measured, lates[best])
-    return Found(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
+    return FittedPad(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
 
 
 def _logs(curve: PressedTaxel, count: int) -> np.ndarray:

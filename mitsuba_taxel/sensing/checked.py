@@ -5,7 +5,7 @@ from __future__ import annotations
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.protocols import PhototransistorSensor, is_phototransistor
-from mitsuba_taxel.kernels.scene_state import Checked, SceneState, UnknownState
+from mitsuba_taxel.kernels.scene_state import KnownScene, SceneState, UnknownState
 from mitsuba_taxel.sensing.modelled import refuse_unmodelled
 from mitsuba_taxel.sensing.probes import refuse_unreadable
 
@@ -19,7 +19,7 @@ def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
     refuse_unmodelled(scene, integrator)
     refuse_unreadable(scene, integrator)
     if keeper is not None:
-        keeper.checked = Checked(_state_of(scene, integrator))  # checks may move pads
+        keeper.checked = KnownScene(_state_of(scene, integrator))  # checks may move pads
 
 
 def found_points(scene: mi.Scene) -> dict[float, int]:

@@ -26,7 +26,7 @@ from mitsuba_taxel.pads.pad import REGIONS
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.transport.box import Box
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.ends import AngularLaw, CosinePower, End, uniform_cone
+from mitsuba_taxel.transport.ends import AngularLaw, CosineFactor, End, uniform_cone
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
@@ -396,10 +396,10 @@ def _law_of_led(led: LedEmitter) -> AngularLaw:
         assert stated.cone_angle is not None  # set with this law
         return uniform_cone(np.cos(np.radians(stated.cone_angle)))
     if stated.law == "lambertian":
-        return CosinePower(1 / np.pi, 1.0)
+        return CosineFactor(1 / np.pi, 1.0)
     if stated.law == "cosine_power":
         assert stated.exponent is not None  # this law needs it
-        return CosinePower((stated.exponent + 1) / (2 * np.pi), stated.exponent)
+        return CosineFactor((stated.exponent + 1) / (2 * np.pi), stated.exponent)
     raise NotDiffuse(f"the LED's law is {stated.law}")
 
 
@@ -411,10 +411,10 @@ def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
             raise NotDiffuse("the phototransistor's response ends with a step")
         return _tabulated((cosines, values), "the phototransistor's response")
     if stated.response == "ideal":
-        return CosinePower(1.0, 0.0)
+        return CosineFactor(1.0, 0.0)
     if stated.response == "cosine_power":
         assert stated.exponent is not None  # this response needs it
-        return CosinePower(1.0, stated.exponent - 1)
+        return CosineFactor(1.0, stated.exponent - 1)
     raise NotDiffuse(f"the phototransistor's response is {stated.response}")
 
 

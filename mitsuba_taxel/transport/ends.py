@@ -29,7 +29,7 @@ class AngularLaw(Protocol):
 
 
 @dataclass(frozen=True)
-class CosinePower:
+class CosineFactor:
     """factor * cosine**exponent."""
 
     factor: float
@@ -50,9 +50,9 @@ class CosinePower:
         return self.factor * cosine**self.exponent, slope
 
 
-def uniform_cone(cosine: float) -> CosinePower:
+def uniform_cone(cosine: float) -> CosineFactor:
     """The density [1/sr] of directions uniform within a cone of that cosine."""
-    return CosinePower(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
+    return CosineFactor(1 / (2 * math.pi * (1 - cosine)), 0.0, cosine)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,15 @@ import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.reflectance import ReflectanceTable
-from mitsuba_taxel.kernels.scattering import Absorbing, Isotropic, Lambertian, Mirror, Mixed, RoughMirror, Scattering
+from mitsuba_taxel.kernels.scattering import (
+    Absorbing,
+    Isotropic,
+    Lambertian,
+    Mixed,
+    RoughMirror,
+    Scattering,
+    SmoothMirror,
+)
 from mitsuba_taxel.specification.wall import Wall as Parameters
 
 
@@ -149,7 +157,7 @@ def _law_of(stated: Parameters) -> Scattering:
     if stated.rms_slope is not None:
         return RoughMirror(stated.rms_slope)
     laws: dict[str, type[Scattering]] = {
-        "mirror": Mirror,
+        "mirror": SmoothMirror,
         "lambertian": Lambertian,
         "isotropic": Isotropic,
         "absorbing": Absorbing,

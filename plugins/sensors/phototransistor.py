@@ -20,7 +20,7 @@ from mitsuba_taxel.specification.phototransistor import Phototransistor as Param
 if TYPE_CHECKING:
     from mitsuba_taxel.kernels.emission_guiding import GuidedEmission
     from mitsuba_taxel.kernels.guide import Guide
-    from mitsuba_taxel.kernels.scene_state import Checked
+    from mitsuba_taxel.kernels.scene_state import KnownScene
 
 MOST_PIXELS = 1 << 24
 """Most pixels of a film, all blocks together."""
@@ -88,7 +88,7 @@ class Phototransistor(mi.Sensor):
         self.guided_emission: GuidedEmission | None = None  # learned by pilot runs
         self.guide: tuple[np.ndarray, Guide | None] | None = None
         self.recorded = RecordedPaths()
-        self.checked: Checked | None = None
+        self.checked: KnownScene | None = None
 
     def spread_film(self, rows: int, columns: int) -> None:
         """Enlarge the film to one block of pixels per phototransistor of an array; raises `InputError`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Found, descend
+from mitsuba_taxel.optimum.descent import JUMP, JUMP_MOVED, Trial, descend
 from mitsuba_taxel.optimum.search import Judged, stationarity
 
 NONE = (np.zeros(0), np.zeros((0, 2)))
@@ -13,7 +13,7 @@ NONE = (np.zeros(0), np.zeros((0, 2)))
 
 def down(at, start, tolerance=3e-4, jump=JUMP):
     """Where a descent ends."""
-    return descend(lambda x, beside: Found(at(x), jump=jump), np.array(start), tolerance)
+    return descend(lambda x, beside: Trial(at(x), jump=jump), np.array(start), tolerance)
 
 
 def lowest(at, start):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_taxel.optimum.descent import Found, descend
+from mitsuba_taxel.optimum.descent import Trial, descend
 from mitsuba_taxel.optimum.failures import nearest, off_failures
 from mitsuba_taxel.optimum.search import Judged
 
@@ -55,6 +55,6 @@ def test_along_a_half_space_that_fails(seed):
         seen.append(1 + d @ (bend * d))
         return Judged(np.array(seen[-1:]), 2 * (bend * d)[None], np.zeros(0), np.zeros((0, 6)))
 
-    descend(lambda x, beside: Found(at(x), jump=0.0), start)
+    descend(lambda x, beside: Trial(at(x), jump=0.0), start)
     truth = 1 + 0.1**2 / (normal @ (normal / bend))
     assert min(seen[:40]) == pytest.approx(truth, rel=0.01)

@@ -11,7 +11,7 @@ import xarray as xr
 from mitsuba_taxel import Scene, measure
 from mitsuba_taxel.reproduce import bench_pad, measured, pad_assumptions, pad_comparison
 from mitsuba_taxel.reproduce.bench_pad import Assumed, Press
-from mitsuba_taxel.reproduce.pad_fit import Found
+from mitsuba_taxel.reproduce.pad_fit import FittedPad
 from mitsuba_taxel.reproduce.page_assumptions import assumptions_section
 
 GREY = Assumed("grey", walls=0.2)
@@ -38,7 +38,7 @@ def made_up(store, press, travels=bench_pad.TRAVELS, assumed=bench_pad.AS_FITTED
 @pytest.fixture
 def found():
     """What the fit assumes: all taxels change alike when they are pressed."""
-    fit = Found(np.array([7.5, 1.05]), 0.5, 0.0, np.array([0.2, 0.05, 0.01]), 0.01, {})
+    fit = FittedPad(np.array([7.5, 1.05]), 0.5, 0.0, np.array([0.2, 0.05, 0.01]), 0.01, {})
     press = Press(7.5, "sphere", 1.05)
     taxels = {
         taxel: pad_comparison.compare(

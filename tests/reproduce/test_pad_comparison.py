@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, 
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.reproduce import bench_pad, measured, pad_comparison, page_pad
 from mitsuba_taxel.reproduce.bench_pad import Press
-from mitsuba_taxel.reproduce.pad_fit import Found
+from mitsuba_taxel.reproduce.pad_fit import FittedPad
 from mitsuba_taxel.reproduce.paper_studies import PaperStudies
 
 
@@ -34,7 +34,7 @@ def made_up(x=0.0, y=0.0, end=""):
     )
 
 
-FOUND = Found(
+FOUND = FittedPad(
     np.array([7.5, 1.05]), 0.5, 0.0, np.array([0.2, 0.05, 0.01]), 0.01, {(7.5, 1.05): 0.01, (8.0, 1.05): 0.05}
 )
 

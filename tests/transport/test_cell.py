@@ -10,14 +10,14 @@ import pytest
 from mitsuba_taxel.bench.sphere_light import Dome
 from mitsuba_taxel.sensing.derivatives import HORIZON_SHARE
 from mitsuba_taxel.transport.cell import Cell, Mesh, ScatteringWalls
-from mitsuba_taxel.transport.ends import CosinePower, End, uniform_cone
+from mitsuba_taxel.transport.ends import CosineFactor, End, uniform_cone
 from mitsuba_taxel.transport.exchange import Starts
 from mitsuba_taxel.transport.patches import LATTICE
 from mitsuba_taxel.transport.reception import Reception
 from mitsuba_taxel.transport.rules import rectangle_rule, square_annulus_rule
 
 UP = np.array([0.0, 0.0, 1.0])
-LAMBERTIAN, CONE = CosinePower(1 / math.pi, 1.0), uniform_cone(math.cos(math.radians(88)))
+LAMBERTIAN, CONE = CosineFactor(1 / math.pi, 1.0), uniform_cone(math.cos(math.radians(88)))
 
 
 def led(spacing, law, hole=0.0, points=3):
@@ -27,7 +27,7 @@ def led(spacing, law, hole=0.0, points=3):
 
 def phototransistor(spacing):
     at, weights = rectangle_rule(0.52, 0.3, 8, 8)
-    return End(np.column_stack([at + (spacing / 2, 0), np.zeros(len(at))]), weights, UP, CosinePower(1.0, 0.0))
+    return End(np.column_stack([at + (spacing / 2, 0), np.zeros(len(at))]), weights, UP, CosineFactor(1.0, 0.0))
 
 
 def patches(corners):
@@ -127,7 +127,9 @@ def swaying(places):
     return np.stack([np.sin(1.3 * x + 0.3) * z, np.cos(y), 0.3 + x * y], axis=-1)
 
 
-@pytest.mark.parametrize(("law", "rim"), [(LAMBERTIAN, 0.05), (CONE, 0.0), (CosinePower(7 / (2 * math.pi), 6.0), 0.05)])
+@pytest.mark.parametrize(
+    ("law", "rim"), [(LAMBERTIAN, 0.05), (CONE, 0.0), (CosineFactor(7 / (2 * math.pi), 6.0), 0.05)]
+)
 @pytest.mark.parametrize("isotropic", [0.4, 1])
 def test_derivatives_by_places_are_those_of_differences(law, rim, isotropic):
     places, step = dome(1.275, rim, 2), 1e-4

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_taxel.transport.ends import CosinePower
+from mitsuba_taxel.transport.ends import CosineFactor
 from mitsuba_taxel.transport.tabulated_law import TabulatedLaw
 
 ANGLES = np.radians(np.linspace(90, 0, 20001))
@@ -15,7 +15,7 @@ ANGLES = np.radians(np.linspace(90, 0, 20001))
 
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 7.5, 40.0])
 def test_a_fine_table_of_a_formula_is_the_formula(exponent):
-    formula = CosinePower(0.3, exponent)
+    formula = CosineFactor(0.3, exponent)
     law = TabulatedLaw(np.cos(ANGLES), formula(np.cos(ANGLES))[0])
     cosines = np.linspace(0.05, 0.999, 77)
     for got, expected in zip(law(cosines), formula(cosines), strict=True):
@@ -34,4 +34,4 @@ def test_a_table_may_end_above_zero():
 
 def test_laws_are_equal_if_their_tables_are():
     one, same = (TabulatedLaw(np.cos(ANGLES), np.cos(ANGLES)) for _ in range(2))
-    assert one == same and one != TabulatedLaw(np.cos(ANGLES), 2 * np.cos(ANGLES)) and one != CosinePower(1.0, 1.0)
+    assert one == same and one != TabulatedLaw(np.cos(ANGLES), 2 * np.cos(ANGLES)) and one != CosineFactor(1.0, 1.0)

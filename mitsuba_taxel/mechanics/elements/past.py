@@ -8,7 +8,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
-from mitsuba_taxel.mechanics.materials.creep import Course
+from mitsuba_taxel.mechanics.materials.creep import Growth
 from mitsuba_taxel.mechanics.materials.symmetric import components, tensors
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
@@ -67,51 +67,51 @@ class Relaxing:
         nothing = np.zeros((len(material.prony), elements, points, 6))
         return cls(np.zeros((elements, points, 6)), nothing, nothing, np.zeros((elements, points, 6)))
 
-    def past(self, material: Viscoelastic, step: float, part: SymmetricPart, course: Course | None = None) -> Past:
+    def past(self, material: Viscoelastic, step: float, part: SymmetricPart, growth: Growth | None = None) -> Past:
         """Composition of the stress at the end of a further step in s, in which S is linear in time, or a parabola over
-        its ``course`` that begins with the slope."""
+        its ``growth`` that begins with the slope."""
         known = np.tensordot(material.over(step).decay, self.held, axes=1)
-        begun, gained = self._gains(material, step, course)
+        begun, gained = self._gains(material, step, growth)
         known -= float(gained.sum()) * self.stress
-        if course is not None:
-            known += float(begun.sum()) * self.begun(course)
+        if growth is not None:
+            known += float(begun.sum()) * self.begun(growth)
         return Past(1 - float(material.shares.sum()) + float(gained.sum()), known, part)
 
-    def after(self, material: Viscoelastic, step: float, stress: np.ndarray, course: Course | None = None) -> Relaxing:
+    def after(self, material: Viscoelastic, step: float, stress: np.ndarray, growth: Growth | None = None) -> Relaxing:
         """The variables at the end of such a step, where the law gives ``stress``."""
         decay, change = material.over(step).decay, stress - self.stress
-        begun, gained = self._gains(material, step, course)
+        begun, gained = self._gains(material, step, growth)
         held = _times(decay, self.held) + _times(gained, change)
-        if course is not None:
-            held += _times(begun, self.begun(course))
+        if growth is not None:
+            held += _times(begun, self.begun(growth))
         error = _times(decay, self.error) - _times(gained, self.off)
         slope = change / step if step > 0 else None
         return Relaxing(stress, held, error, np.zeros_like(stress), slope, step)
 
-    def _gains(self, material: Viscoelastic, step: float, course: Course | None) -> tuple[np.ndarray, np.ndarray]:
+    def _gains(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
         """What is left of each term (k,) for what S would change by with its slope, and for the change of S."""
-        if course is None:
+        if growth is None:
             ramp = material.shares * material.over(step).ramp
             return 0 * ramp, ramp
-        first, square, _ = course.moments(material.times).T
+        first, square, _ = growth.moments(material.times).T
         return material.shares * (first - square), material.shares * square
 
-    def begun(self, course: Course) -> np.ndarray:
-        """(m, q, 6) MPa, the change of S over a course on which it goes on as it does."""
+    def begun(self, growth: Growth) -> np.ndarray:
+        """(m, q, 6) MPa, the change of S over a growth on which it goes on as it does."""
         assert self.slope is not None
-        return self.slope / course.rate(0.0)
+        return self.slope / growth.rate(0.0)
 
-    def middle(self, stress: np.ndarray, course: Course) -> np.ndarray:
+    def middle(self, stress: np.ndarray, growth: Growth) -> np.ndarray:
         """(m, q, 6) MPa, S midway on a parabola to a ``stress``."""
-        return self.stress + 0.25 * (stress - self.stress + self.begun(course))
+        return self.stress + 0.25 * (stress - self.stress + self.begun(growth))
 
-    def ageing(self, material: Viscoelastic, course: Course, stress: np.ndarray) -> np.ndarray:
+    def ageing(self, material: Viscoelastic, growth: Growth, stress: np.ndarray) -> np.ndarray:
         """(m, q, 6) MPa/s, rate of the stress at the end of a further step by its length, where the law gives
         ``stress``, if that did not change."""
-        end = self.after(material, course.duration, stress, course)
-        left = float(material.shares @ (1 - course.moments(material.times)[:, 1]))
-        along = 2 * (stress - self.stress) - self.begun(course)
-        return left * course.rate(course.duration) * along - end.fading(material)
+        end = self.after(material, growth.duration, stress, growth)
+        left = float(material.shares @ (1 - growth.moments(material.times)[:, 1]))
+        along = 2 * (stress - self.stress) - self.begun(growth)
+        return left * growth.rate(growth.duration) * along - end.fading(material)
 
     def fading(self, material: Viscoelastic) -> np.ndarray:
         """(m, q, 6) MPa/s, rate at which the terms relax."""
@@ -126,19 +126,19 @@ class Relaxing:
         """(k, m, q, 6) MPa, error of a linear change of S in the last step."""
         return _times(material.shares * material.over(self.step).bend * self.step**2, bend)
 
-    def missed_on(self, material: Viscoelastic, course: Course, bend: np.ndarray) -> np.ndarray:
-        """(k, m, q, 6) MPa, error of a parabola over a course, if S also has the third power of that, ``bend`` times,
+    def missed_on(self, material: Viscoelastic, growth: Growth, bend: np.ndarray) -> np.ndarray:
+        """(k, m, q, 6) MPa, error of a parabola over a growth, if S also has the third power of that, ``bend`` times,
         less as much of the square."""
-        _, square, cube = course.moments(material.times).T
+        _, square, cube = growth.moments(material.times).T
         return _times(material.shares * (cube - square), bend)
 
     def off_by(self, error: np.ndarray) -> Relaxing:
         """The same with an ``error`` (k, m, q, 6) added."""
         return replace(self, error=self.error + error)
 
-    def followed(self, material: Viscoelastic, off: np.ndarray, course: Course | None = None) -> Relaxing:
+    def followed(self, material: Viscoelastic, off: np.ndarray, growth: Growth | None = None) -> Relaxing:
         """The same with an error of S (m, q, 6) at the end of the last step, which the terms follow."""
-        gained = self._gains(material, self.step, course)[1]
+        gained = self._gains(material, self.step, growth)[1]
         return replace(self, error=self.error + _times(gained, off), off=off)
 
     def stress_error(self, material: Viscoelastic) -> np.ndarray:

@@ -31,7 +31,7 @@ LEAST_BUMP = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class CreepResponse:
     """The response to a load that jumps to 1: ``lasting`` plus the sum of ``amounts`` exp(-``rates`` t), rates in 1/s.
 
     Attributes
@@ -47,7 +47,7 @@ class Response:
 
     @classmethod
     @lru_cache(maxsize=16)
-    def of(cls, prony: Terms, creeps: bool) -> Response:
+    def of(cls, prony: Terms, creeps: bool) -> CreepResponse:
         """Of a Prony series: its relaxation function, or its creep function by the zeros of that in Laplace space."""
         times = np.unique([time for _, time in prony])[::-1]
         shares = np.array([sum(share for share, of in prony if of == time) for time in times])
@@ -74,7 +74,7 @@ class Response:
 
     def measures(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Measures:
         """Of a step with a ``rate`` of the load per s."""
-        responding, even, moves = self._course(memory, rate, duration), Course.even(duration), bool(rate.any())
+        responding, even, moves = self._growth(memory, rate, duration), Growth.even(duration), bool(rate.any())
         if moves and not self.creeps:
             return Measures(even, responding)
         times = _nodes(duration, 1 / float(self.rates.max()))[0]
@@ -82,7 +82,7 @@ class Response:
             responding = even
         return Measures(responding, even if moves else None)
 
-    def _course(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Course | None:
+    def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
         """The response of a step, along its change; None without one."""
         parts = self.amounts[:, None] * (rate - self.rates[:, None] * memory)
         steady = self.lasting * rate
@@ -91,11 +91,11 @@ class Response:
         if not size > np.finfo(float).tiny:
             return None
         along = whole / size
-        return Course(duration, float(steady @ along) / size, parts @ along / size, self.rates)
+        return Growth(duration, float(steady @ along) / size, parts @ along / size, self.rates)
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Growth:
     """What grows from 0 to 1 within a step of some ``duration`` in s, at a rate of ``steady`` plus the sum of ``parts``
     exp(-``rates`` t) per s."""
 
@@ -105,7 +105,7 @@ class Course:
     rates: np.ndarray
 
     @classmethod
-    def even(cls, duration: float) -> Course:
+    def even(cls, duration: float) -> Growth:
         """Time itself."""
         return cls(duration, 1 / duration, np.zeros(0), np.zeros(0))
 
@@ -124,19 +124,19 @@ class Course:
         return bool(self.rate(self.duration) * self.duration < LEAST_END)
 
     def time_at(self, share: float) -> float:
-        """Time in s at which a growing course has a value between 0 and 1."""
+        """Time in s at which a growing growth has a value between 0 and 1."""
         low, high = 0.0, self.duration
         while low < (time := 0.5 * (low + high)) < high:
             low, high = (time, high) if self.at(time) < share else (low, time)
         return time
 
-    def until(self, time: float) -> Course:
+    def until(self, time: float) -> Growth:
         """The same of the first part of the step, until a ``time`` in s."""
         share = float(self.at(time))
-        return Course(time, self.steady / share, self.parts / share, self.rates)
+        return Growth(time, self.steady / share, self.parts / share, self.rates)
 
     def moments(self, times: np.ndarray) -> np.ndarray:
-        """(k, 3) what is left at the end of the step of gains of the course, its square and its cube, with relaxation
+        """(k, 3) what is left at the end of the step of gains of the growth, its square and its cube, with relaxation
         times (k,): integrals of exp(-(time to the end) / tau) over each."""
         first = np.append(times, 1 / self.rates).min()
         time, left, weight = _nodes(self.duration, float(first))
@@ -152,15 +152,15 @@ class Measures:
 
     Attributes
     ----------
-    main : Course
+    main : Growth
         Of displacements.
-    other : Course or None
+    other : Growth or None
         Of pressures, and of a small share of displacements, as volumes respond to pressures at once; None if these do
         not change by a measure of their own.
     """
 
-    main: Course
-    other: Course | None
+    main: Growth
+    other: Growth | None
 
     def bump(self, time: float) -> tuple[float, float]:
         """Shape of what a cubic polynomial in the main measure leaves, 1 midway, at a time in s since the start; its

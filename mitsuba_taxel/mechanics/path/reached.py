@@ -18,15 +18,13 @@ class Reached:
     ``rate`` is that of the load, per s, on the way there; ``velocity`` that of the unknowns, displacements followed by
     pressures; both are NaN after a jump of the load. ``further`` is the length in s of the next step, as far as errors
     allow, or 0 where it must not lead beyond a row. ``recalled`` is the memory of the load of
-    :class:`~mitsuba_taxel.mechanics.materials.creep.Response`, ``doubt`` the sum in mm of what each step's error moves
-    most, as far as it lasts, and ``missed`` the relative error of the stress by time steps. ``traction`` (2 N, 3) in
-    MPa is that of friction at nodes of the top, then of the outside; ``moved`` (C,) is the load, or where its force has
-    moved an indenter.
-
-    The following are empty if the last step leads to a row: ``begun``, the velocity at its start; ``midway``, what
-    Newton's method would subtract from the unknowns in its middle, on a cubic between its ends; ``left`` (N, 3), what
-    it would then add to the displacements a quarter of the way from an end, where that is more; and ``bend`` of
-    :meth:`Relaxing.missed_on`.
+    :class:`~mitsuba_taxel.mechanics.materials.creep.CreepResponse`, ``doubt`` the sum in mm of what each step's error
+    moves most, as far as it lasts, and ``missed`` the relative error of the stress by time steps. ``traction`` (2 N, 3)
+    in MPa is that of friction at nodes of the top, then of the outside; ``moved`` (C,) is the load, or where its force
+    has moved an indenter. The following are empty if the last step leads to a row: ``begun``, the velocity at its
+    start; ``midway``, what Newton's method would subtract from the unknowns in its middle, on a cubic between its ends;
+    ``left`` (N, 3), what it would then add to the displacements a quarter of the way from an end, where that is more;
+    and ``bend`` of :meth:`Relaxing.missed_on`.
     """
 
     time: float

@@ -1,6 +1,6 @@
 """Time steps between two rows of a load, of lengths for which the stress changes evenly enough.
 
-Within a step, the stress of the law is a parabola over the step's :class:`Course`, that begins with its rate; in
+Within a step, the stress of the law is a parabola over the step's :class:`Growth`, that begins with its rate; in
 contact, with an indenter or of the pad with itself, it is linear in time.
 """
 
@@ -16,7 +16,7 @@ from mitsuba_taxel.mechanics.contact.friction import Rubbed
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.past import Relaxing
-from mitsuba_taxel.mechanics.materials.creep import Course, Measures, Response
+from mitsuba_taxel.mechanics.materials.creep import CreepResponse, Growth, Measures
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.indented_pad import IndentedPad
@@ -69,7 +69,7 @@ class Moment:
     ``velocity`` is the rate of the unknowns per s, None if unknown or the load jumps; ``unjudged`` the largest
     displacement in mm since displacements without the load's symmetry were last checked, ``rubbed`` the history of
     friction, ``further`` the length in s of a next step that may lead beyond rows, ``recalled`` the memory of
-    the load of :class:`Response`. ``deviation`` is the estimated error of the unknowns, ``doubt`` the sum of the
+    the load of :class:`CreepResponse`. ``deviation`` is the estimated error of the unknowns, ``doubt`` the sum of the
     largest displacements by each step's error, as far as it lasts; ``midway`` is that of the last step.
     """
 
@@ -92,14 +92,14 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class Midway:
-    """What is known between the ends of a step over a ``course``, which ``begun`` with a velocity.
+    """What is known between the ends of a step over a ``growth``, which ``begun`` with a velocity.
 
     ``found`` is what Newton's method would subtract from a cubic in the middle, ``left`` what it would then add a
     quarter of the way from an end, where that is more, ``off`` the relative size of that, and ``bend`` the third power
     of the stress, of :meth:`Relaxing.missed_on`.
     """
 
-    course: Course
+    growth: Growth
     begun: np.ndarray
     found: np.ndarray
     left: np.ndarray
@@ -237,28 +237,28 @@ class Stretch:
 
     def _midway(self, here: Moment, after: Moment, measures: Measures) -> Midway:
         """The middle of a step; raises Rejected if there is none."""
-        pad, course = self._pad, measures.main
+        pad, growth = self._pad, measures.main
         assert here.velocity is not None and after.velocity is not None
         size, ends = pad.numbering.displacements, (here.unknowns, after.unknowns)
         way = Way(measures, size, *ends, here.velocity, after.velocity)
-        middle = course.time_at(0.5)
-        found, left, off = self._off(here, course, middle, way.at(middle)), np.zeros(size), 0.0
+        middle = growth.time_at(0.5)
+        found, left, off = self._off(here, growth, middle, way.at(middle)), np.zeros(size), 0.0
         for share in (LEFT, 1 - LEFT):
-            time = course.time_at(share)
+            time = growth.time_at(share)
             unknowns = way.at(time) - measures.bump(time)[0] * found
-            error = self._off(here, course, time, unknowns)
+            error = self._off(here, growth, time, unknowns)
             parts = zip(*(np.split(field, [size]) for field in (error, unknowns)), strict=True)
             off = max(off, *(math.sqrt(np.square(part).mean()) / (np.abs(of).max() or 1.0) for part, of in parts))
             left = max(left, -error, key=lambda field: float(np.abs(field[:size]).max()))
         stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(way.at(middle) - found)[0])
-        bend = 8 * (here.relaxing.middle(after.relaxing.stress, course) - stress)
-        return Midway(course, here.velocity, found, left, off, bend)
+        bend = 8 * (here.relaxing.middle(after.relaxing.stress, growth) - stress)
+        return Midway(growth, here.velocity, found, left, off, bend)
 
-    def _off(self, here: Moment, course: Course, time: float, unknowns: np.ndarray) -> np.ndarray:
+    def _off(self, here: Moment, growth: Growth, time: float, unknowns: np.ndarray) -> np.ndarray:
         """What Newton's method would subtract from unknowns within a step, at a time in s since its start."""
         pad = self._pad
         assert self._near is not None
-        pad.past = here.relaxing.past(self._material, time, pad.part, course.until(time))
+        pad.past = here.relaxing.past(self._material, time, pad.part, growth.until(time))
         value = self._load[0] + (here.share + time / self._duration) * self._load[1]
         found = pad.correction(self._near, unknowns, value)
         if found is None:
@@ -283,13 +283,13 @@ class Stretch:
         pad, time = self._pad, (share - here.share) * self._duration
         remembers = bool(self._material.prony)
         measures = self._measures(here, time) if self._leaps and time else None
-        course = measures.main if measures else None
-        pad.past = here.relaxing.past(self._material, time, pad.part, course) if remembers else None
+        growth = measures.main if measures else None
+        pad.past = here.relaxing.past(self._material, time, pad.part, growth) if remembers else None
         if isinstance(pad, IndentedPad):
             pad.rubbed = here.rubbed
         guess = here.unknowns
         if here.velocity is not None:
-            ahead = (1 / course.rate(0.0) if course else min(time, here.relaxing.step)) * here.velocity
+            ahead = (1 / growth.rate(0.0) if growth else min(time, here.relaxing.step)) * here.velocity
             guess = pad.towards(guess, guess + ahead)
         value = self._load[0] + share * self._load[1]
         solution, self._near = pad.solve_next(guess, value, self._near)
@@ -298,12 +298,12 @@ class Stretch:
         if self._judges and (unjudged > NATURAL_STRAIN * pad.height or share == 1):
             self._near = pad.judged(solution.unknowns, value, self._near)
             unjudged = 0.0
-        elif course is not None:
+        elif growth is not None:
             self._near = pad.tangent_at(solution.unknowns, value, self._near)
         relaxing, rubbed = here.relaxing, None
         if remembers:
             stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
-            relaxing = relaxing.after(self._material, time, stress, course)
+            relaxing = relaxing.after(self._material, time, stress, growth)
         if isinstance(pad, IndentedPad):
             rubbed = pad.rubbed_at(solution.unknowns, value)
         velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
@@ -317,9 +317,9 @@ class Stretch:
 
     def _with_rates_and_midway(self, here: Moment, after: Moment, value: np.ndarray, measures: Measures) -> Moment:
         """The state after a step, with its rates and the middle of the step."""
-        pad, course = self._pad, measures.main
+        pad, growth = self._pad, measures.main
         assert self._near is not None  # the tangent there
-        ageing = here.relaxing.ageing(self._material, course, after.relaxing.stress)
+        ageing = here.relaxing.ageing(self._material, growth, after.relaxing.stress)
         rate = self._load[1] / self._duration
         after = self._with_rates(after, pad.rate_in_time(self._near, after.unknowns, rate, value, ageing))
         return replace(after, midway=self._midway(here, after, measures))
@@ -353,11 +353,11 @@ class Stretch:
     def _with_errors(self, here: Moment, after: Moment) -> tuple[float, Moment]:
         """As :meth:`_judged`, where what follows from errors of the terms is known: the state has that too."""
         assert self._near is not None
-        pad, relaxing, course, error = self._pad, after.relaxing, None, 0.0
+        pad, relaxing, growth, error = self._pad, after.relaxing, None, 0.0
         doubt = here.doubt * math.exp(-relaxing.step * float(self._response.rates.min()))
         if after.midway is not None:
-            course = after.midway.course
-            missed = relaxing.missed_on(self._material, course, after.midway.bend)
+            growth = after.midway.growth
+            missed = relaxing.missed_on(self._material, growth, after.midway.bend)
             own = pad.answer(self._near, after.unknowns, missed.sum(axis=0))
             error = pad.size_of(missed.sum(axis=0)) / self.scale
             doubt += float(np.abs(own[: pad.numbering.displacements]).max())
@@ -365,7 +365,7 @@ class Stretch:
         deviation = pad.answer(self._near, after.unknowns, relaxing.error.sum(axis=0))
         displaced, moved = (pad.numbering.split(field)[0] for field in (after.unknowns, deviation))
         off = pad.model.assembly.elements.isochoric_rate(displaced, moved)
-        relaxing = relaxing.followed(self._material, off, course)
+        relaxing = relaxing.followed(self._material, off, growth)
         return error, replace(after, relaxing=relaxing, deviation=deviation, doubt=doubt)
 
     def _refuse_contact(self, here: Moment, after: Moment, touch: Touch) -> None:
@@ -383,12 +383,12 @@ def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
     return bool(material.prony) and not pad.solves_between
 
 
-def response(load: Load, material: Viscoelastic) -> Response:
+def response(load: Load, material: Viscoelastic) -> CreepResponse:
     """Of a pad to a kind of load."""
-    return Response.of(material.prony, not load.gives_displacement)
+    return CreepResponse.of(material.prony, not load.gives_displacement)
 
 
-def furthest(pad: LoadedPad, to_load: Response, rate: np.ndarray) -> float:
+def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
     """Length in s of the longest step that leads beyond rows, under a load with a ``rate`` per s."""
     speed = float(np.linalg.norm(rate))
     return pad.step / speed if speed else HELD / float(to_load.rates.min())

@@ -12,7 +12,7 @@ from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.past import Past, Relaxing, spread
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.elements.symmetry import node_images, part_between
-from mitsuba_taxel.mechanics.materials.creep import Response
+from mitsuba_taxel.mechanics.materials.creep import CreepResponse
 
 MU, PRONY = 0.7, ((0.25, 0.4), (0.35, 5.0))
 SOFT = Viscoelastic(NeoHookean(3 * MU, 0.5), PRONY)
@@ -42,7 +42,7 @@ def test_the_stress_at_the_end_of_a_step_ages_with_its_length(block, body, creep
     solid = body(block(cells=(1, 1, 1)), SOFT.law, np.zeros((27, 3), bool))
     stress, slope, end, *held = rng.normal(size=(5, *solid.assembly.elements.weight.shape, 6))
     relaxing = Relaxing(stress, np.array(held), 0 * np.array(held), 0 * stress, slope)
-    to_load, memory, rate = Response.of(PRONY, creeps), np.array([[0.2], [0.5]]), np.array([0.3])
+    to_load, memory, rate = CreepResponse.of(PRONY, creeps), np.array([[0.2], [0.5]]), np.array([0.3])
 
     def course(step):
         return to_load.measures(memory, rate, step).main

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from mitsuba_taxel.mechanics.materials.creep import Course, Response
+from mitsuba_taxel.mechanics.materials.creep import CreepResponse, Growth
 
 SERIES = {
     "one": ((0.6, 2.0),),
@@ -33,7 +33,7 @@ def by_equations(prony, rates, lengths):
 
 @pytest.mark.parametrize("prony", SERIES.values(), ids=SERIES)
 def test_creep_is_the_solution_of_the_equations_of_the_terms(prony):
-    response = Response.of(prony, True)
+    response = CreepResponse.of(prony, True)
     assert response.lasting + response.amounts.sum() == pytest.approx(1, abs=1e-9 * response.lasting)
     memory, at, total = response.at_rest(1), 0.0, []
     rates, lengths = [0.5, -0.2, 0.0], [3.0, 4.0, 20.0]
@@ -47,7 +47,7 @@ def test_creep_is_the_solution_of_the_equations_of_the_terms(prony):
 def test_the_measure_of_a_step_is_the_share_of_its_response():
     prony, memory, rate = SERIES["two"], np.array([[0.3], [0.8]]), np.array([-2.0])
     for creeps in (True, False):
-        response, length = Response.of(prony, creeps), 7.0
+        response, length = CreepResponse.of(prony, creeps), 7.0
         measures = response.measures(memory, rate, length)
         course, even = (measures.main, measures.other) if creeps else (measures.other, measures.main)
         np.testing.assert_allclose(even.at(np.array([0.0, 3.5, 7.0])), [0, 0.5, 1], atol=1e-15)
@@ -60,23 +60,23 @@ def test_the_measure_of_a_step_is_the_share_of_its_response():
         for time in (0.1, 2.0, 6.9):
             assert course.at(time) == pytest.approx((strain(time) - start) / (strain(length) - start), rel=1e-12)
     assert measures.main.time_at(0.5) == pytest.approx(3.5)
-    held = Response.of(prony, True).measures(memory, 0 * rate, 1e9)
+    held = CreepResponse.of(prony, True).measures(memory, 0 * rate, 1e9)
     assert held.other is None and held.main.at(held.main.time_at(0.5)) == pytest.approx(0.5) and held.main.ends
 
 
 def test_a_response_that_turns_is_no_measure():
     memory = np.array([[-3.0], [8.0]])
-    turning = Response.of(SERIES["two"], True).measures(memory, np.array([-0.4]), 30.0)
+    turning = CreepResponse.of(SERIES["two"], True).measures(memory, np.array([-0.4]), 30.0)
     np.testing.assert_array_equal(turning.main.parts, [])
 
 
 @pytest.mark.parametrize("length", [1e-6, 0.3, 7.0, 400.0])
 def test_moments_are_integrals_over_a_step(length):
     times = np.array([1.0, 10.0])
-    course = Response.of(SERIES["two"], True).measures(np.array([[0.3], [0.8]]), np.array([-2.0]), length).main
+    course = CreepResponse.of(SERIES["two"], True).measures(np.array([[0.3], [0.8]]), np.array([-2.0]), length).main
     part = course.until(0.4 * length)
     assert part.at(0.2 * length) == pytest.approx(course.at(0.2 * length) / course.at(0.4 * length))
-    for each, until in ((course, length), (part, 0.4 * length), (Course.even(length), length)):
+    for each, until in ((course, length), (part, 0.4 * length), (Growth.even(length), length)):
         for tau, found in zip(times, each.moments(times), strict=True):
             for power in (1, 2, 3):
 
@@ -92,16 +92,16 @@ def test_moments_are_integrals_over_a_step(length):
 def test_moments_at_the_extremes_are_finite():
     times = np.array([1e-6, 1.0, 1e6])
     for length in (1e-9, 1.0, 1e9, 1e300):
-        moments = Course.even(length).moments(times)
+        moments = Growth.even(length).moments(times)
         assert np.all((moments >= 0) & (moments <= 1 + 1e-12))
 
 
 def test_a_bump_is_1_midway_and_flat_at_both_ends():
     memory, rate = np.array([[0.0], [0.0]]), np.array([1.0])
     for measures in (
-        Response.of(SERIES["two"], True).measures(memory, rate, 20.0),
-        Response.of(SERIES["two"], False).measures(memory, rate, 20.0),
-        Response.of(SERIES["two"], True).measures(memory + 1, 0 * rate, 20.0),
+        CreepResponse.of(SERIES["two"], True).measures(memory, rate, 20.0),
+        CreepResponse.of(SERIES["two"], False).measures(memory, rate, 20.0),
+        CreepResponse.of(SERIES["two"], True).measures(memory + 1, 0 * rate, 20.0),
     ):
         middle, end = measures.main.time_at(0.5), 20.0
         assert measures.bump(middle)[0] == pytest.approx(1)
