@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -70,7 +69,13 @@ class Techniques:
     """
 
     def __init__(
-        self, strategy: str, scene: Any, sensor: mi.Sensor, index: mi.UInt32, guide: Guide | None, clearance: mi.Float
+        self,
+        strategy: str,
+        scene: mi.Scene,
+        sensor: mi.Sensor,
+        index: mi.UInt32,
+        guide: Guide | None,
+        clearance: mi.Float,
     ) -> None:
         names = ("connections", "sensor_subpath_connections", "unidirectional_hits")
         self.connections, self.sensor_subpaths, self.unidirectional = (strategy in ("all", name) for name in names)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -26,8 +24,7 @@ from mitsuba_taxel.kernels.walls import reflectance_of, scatters, set_wavelength
 from mitsuba_taxel.kernels.wavefronts import LARGEST_WAVEFRONT
 from mitsuba_taxel.kernels.windows import transmittance
 from mitsuba_taxel.sensing.ray_paths import PathStep, emit, follow, landed
-from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, prepare
-from mitsuba_taxel.sensing.scene import Scene
+from mitsuba_taxel.sensing.runs import MOST_POINTS, REPLICATES, AnyScene, prepare
 from mitsuba_taxel.sensing.taxels import taxels_of
 from mitsuba_taxel.specification.path_depth import MOST_REFLECTIONS
 
@@ -90,7 +87,7 @@ class EnergyAudit:
 
 @in_turn
 def energy_audit(
-    scene: Scene | str | Path | Any,
+    scene: AnyScene,
     *,
     points: int = DEFAULT_POINTS,
     seed: int = 0,
@@ -104,7 +101,7 @@ def energy_audit(
 
     Parameters
     ----------
-    scene : Scene or str or Path or Any
+    scene : Scene or str or Path or dict or mi.Scene or Prepared
         A :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``.
     points : int
         Light paths for each LED and replicate, up to 1048576; rounded up to a power of two.

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from mitsuba_taxel.sensing.runs import (
     FIRST_POINTS,
     MOST_POINTS,
     REPLICATES,
+    AnyScene,
     Clock,
     Prepared,
     Run,
@@ -61,7 +61,7 @@ LIGHT_ERROR = 0.005
 
 @in_turn  # the scene, too, has to be gone before another is traced: Dr.Jit finds its shapes while they are destroyed
 def measure(
-    scene: Scene | str | Path | Any,
+    scene: AnyScene,
     *,
     target_error: float | None = None,
     points: int | None = None,
@@ -79,7 +79,7 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene or str or Path or Any
+    scene : Scene or str or Path or dict or mi.Scene or Prepared
         A :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or the result of :func:`prepare`.
     target_error : float, optional
         Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
@@ -119,7 +119,7 @@ def measure(
 
 @in_turn
 def measured(
-    scene: Any,
+    scene: AnyScene,
     target_error: float | None = None,
     points: int | None = None,
     time_budget: float | None = None,
@@ -176,7 +176,7 @@ def _notes(prepared: PreparedFor) -> list[str]:
     return [note for note in prepared.ready.notes if prepared.power is None or note != CHOSEN_INTEGRATOR]
 
 
-def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
+def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
     """Rates of change of the scene with some of its parameters."""
     wanted = names_of("derivatives", names)
     if not wanted:
@@ -190,7 +190,7 @@ def _changes(scene: Any, names: Sequence[str]) -> list[Rates]:
 
 
 def _derivatives(
-    scene: Any, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
+    scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
     """Derivatives without random numbers if possible, else by paths, if ``fixed`` of as many points as readings."""
     from mitsuba_taxel.sensing.derivatives import derivatives_by
@@ -206,11 +206,12 @@ def _derivatives(
 
 
 def _derivatives_of_paths(
-    scene: Any, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
+    scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
     from mitsuba_taxel.sensing.path_derivatives import derivatives_of_paths
 
     scene, size = described(scene), prepared.settings.mesh_size
+    assert isinstance(scene, Scene)  # or there were no changes
     if scene.mesh_size != size:
         changes = _changes(scene.with_mesh_size(size), [change.name for change in changes])
     points = readings.points or FIRST_POINTS
@@ -218,7 +219,7 @@ def _derivatives_of_paths(
 
 
 def _prepared(
-    scene: Any,
+    scene: AnyScene,
     target_error: float | None,
     points: int | None,
     seed: int,
@@ -253,7 +254,7 @@ def _prepared(
 
 @in_turn
 def crosstalk(
-    scene: Scene | str | Path | Any, *, target_error: float | None = None, points: int | None = None, seed: int = 0
+    scene: AnyScene, *, target_error: float | None = None, points: int | None = None, seed: int = 0
 ) -> Crosstalk:
     """Power that each LED brings to each phototransistor.
 

@@ -36,8 +36,8 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
     Parameters
     ----------
-    scene : Any
-        The ``mi.Scene``, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
+    scene : mi.Scene
+        Loaded, or an object with ``shapes()``, ``emitters()`` and ``sensors()``.
     integrator : mi.Integrator
         The integrator that reads it.
 

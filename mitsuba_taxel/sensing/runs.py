@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import mitsuba as mi
 import numpy as np
@@ -38,8 +38,12 @@ class Prepared(NamedTuple):
     notes: list[str]  # which integrator was chosen and why, if the scene names none
 
 
+AnyScene: TypeAlias = Scene | Prepared | mi.Scene | str | Path | dict[str, Any]
+"""A :class:`Scene`, what :func:`prepare` returned, a loaded scene, a path or name of an XML scene, or a dictionary."""
+
+
 @in_turn
-def prepare(scene: Any) -> Prepared:
+def prepare(scene: AnyScene) -> Prepared:
     """Load a scene in any form, and choose an integrator if it names none."""
     scene = described(scene)
     if isinstance(scene, Prepared):
@@ -69,7 +73,7 @@ def _lights(scene: mi.Scene) -> int:
     return sum(emitter.faces.count if is_led(emitter) else 1 for emitter in scene.emitters())
 
 
-def described(scene: Any) -> Any:
+def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
     """A scene given by name, path or dictionary as a `Scene`; a loaded one is returned unchanged."""
     if isinstance(scene, (str, Path, dict)):
         return Scene(scene)
@@ -144,7 +148,7 @@ def _trace(ready: Prepared, points: int, seed: int, first: int, image: bool):
     return np.concatenate([powers for powers, _, _ in results], axis=1), results[0][1], results[0][2]
 
 
-def _render(scene: Any, points: int, seed: int, first: int):
+def _render(scene: mi.Scene, points: int, seed: int, first: int):
     """As :func:`_trace`, by one of Mitsuba's own integrators, under which all LEDs are lit.
 
     A continuation from ``first`` points uses other random numbers.

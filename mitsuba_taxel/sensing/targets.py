@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,17 @@ from mitsuba_taxel.sensing.darkness import may_be_lit
 from mitsuba_taxel.sensing.facets import curved_pads, with_chords
 from mitsuba_taxel.sensing.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.readings import Readings, geometry_share, largest_share, mechanics_share
-from mitsuba_taxel.sensing.runs import FIRST_POINTS, MOST_POINTS, Clock, Prepared, Run, derived_seed, described, prepare
+from mitsuba_taxel.sensing.runs import (
+    FIRST_POINTS,
+    MOST_POINTS,
+    AnyScene,
+    Clock,
+    Prepared,
+    Run,
+    derived_seed,
+    described,
+    prepare,
+)
 from mitsuba_taxel.sensing.scene import Scene
 from mitsuba_taxel.sensing.scene_pads import deformed_pads, loaded_pads
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
@@ -221,13 +231,13 @@ def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
 
 
 def prepare_for(
-    scene: Any, target_error: float, seed: int, clock: Clock | None = None, random: bool = False
+    scene: AnyScene, target_error: float, seed: int, clock: Clock | None = None, random: bool = False
 ) -> PreparedFor:
     """Prepare a scene such that the total error of its worst taxel reaches a target.
 
     Parameters
     ----------
-    scene : Any
+    scene : AnyScene
         As for :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
         Relative; if the mechanics cannot reach it, the light still gets a share of it.
@@ -249,7 +259,9 @@ def prepare_for(
 
     found = judged()
     tried: list[tuple[float, float]] = []
-    for _ in range(MOST_MESHES if isinstance(scene, Scene) else 0):
+    for _ in range(MOST_MESHES):
+        if not isinstance(scene, Scene):
+            break
         tried.append((smallest_mesh_size(ready), found.share))
         wanted = target_error if found.power is not None else MECHANICS_SHARE * target_error
         finer = finer_mesh(scene, ready, tried, wanted)
@@ -272,7 +284,7 @@ def prepare_for(
     return PreparedFor(ready, mechanics, geometry, Settings(points, mesh_size))
 
 
-def _timed(scene: Any) -> tuple[Prepared, float]:
+def _timed(scene: AnyScene) -> tuple[Prepared, float]:
     """A prepared scene, and the seconds that it takes without cached solutions."""
     with stages.record() as seconds:
         ready = prepare(scene)
