@@ -38,7 +38,7 @@ class Prepared(NamedTuple):
     notes: list[str]  # which integrator was chosen and why, if the scene names none
 
 
-AnyScene: TypeAlias = Scene | Prepared | mi.Scene | str | Path | dict[str, Any]
+AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]"
 """A :class:`Scene`, what :func:`prepare` returned, a loaded scene, a path or name of an XML scene, or a dictionary."""
 
 
