@@ -50,7 +50,9 @@ class RecordedPaths:
             try:
                 assert self.state is not None
                 return recording(trace, scene, sampler, index, led_index, self.state.variables)
-            except RuntimeError:  # of Dr.Jit: foreign objects of other scenes, too, are part of its kernels
+            except RuntimeError as error:  # of Dr.Jit: foreign objects of other scenes, too, are part of its kernels
+                if isinstance(error.__cause__, KeyboardInterrupt):
+                    raise error.__cause__ from None
                 self.sizes = dict.fromkeys(self.sizes)
         return trace(scene, sampler, index, led_index)
 

@@ -10,7 +10,7 @@ from plate_scenes import plate
 
 from mitsuba_taxel import Pad, PadSensor, Scene, Wall, measure
 from mitsuba_taxel.kernels.mesh_adapter import move_vertices, places_of
-from mitsuba_taxel.kernels.recorded_paths import MOST_SIZES, RecordedPaths
+from mitsuba_taxel.kernels.recorded_paths import MOST_SIZES, RecordedPaths, _Recording
 from mitsuba_taxel.sensing.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
@@ -187,6 +187,17 @@ def test_foreign_walls_of_other_scenes_are_no_harm(llvm_mono):
     assert np.array_equal(readings(live), alone)
     assert times_recorded(live) == [None]
     del other
+
+
+def test_an_interrupt_while_paths_are_recorded_is_one(llvm_mono, monkeypatch):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(_Recording, "_traced", interrupted)
+    live = plate(scattering="isotropic").load()
+    readings(live, [0])
+    with pytest.raises(KeyboardInterrupt):
+        readings(live, [1])
 
 
 def test_few_sizes_are_kept_and_no_scene(llvm_mono):
