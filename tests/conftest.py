@@ -75,12 +75,10 @@ def imported_is_no_garbage():
 
 @pytest.fixture(autouse=True, scope="session")
 def share_of_the_cores():
-    """Processes side by side keep to their share of the cores, as threads of Dr.Jit spin while they wait."""
-    sharing = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    if sharing > 1:
-        from mitsuba_taxel.studies.run.processes import keep_to_share
+    """Processes side by side keep to their share of the cores."""
+    from cores import keep_to_share_of_cores
 
-        keep_to_share(sharing)
+    keep_to_share_of_cores()
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -113,19 +111,10 @@ def mechanics_error_unknown():
 
 @pytest.fixture(autouse=True, scope="session")
 def blank_figures():
-    """Figures are written empty, as painting one takes half a second and more; gives the function that paints."""
-    from matplotlib.figure import Figure
-    from PIL import Image
+    """Figures are written blank; gives the function that paints."""
+    from blank_figures import blank_figures
 
-    def save(figure, file, **options):
-        if not hasattr(file, "write"):
-            Path(file).write_bytes(b"")
-        elif options.get("format") == "png":  # to be read again
-            Image.new("RGB", (1, 1)).save(file, "png")
-
-    paint = Figure.savefig
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", save)
+    with blank_figures() as paint:
         yield paint
 
 

@@ -5,7 +5,8 @@ python run_tutorial.py TUTORIAL.md [--renew]
 Files shown under their name are written, `python` blocks run by one interpreter, `sh` blocks of nothing but `taxel` by
 the same, as each program of its own would import all that it needs again, and other `sh` blocks by bash, in their
 order. After each, the files that a comment `<!-- makes: a b -->` names must be there, and a `text` block must be a part
-of what was printed since the one before it; `--renew` writes the numbers of today into it instead.
+of what was printed since the one before it; `--renew` writes the numbers of today into it instead. Figures are drawn,
+and written blank.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import sys
 from contextlib import redirect_stdout
 from pathlib import Path
 
+from blank_figures import blank_figures
 from listings import missing_from, renewed
 from taxel_program import run_program
 
@@ -85,4 +87,5 @@ def _run_commands(code: str) -> str:
 
 
 if __name__ == "__main__":
-    assert run(Path(sys.argv[1]), "--renew" in sys.argv), "a tutorial without steps"
+    with blank_figures():
+        assert run(Path(sys.argv[1]), "--renew" in sys.argv), "a tutorial without steps"

@@ -9,6 +9,8 @@ import sys
 from multiprocessing import get_context
 from pathlib import Path
 
+from cores import keep_to_share_of_cores
+
 IMPORTED = (
     "distributed", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg", "mitsuba_taxel.fitting.run",
     "mitsuba_taxel.optimum.run", "mitsuba_taxel.report.page.study_page", "mitsuba_taxel.tolerances.run", "netgen.occ",
@@ -38,6 +40,7 @@ def _run(command: list[str], folder: Path, settings: dict[str, str], output: Pat
             os.dup2(file.fileno(), descriptor)
     os.chdir(folder)
     os.environ.update(settings)
+    keep_to_share_of_cores()
     sys.argv = command
     sys.path.insert(0, str(Path(command[0]).parent))
     runpy.run_path(command[0], run_name="__main__")
