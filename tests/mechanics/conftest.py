@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y, mirrored
-from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, VolumeMesh
+from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES, TET_FACES, VolumeMesh
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import Numbering, number_unknowns
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness
@@ -75,15 +75,45 @@ def _boundary(points, tets, size):
 def _symmetric_block(size=(1.0, 1.0, 1.0), cells=(2, 2, 2)) -> VolumeMesh:
     """Block on the board, its centre at x = y = 0, that mirrors in both planes map on itself, and in the diagonals if
     it is square; ``cells`` are those of a quarter."""
-    mesh = _block((size[0] / 2, size[1] / 2, size[2]), cells)
-    kept = ~np.any(np.all(mesh.points[mesh.faces][:, :, :2] == 0, axis=1), axis=1)
-    mesh = replace(mesh, faces=mesh.faces[kept], face_region=mesh.face_region[kept], face_cell=mesh.face_cell[kept])
+    return _completed(_block((size[0] / 2, size[1] / 2, size[2]), cells))
+
+
+def _completed(quarter: VolumeMesh) -> VolumeMesh:
+    """A quarter at x, y >= 0 with its images in both planes; of its nodes, those that elements have."""
+    kept = ~np.any(np.all(quarter.points[quarter.faces][:, :, :2] == 0, axis=1), axis=1)
+    faces = {name: getattr(quarter, name)[kept] for name in ("faces", "face_region", "face_cell")}
+    mesh = replace(quarter, **faces)
     for mirror in (ACROSS_X, ACROSS_Y):
         mesh = mirrored(mesh, mirror)
     corners, others = np.unique(mesh.tets[:, :4]), np.unique(mesh.tets[:, 4:])
     order = np.concatenate([corners, others])
-    number = np.argsort(order)
+    number = np.zeros(len(mesh.points), dtype=int)
+    number[order] = np.arange(len(order))
     return replace(mesh, points=mesh.points[order], tets=number[mesh.tets], faces=number[mesh.faces])
+
+
+def _thin_walled(pad, across, up) -> VolumeMesh:
+    """A pad of one parallelepiped cell: its walls and roof are one hexahedron thick, of six tetrahedra each.
+
+    A quarter has ``across`` of these along half of the cell, and ``up`` along its height.
+    """
+    half, top = pad.cell_size / 2, pad.top_of_cell
+    mesh = _block((across + 1, across + 1, up + 1), (across + 1, across + 1, up + 1))
+    lines = [np.append(np.linspace(0, half, across + 1), half + pad.wall)] * 2
+    lines.append(np.append(np.linspace(0, top, up + 1), pad.height))
+    points = np.stack([np.interp(mesh.points[:, k], np.arange(len(line)), line) for k, line in enumerate(lines)], 1)
+    middle = points[mesh.tets[:, :4]].mean(axis=1)
+    tets = mesh.tets[(middle[:, :2].max(axis=1) > half) | (middle[:, 2] > top)]
+    faces = tets[:, np.array(TET_FACES)].reshape(-1, 6)
+    _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    faces = faces[first[count == 1]]
+    x, y, z = np.moveaxis(points[faces], 2, 0)
+    outer = (x == half + pad.wall).all(axis=1) | (y == half + pad.wall).all(axis=1)
+    ends = [(z == height).all(axis=1) for height in (top, 0.0, pad.height)]
+    codes = [REGIONS[name] for name in ("outer", "roof", "bottom", "top")]
+    region = np.select([outer, *ends], codes, REGIONS["side"])
+    cell = np.isin(region, [REGIONS["roof"], REGIONS["side"]]).astype(int)
+    return _completed(VolumeMesh(points, tets, faces, region, cell))
 
 
 @pytest.fixture
@@ -96,6 +126,12 @@ def block():
 def symmetric_block():
     """A function that makes symmetric blocks."""
     return _symmetric_block
+
+
+@pytest.fixture
+def thin_walled():
+    """A function that makes meshes of thin-walled pads."""
+    return _thin_walled
 
 
 class Body:

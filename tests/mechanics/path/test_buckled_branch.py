@@ -10,12 +10,14 @@ import trimesh
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
+from mitsuba_taxel import PadSensor, PhotoReflector, measure
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import ACROSS_X, ACROSS_Y
 from mitsuba_taxel.mechanics import (
     Indenter,
     IndenterDisplacement,
     NeoHookean,
+    PlateDisplacement,
     SpreadForce,
     Viscoelastic,
     linearise,
@@ -29,6 +31,7 @@ from mitsuba_taxel.mechanics.path.loaded_pads import loaded_pad
 from mitsuba_taxel.mechanics.path.onset_of_buckling import find_onset
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.sensing.scene_pads import loaded_pads
 
 LENGTH, WIDTH, MODULUS = 16.0, 2.0, 4.0
 EULER = MODULUS * np.pi**2 / 48 * WIDTH / LENGTH**2
@@ -165,6 +168,28 @@ def test_a_column_leans_on_what_it_touches(columns, beside):
     np.testing.assert_allclose(alone.displacement, states[0].displacement, atol=1e-4 * LEAN)  # one is enough
     columns()
     np.testing.assert_array_equal(pressed(4)[0].displacement, states[-1].displacement)
+
+
+def test_readings_are_continuous_as_a_buckled_wall_touches_the_package(fresh, monkeypatch, thin_walled):
+    """Two walls bend inwards from 0.051 mm on, and lean on the package from 0.067 mm on; the others bend outwards."""
+    pytest.importorskip("ipctk")
+    pad = Pad(rows=1, columns=1, wall=0.12, cell_size=2.0, cell_height=1.2, height=1.6, pitch=2.12)
+    monkeypatch.setattr(pad_path, "pad_mesh", lambda pad, size: thin_walled(pad, 2, 4))
+    depths, read, error, pushed = 0.067 + 3e-3 * np.arange(-2, 3), [], [], []
+    reflector, load = PhotoReflector(body=(1.8, 1.8, 0.7)), PlateDisplacement(self_contact=True)
+    for depth in depths:
+        live = PadSensor(pad, photo_reflector=reflector, force=(0, 0, -depth), load=load).scene().load()
+        readings = measure(live, points=1 << 12, mechanics_error=False)
+        (state,) = (shape.state for shape in loaded_pads(live))
+        contacts = Contacts(state.mesh, NeoHookean().youngs_modulus, state.bodies)
+        read.append(readings.power[0])
+        error.append(readings.standard_error[0])
+        pushed.append(np.abs(contacts.all_forces(state.displacement)).sum())
+        assert state.buckled_at[2] == pytest.approx(-0.0506, rel=0.01) and state.stability_checked
+    assert pushed[0] == 0 and pushed[4] > 1e-3
+    curve = np.polynomial.Polynomial.fit(depths, read, 2)
+    assert np.abs(read - curve(depths)).max() < 4 * max(error)  # false alarm below 3e-4
+    assert np.ptp(read) > 40 * max(error)
 
 
 def test_a_column_under_a_plane_ends_where_it_buckles(columns):
