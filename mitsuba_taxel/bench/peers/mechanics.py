@@ -6,6 +6,7 @@ Every figure is taken in a process of its own, with an empty cache of solutions.
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import tempfile
@@ -13,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -21,12 +23,20 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.bench.peers import calculix
 from mitsuba_taxel.bench.peers.elements import CELL, mean_roof_displacement
 from mitsuba_taxel.geometry.mirror import MIRRORS
-from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
+from mitsuba_taxel.mechanics import (
+    Indenter,
+    IndenterDisplacement,
+    NeoHookean,
+    PlateDisplacement,
+    SpreadForce,
+    load_path,
+)
 from mitsuba_taxel.mechanics.elements.solvers import Rslab
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.results.locate import displacement_at
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.pad import DEFAULT_MESH_SIZE
 
 MATERIAL = NeoHookean()
 FORCE = (0.0, 0.0, -20.0)
@@ -174,6 +184,40 @@ def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, floa
     return ended - began, sum(factors), sum(checks), ended - solved
 
 
+def contact_table() -> Iterator[tuple[object, ...]]:
+    """Factorisations on the way of bodies into a cell, beside those of a plate that is bonded to it.
+
+    A ball off the centre leaves no symmetry: beside it stands a plate on a cell that leans. Checks of stability against
+    displacements without the symmetry of a state, which are as many for all, are left out.
+    """
+    yield "pressed by", "mm", "factorisations", "per mm", "relative to a plate", "CPU seconds"
+    cell, ball, down = Pad("hemispheric", rows=1, columns=1), Indenter("sphere", radius=2.5), (0.0, 0.0, -0.8)
+    rows: list[tuple[str, Pad, Indenter | None, tuple[float, ...]]] = [
+        ("a plate", cell, None, down),
+        ("a ball of 2.5 mm", cell, ball, down),
+        ("a rod of 1 mm", cell, Indenter("cylinder", radius=1.0), down),
+        ("a punch of 1.5 mm", cell, Indenter("punch", radius=1.5), (0.0, 0.0, -0.6)),
+        ("a ball dragged by 0.2 mm, friction of 0.3", cell, replace(ball, friction=0.3), (0.2, 0.0, -0.5)),
+        ("a plate, without symmetry", replace(cell, top_x=0.2, top_y=0.1), None, down),
+        ("a ball off the centre", cell, replace(ball, at=(0.8, 0.5)), down),
+    ]
+    of_plate = math.nan
+    for name, pad, body, way in rows:
+        count, seconds, _ = _isolated(_factorisations, pad, body, way)
+        per_mm = count / np.abs(way).sum()
+        of_plate = per_mm if body is None else of_plate
+        yield name, f"{np.abs(way).sum():g}", count, f"{per_mm:.1f}", f"{per_mm / of_plate:.2f}", f"{seconds:.1f}"
+
+
+def _factorisations(pad: Pad, body: Indenter | None, way: tuple[float, ...]) -> tuple[int, float]:
+    """Number of them, and CPU seconds, of a way of a body, or of a plate if that is None."""
+    load = PlateDisplacement() if body is None else IndenterDisplacement(body)
+    began = time.process_time()
+    with _clocked(LoadedPad, "_factored") as factors:
+        load_path(pad, MATERIAL, [way], load=load, mesh_size=DEFAULT_MESH_SIZE)
+    return len(factors), time.process_time() - began
+
+
 @contextmanager
 def _clocked(owner: type, method: str) -> Iterator[list[float]]:
     """Meanwhile, CPU seconds of each call of a method are listed."""
@@ -198,6 +242,7 @@ TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
     "paths": paths_table,
     "cells": cells_table,
     "parts": parts_table,
+    "contact": contact_table,
 }
 
 

@@ -21,11 +21,14 @@ from mitsuba_taxel.mechanics.contact.rubbing import tractions
 from mitsuba_taxel.mechanics.elements.held import answers
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation
-from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, NEAR, RESIDUAL_TOLERANCE, SLOW, LoadedPad
+from mitsuba_taxel.mechanics.path.equilibrium import MOST_ITERATIONS, NEAR, RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected, Solution
 
+SLOW = 0.2
+"""A factored tangent is reused while each iteration reduces the error below this fraction: more than without an
+indenter, as nodes that come into contact keep the error large, whatever the tangent."""
 MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""
 LIKELY = 0.25
