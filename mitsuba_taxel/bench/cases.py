@@ -57,6 +57,8 @@ def _walls() -> Iterator[Case]:
     thin = replace(_PAD, wall=0.3, pitch=_PAD.cell_size + 0.3)
     for size in (1.25, 0.8, 0.63):  # the walls buckle
         yield Case(f"walls of 0.3 mm, mesh of {size:g} mm, -20 N", thin, mesh_size=size)
+    pair, plate = replace(thin, rows=1, columns=2), PlateForce(self_contact=True)
+    yield Case("1 x 2 cells, walls of 0.3 mm, -20 N by a plate with self_contact", pair, load=plate)
 
 
 def _stiffnesses() -> Iterator[Case]:
@@ -130,6 +132,8 @@ def _indenters() -> Iterator[Case]:
         yield Case(f"pressed by {name}, with self_contact", CELL, load=load, value=value)
     for force in (1e-9, 2.0, 2000.0):
         yield Case(f"pressed by {force:g} N on a ball", CELL, load=IndenterForce(ball), value=(0, 0, -force))
+    rubbing = IndenterForce(replace(ball, friction=0.3), self_contact=True)
+    yield Case("pressed by 20 N on a ball, friction of 0.3, with self_contact", CELL, load=rubbing)
     held = IndenterForce(replace(ball, friction=2.0))
     yield Case("pressed by 2 N on a ball, dragged by 1 N with a friction of 2", CELL, load=held, value=(1.0, 0, -2.0))
     missing = IndenterForce(replace(ball, at=(50.0, 0.0)))
