@@ -41,7 +41,7 @@ def triangles() -> np.ndarray:
     everywhere = centres()
     shapes = [tile + (x, y, 0) for x, y in everywhere]
     wall = _band(hexagon, HEIGHT, hexagon, 0)
-    across = np.cross(wall[:, 1] - wall[:, 0], wall[:, 2] - wall[:, 0])[:, :2]
+    across = _normals(wall)[:, :2]
     across *= PITCH / np.linalg.norm(across, axis=1, keepdims=True)
     for centre in everywhere:
         to_neighbour = np.linalg.norm((centre + across)[:, None] - everywhere, axis=-1)
@@ -56,7 +56,12 @@ def _band(lower: np.ndarray, lower_z: float, upper: np.ndarray, upper_z: float) 
     b = np.insert(upper, 2, upper_z, axis=1)
     a_next, b_next = np.roll(a, -1, axis=0), np.roll(b, -1, axis=0)
     both = np.concatenate([np.stack([a, b_next, a_next], axis=1), np.stack([a, b, b_next], axis=1)])
-    return both[np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=1) > 1e-9]
+    return both[np.linalg.norm(_normals(both), axis=1) > 1e-9]
+
+
+def _normals(corners: np.ndarray) -> np.ndarray:
+    first, second, third = corners.swapaxes(0, 1)
+    return np.cross(second - first, third - first)
 
 
 def write(path: str | Path) -> None:
@@ -64,7 +69,7 @@ def write(path: str | Path) -> None:
     corners = triangles()
     rows = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     rows["corners"] = corners
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = _normals(corners)
     rows["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     header = b"seven cells in a honeycomb, mm".ljust(80) + len(rows).to_bytes(4, "little")
     Path(path).write_bytes(header + rows.tobytes())

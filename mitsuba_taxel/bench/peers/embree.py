@@ -36,7 +36,8 @@ def prepare(case: PeerCase) -> Estimator:
     triangles, reflects, centres, spacing = _triangles(case)
     scene = EmbreeScene()
     mesh = TriangleMesh(scene, triangles.astype(np.float32))
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    first, second, third = triangles.swapaxes(0, 1)
+    normals = np.cross(second - first, third - first)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     geometry = Triangles(scene, mesh, normals, reflects, centres, 0.5 * spacing, case.isotropic)
 

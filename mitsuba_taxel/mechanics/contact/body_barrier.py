@@ -92,7 +92,8 @@ class BodyBarrier:
         own = (found.row < count) & (found.col < count)
         used, number = np.unique(np.stack([found.row[own], found.col[own]]), return_inverse=True)
         of_points = sparse.csr_array((found.data[own], tuple(number.reshape(2, -1))), shape=(len(used), len(used)))
-        over = sparse.csr_array(sparse.kron(self._over[used // 3], np.eye(3)))[3 * np.arange(len(used)) + used % 3]
+        components = 3 * np.arange(len(used)) + used % 3
+        over = sparse.kron(self._over[used // 3], np.eye(3), format="csr")[components]
         return sparse.csr_array(over.T @ of_points @ over)
 
     def free_share(self, before: np.ndarray, after: np.ndarray) -> float:

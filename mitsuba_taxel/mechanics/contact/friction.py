@@ -51,7 +51,7 @@ class Friction:
         self._walls = on.sum(axis=0)
         normals = np.array([[*mirror.normal, 0.0] for mirror in mirrors]).reshape(-1, 3)
         self._wall = normals[on.argmax(axis=0)] if len(normals) else np.zeros((len(body.node), 3))
-        self._rows = [sparse.csr_array(sparse.kron(body.carried, np.eye(3)[axis : axis + 1])) for axis in range(3)]
+        self._rows = [sparse.kron(body.carried, np.eye(3)[axis : axis + 1], format="csr") for axis in range(3)]
 
     def at_rest(self) -> Rubbed:
         """History of a pad that nothing has touched."""

@@ -387,8 +387,8 @@ def _nearest_in_triangle(corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     least = np.full(len(beside), np.inf)
     for i, j in FACE_EDGES:
         along = corners[:, j] - corners[:, i]
-        t = np.einsum("ki,ki->k", x - corners[:, i], along) / np.einsum("ki,ki->k", along, along)
-        t = np.clip(t, 0, 1)
+        way = x - corners[:, i]
+        t = np.clip(np.einsum("ki,ki->k", way, along) / np.einsum("ki,ki->k", along, along), 0, 1)
         distance = np.linalg.norm(corners[:, i] + t[:, None] * along - x, axis=1)
         nearer = distance < least
         least[nearer] = distance[nearer]

@@ -35,7 +35,8 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
     edges, pairs = neighbours(triangles)
     normal = []
     for k in range(2):
-        sides = np.sort(np.stack([triangles[pairs[:, k]], np.roll(triangles[pairs[:, k]], -1, axis=1)], axis=2), axis=2)
+        corners = triangles[pairs[:, k]]
+        sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2)
         side = np.argmax((sides == edges[:, None]).all(axis=2), axis=1)
         normal.append(normals[pairs[:, k], side])
     smooth = np.einsum("ei,ei->e", *normal) > np.cos(np.radians(crease))
