@@ -306,33 +306,37 @@ def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
     return min(map(float, sizes), default=math.inf)
 
 
-def finer_mesh(scene: Scene, ready: Prepared, tried: list[tuple[float, float]], wanted_error: float) -> float | None:
+def finer_mesh(
+    scene: Scene, ready: Prepared, tried: list[tuple[float, float]], wanted_error: float, order: float = ORDER
+) -> float | None:
     """Next mesh size in mm; None if the error is not above the wanted one, or the mesh is fixed.
 
     Parameters
     ----------
     tried : list[tuple[float, float]]
         Mesh sizes in mm and the errors found on them, the present one last.
+    order : float
+        Power of the mesh size with which errors fall.
     """
     size, error = tried[-1]
     if not scene.leaves_mesh_open or error <= wanted_error:
         return None
-    wanted = size * RUNG ** rungs_to(wanted_error, tried)
+    wanted = size * RUNG ** rungs_to(wanted_error, tried, order)
     elements = max(len(pad.state.mesh.tets) for pad in _refinable(ready)) * (size / wanted) ** 3
     return None if elements > MOST_ELEMENTS else wanted
 
 
-def rungs_to(wanted_error: float, tried: list[tuple[float, float]]) -> int:
+def rungs_to(wanted_error: float, tried: list[tuple[float, float]], order: float = ORDER) -> int:
     """Estimated number of rungs below the last of the mesh sizes ``tried`` at which the error is the wanted one.
 
     Errors scatter from one mesh to the next: the expected one is the geometric mean of all that were found, each scaled
     to the last size. If the last is unknown, a finer mesh is tried.
     """
     last = tried[-1][0]
-    known = [math.log(error) + ORDER * math.log(last / size) for size, error in tried if not math.isnan(error)]
+    known = [math.log(error) + order * math.log(last / size) for size, error in tried if not math.isnan(error)]
     if math.isnan(tried[-1][1]):
         return MOST_RUNGS
-    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (ORDER * math.log(RUNG))
+    rungs = (math.log(wanted_error) - sum(known) / len(known)) / (order * math.log(RUNG))
     return min(max(math.ceil(rungs), 1), MOST_RUNGS)
 
 

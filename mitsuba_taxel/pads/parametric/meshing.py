@@ -40,6 +40,9 @@ CAP, CAP_EXPONENT = "spherical", 0.7
 """Caps of spheres are flatter: elements on them are smaller by this power of the share only. Those inside stay as large
 as they are on the default mesh, and are reached the faster, so that there are far fewer. Whether readings are accurate
 enough is shown by `taxel bench domes`, for other hemispheric mirrors too, which need small elements inside."""
+FINER_EDGES, EDGE_EXPONENT = 0.5, 3.0
+"""Where roofs are flat, finer meshes have relatively smaller elements along those edges, by this power of the size
+relative to the default one, down to this share: there the error of slopes under tangential forces comes from."""
 CUT = 0.2
 """Relative distance from a singular edge at which elements there are cut."""
 CURVATURE_SAFETY = 2.0
@@ -174,7 +177,8 @@ def _local_sizes(pad: Pad, mesh_size: float) -> tuple[float, float]:
     if pad.cell != "parallelepiped":
         thinnest = min(wall, pad.height - pad.top_of_cell)
         largest = min(largest, math.sqrt(pad.cell_size * thinnest))  # a chord s of a circle has a sagitta s^2 / (4 d)
-    return min(finer * mesh_size / FACE_REFINEMENT[pad.cell], largest), min(mesh_size / RIM_REFINEMENT, largest)
+    along_edges = _finer_edges(pad, mesh_size) * mesh_size / RIM_REFINEMENT
+    return min(finer * mesh_size / FACE_REFINEMENT[pad.cell], largest), min(along_edges, largest)
 
 
 def _slender_wall(pad: Pad) -> tuple[float, float]:
@@ -189,6 +193,12 @@ def _slender_wall(pad: Pad) -> tuple[float, float]:
 def _finer(pad: Pad, mesh_size: float) -> float:
     """The size relative to the default one, as far as `FINER_DOMES` goes; 1 for larger ones, and other roofs."""
     return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if is_round(pad, "roof") else 1.0
+
+
+def _finer_edges(pad: Pad, mesh_size: float) -> float:
+    """The share of `FINER_EDGES` for a size; 1 for larger ones than the default, and for round roofs."""
+    relative = (mesh_size / pad.default_mesh_size) ** EDGE_EXPONENT
+    return 1.0 if is_round(pad, "roof") else min(max(relative, FINER_EDGES), 1.0)
 
 
 def _graded(mesh: VolumeMesh, pad: Pad) -> VolumeMesh:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.sensing.derivative_values import Derivatives
@@ -63,7 +64,7 @@ def _mesh_size(scene: Scene, forces: list[str], target: float) -> float | None:
         else:
             size = scene.mesh_size
             tried.append((smallest_mesh_size(ready, loaded=True), slope_share(found)))
-        finer = finer_mesh(scene, ready, tried, target)
+        finer = finer_mesh(scene, ready, tried, target, SLOPE_ORDER)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)
         if finer is None:

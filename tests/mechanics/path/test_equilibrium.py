@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from mitsuba_taxel.geometry.mirror import MIRRORS
 from mitsuba_taxel.mechanics import NeoHookean, PlateDisplacement, SpreadForce, available_solvers
@@ -234,7 +235,7 @@ def mean_top_under_20_newtons(mesh, nu):
 @pytest.fixture
 def uniform_meshes(monkeypatch):
     """Meshes without any grading, as the independent code's."""
-    for name in ("BULK_COARSENING", "RIM_REFINEMENT"):
+    for name in ("BULK_COARSENING", "RIM_REFINEMENT", "FINER_EDGES"):
         monkeypatch.setattr(meshing, name, 1.0)
     monkeypatch.setattr(meshing, "FACE_REFINEMENT", dict.fromkeys(CELL_SHAPES, 1.0))
     monkeypatch.setattr(meshing, "cut_towards", lambda mesh, singular, fraction: mesh)
@@ -249,8 +250,11 @@ def test_the_paper_s_pad_under_20_newtons_agrees_with_an_independent_code(mesh_s
 
 
 def test_refinement_converges_as_an_independent_code_found():
-    """That code's uniform meshes at -20 N, nu = .49, grow to .17287 (0.4 mm, 213 000 unknowns), and are still growing.
+    """That code's uniform meshes at -20 N, nu = .49, grow from .1725 (0.55 mm) to .17287 (0.4 mm, 213 000 unknowns).
 
-    Our graded mesh is beyond that, by about as much as that code's last step, from .1725 (0.55 mm).
+    What they lack falls with twice the exponent of the singularity at a re-entrant edge, the root of
+    sin(3 pi / 2 x) = x (M. L. Williams, 1952). Our graded mesh is at that limit, within the last step towards it.
     """
-    assert 0.17287 < mean_top_under_20_newtons(mesh_pad(Pad(), 0.8), 0.49) < 0.17287 + 1.5 * (0.17287 - 0.1725)
+    order, step = 2 * brentq(lambda x: np.sin(1.5 * np.pi * x) - x, 0.5, 0.6), 0.17287 - 0.1725
+    limit = 0.17287 + step / ((0.55 / 0.4) ** order - 1)
+    assert mean_top_under_20_newtons(mesh_pad(Pad(), 1.0), 0.49) == pytest.approx(limit, abs=step)

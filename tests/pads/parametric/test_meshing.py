@@ -15,10 +15,14 @@ from mitsuba_taxel.geometry.element_maps import jacobians, worst_element
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import FACE_EDGES, TET_EDGES
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad, mesh_pad
+from mitsuba_taxel.pads.parametric import meshing
 from mitsuba_taxel.pads.parametric.meshing import LEAST_QUALITY
 
 QUADRATIC_SURFACE = 2e-3
 """Relative error allowed for areas and volumes of curved cells: 8 or more quadratic faces to a circle."""
+
+
+WALLS = "roof", "side"
 
 
 @pytest.fixture(scope="module", params=CELL_SHAPES)
@@ -243,6 +247,25 @@ def test_smaller_elements_are_more_elements(cell, rows, wall):
     pad = Pad(cell, rows, 3, pitch=2.55 + wall, wall=wall)
     counts = np.array([len(mesh_pad(pad, size).tets) for size in (1.77, 1.49, 1.25, 1.05, 0.9, 0.83)])
     assert np.all(counts[1:] > 0.9 * counts[:-1]) and counts[-1] > 2 * counts[0], counts
+
+
+@pytest.mark.parametrize(("cell", "share"), [("parallelepiped", 0.5), ("cylindrical", 0.5), ("spherical", 1.0)])
+def test_finer_meshes_of_flat_roofs_are_finer_still_along_their_rims(cell, share, monkeypatch):
+    """Mean lengths of elements along the rim, against those without; up to what divides a rim evenly."""
+    pad = Pad(cell, rows=1, columns=1)
+
+    def along_rim(size):
+        mesh = mesh_pad(pad, size)
+        ends = mesh.faces[:, :3][:, np.array(FACE_EDGES)]
+        edges = [np.unique(np.sort(ends[mesh.face_region == REGIONS[name]].reshape(-1, 2)), axis=0) for name in WALLS]
+        both, count = np.unique(np.concatenate(edges), axis=0, return_counts=True)
+        return np.linalg.norm(np.subtract(*mesh.points[both[count == 2]].transpose(1, 0, 2)), axis=1).mean()
+
+    sizes = [relative * pad.default_mesh_size for relative in (1.6, 1.0, 0.7)]
+    graded = [along_rim(size) for size in sizes]
+    monkeypatch.setattr(meshing, "FINER_EDGES", 1.0)
+    shares = np.divide(graded, [along_rim(size) for size in sizes])
+    np.testing.assert_allclose(shares, [1.0, 1.0, share], rtol=0.15)
 
 
 def test_a_deep_and_narrow_cell_costs_little():

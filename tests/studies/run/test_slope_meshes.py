@@ -11,6 +11,7 @@ from one_cell import one_cell
 from taxel_cli.tables import end_beyond_target
 
 from mitsuba_taxel import ComputationError, InputError, Scene, open_study, sweep
+from mitsuba_taxel.base.convergence import SLOPE_ORDER
 from mitsuba_taxel.sensing.derivative_values import Derivatives
 from mitsuba_taxel.studies.run import slope_meshes
 from mitsuba_taxel.studies.run.dataset import missed_slope
@@ -44,7 +45,8 @@ def test_meshes_get_finer_until_the_target_is_reached_or_none_is_left(pad, monke
         error, one = np.full((1, 1), 0.1 * size**2), np.ones(1)
         return Derivatives(("fz",), ("W/N",), np.ones((1, 1)), error, one, 0 * one, 0.0, 0 * one, 0.5, 0 * one)
 
-    def finer(scene, ready, known, wanted):
+    def finer(scene, ready, known, wanted, order):
+        assert order == SLOPE_ORDER
         return None if known[-1][1] <= wanted else known[-1][0] / 2
 
     monkeypatch.setattr("mitsuba_taxel.sensing.derivatives.derivatives_by", read)
