@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first's, that are tried where one of twice the size does not tell the error:
-thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load."""
+thin walls and curves leave the mesher little choice, and a coarse pad may not bear a load. Of elements larger than the
+default ones, the default ones do first; these are relative to them."""
 LITTLE_FINER = COARSENING**-0.5
 """Tried before these under an indenter, where elements are small and many already."""
 LEAST_RATIO = 1.2
@@ -53,7 +54,8 @@ class SecondMeshes:
         start = min(path.mesh_size, path.pad.default_mesh_size)  # larger ones may all give the same mesh
         finer = (LITTLE_FINER, *FINER) if isinstance(path.load, IndenterDisplacement | IndenterForce) else FINER
         coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
-        for size in (coarser, *(share * start for share in finer)):
+        default = [start] if start < path.mesh_size else []
+        for size in (coarser, *default, *(share * start for share in finer)):
             if size not in self._known:
                 self._known[size] = self._compared_with(size)
             second = self._known[size]

@@ -284,13 +284,13 @@ def test_a_second_mesh_tells_the_error():
 
 
 def test_the_error_of_a_path_that_goes_on_includes_the_reach():
-    """At once, as much as that of the elastic pad."""
+    """At once, as much as that of the elastic pad: a twelfth of the whole near the touch."""
     pytest.importorskip("ipctk")
-    on, value = PlateDisplacement(self_contact=True), (0, 0, -0.5)
+    on, value = PlateDisplacement(self_contact=True), (0, 0, -0.8)
     (state,), (elastic,) = states([value], [0.0], load=on), load_path(PAD, LAW, [value], load=on, mesh_size=SIZE)
     (without,) = states([value], [0.0])
     assert state.force_error == pytest.approx(elastic.force_error, rel=1e-3)
-    assert state.force_error > 1.001 * without.force_error
+    assert state.force_error > 1.05 * without.force_error
     assert state.error.relative == pytest.approx(elastic.error.relative, rel=1e-3)
 
 
