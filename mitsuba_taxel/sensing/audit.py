@@ -102,7 +102,8 @@ def energy_audit(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        A :class:`Scene`, a path or name of an XML scene, or a loaded ``mi.Scene``.
+        A :class:`Scene`, a path or name of an XML scene, a dictionary, a loaded ``mi.Scene``, or the result of
+        :func:`prepare`.
     points : int
         Light paths for each LED and replicate, up to 1048576; rounded up to a power of two.
     seed : int

@@ -80,7 +80,8 @@ def measure(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        A :class:`Scene`, a path or name of an XML scene, a loaded ``mi.Scene``, or the result of :func:`prepare`.
+        A :class:`Scene`, a path or name of an XML scene, a dictionary, a loaded ``mi.Scene``, or the result of
+        :func:`prepare`.
     target_error : float, optional
         Relative total error, of mechanics and light, that the worst taxel should reach: pads whose mesh a `Scene` does
         not fix get one that is fine enough. The number of points is chosen by pilot runs with other random numbers,

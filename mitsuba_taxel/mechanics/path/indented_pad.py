@@ -26,7 +26,7 @@ from mitsuba_taxel.mechanics.path.linearised import Linearised
 from mitsuba_taxel.mechanics.path.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.path.solution import Balanced, Rejected, Solution
 
-SLOW = 0.2
+SLOW_PRESSED = 0.2
 """A factored tangent is reused while each iteration reduces the error below this fraction: more than without an
 indenter, as nodes that come into contact keep the error large, whatever the tangent."""
 MOST_HALVINGS = 5
@@ -106,7 +106,7 @@ class IndentedPad(LoadedPad):
             error_left = self._error(settled, unknowns, value)
             if error_left < RESIDUAL_TOLERANCE:
                 return Balanced(unknowns, settled, error_left, iteration, linearised, distance)
-            if contact is None or error > SLOW * last:
+            if contact is None or error > SLOW_PRESSED * last:
                 linearised = contact = None  # frees its memory for the next one
                 if state.entries is None:
                     state = self._pushed(unknowns, value, pushed_by)

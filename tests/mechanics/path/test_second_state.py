@@ -7,9 +7,10 @@ import pytest
 
 from mitsuba_taxel.base.convergence import TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.mechanics import NeoHookean, State, linearise, load_path, second_state
+from mitsuba_taxel.geometry.triangles import area_normals
+from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, State, linearise, load_path, second_state
 from mitsuba_taxel.mechanics.path.load_segment import INTERPOLATION_TOLERANCE
-from mitsuba_taxel.mechanics.path.pad_path import PadPath
+from mitsuba_taxel.mechanics.path.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.path.second_meshes import SecondMeshes
 from mitsuba_taxel.pads import CELL_SHAPES, REGIONS, Pad
 
@@ -22,13 +23,16 @@ def size_of_elements(mesh):
     return len(mesh.tets) ** (-1 / 6) * np.count_nonzero(mesh.face_cell) ** (-1 / 4)
 
 
+def mean_of_roofs(state: State, field: np.ndarray) -> np.ndarray:
+    """Mean of a field (N, 3) over the roofs, by the middles of edges."""
+    roof = state.mesh.faces[state.mesh.face_region == REGIONS["roof"]]
+    area = np.linalg.norm(area_normals(state.mesh.points, roof), axis=1)
+    return area @ field[roof[:, 3:]].mean(axis=1) / area.sum()
+
+
 def roof_rate(state: State) -> float:
     """Mean rate of the roofs' sinking by the normal force, in mm/N."""
-    roof = state.mesh.faces[state.mesh.face_region == REGIONS["roof"]]
-    corners = state.mesh.points[roof[:, :3]]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    rate = linearise(state).by_value((0.0, 0.0, 1.0))[:, 2]
-    return area @ rate[roof[:, 3:]].mean(axis=1) / area.sum()
+    return mean_of_roofs(state, linearise(state).by_value((0.0, 0.0, 1.0)))[2]
 
 
 def test_it_is_the_state_of_the_path_on_larger_elements(fresh):
@@ -62,6 +66,20 @@ def test_the_share_of_the_difference_bounds_the_error_of_a_rate(cell, fresh):
     stated = second.share * abs(roof_rate(second.state) - roof_rate(state))
     stated = max(stated, second.least * abs(roof_rate(state)))
     assert abs(roof_rate(fine) - roof_rate(state)) < 2 * stated
+
+
+@pytest.mark.parametrize(
+    ("cell", "force"), [("parallelepiped", (0.5, 0, -1)), ("cylindrical", (0, 0, -2)), ("spherical", (0, 0, -2))]
+)
+def test_large_elements_are_compared_with_the_default_ones(cell, force, fresh):
+    """Elements of twice the size would be the same; the true error is that against a fine mesh."""
+    pad = Pad(cell, rows=1, columns=1)
+    load, size = SpreadForce(), 2.4 * Pad().default_mesh_size
+    (state,), (fine,) = (load_path(pad, NeoHookean(), [force], load=load, mesh_size=one) for one in (size, 0.7))
+    (second, _) = next(iter(SecondMeshes(pad_path(pad, NeoHookean(), load, size))))
+    assert second.mesh_size == pad.default_mesh_size
+    means = (mean_of_roofs(one, one.displacement) for one in (state, fine))
+    assert np.linalg.norm(np.subtract(*means)) < 2 * state.error.displacement
 
 
 def test_the_least_error_goes_with_the_size_to_the_power_of_one_and_a_half(fresh):
