@@ -91,6 +91,11 @@ class ContactTest:
         place = self._on_itself(control)
         return Contact("itself", place) if place else None
 
+    def find_fold(self, displacement: np.ndarray) -> Place | None:
+        """A point, in mm, where the pad enters itself, within the strip beside singular edges too."""
+        control = control_points(self._points + displacement, self._faces)
+        return self._on_itself(np.concatenate([control, np.ones_like(self._beyond)]))
+
     def find_package(self, displacement: np.ndarray) -> Contact | None:
         """As :meth:`find`, for ``obstacles`` alone."""
         if not self._obstacles:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.feet import said_of
 from mitsuba_taxel.mechanics.contact.self_contact import Contact
@@ -36,11 +37,18 @@ class LoadPathEnds(ComputationError):
 
 
 def end_of_path(
-    mesh: VolumeMesh, load: Load, value: np.ndarray, reason: str, place: np.ndarray, buckled_at: np.ndarray | None
+    mesh: VolumeMesh,
+    load: Load,
+    value: np.ndarray,
+    reason: str,
+    place: np.ndarray,
+    buckled_at: np.ndarray | None,
+    folded_at: Place | None = None,
 ) -> LoadPathEnds:
     """The end of a path at a ``value``, for a ``reason`` such as "touches the board", at a ``place`` (3,) in mm.
 
-    The place is NaN where there is none; ``buckled_at`` is the load at which the pad buckled before.
+    The place is NaN where there is none; ``buckled_at`` is the load at which the pad buckled before, ``folded_at`` the
+    place of a fold beside an inner edge where no state is found.
     """
     where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
@@ -49,6 +57,9 @@ def end_of_path(
         further = " It may go on with smaller elements."
     elif touched:
         further = " With self_contact = true it goes on."
+    elif folded_at:
+        near = _listed(np.array(folded_at))
+        further = f" It is folded into itself at an inner edge, near ({near}) mm: self_contact = true prevents that."
     further = said_of(what, mesh, place) + further
     if buckled_at is not None:
         further = f" It buckled at {_shown(load, buckled_at)}, into one of its mirrored shapes.{further}"

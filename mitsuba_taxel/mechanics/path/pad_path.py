@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.bezier_patches import Place
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.bodies import RigidBodies
@@ -294,7 +295,7 @@ class PadPath:
                 seconds += branch.seconds_before(s)
             part, along, pad = self.segments.part_to(segment, s)
             if not part.reaches(along):
-                raise self._end(part.value(part.limit), part.reason, part.place, mirrors)
+                raise self._end(part.value(part.limit), part.reason, part.place, mirrors, self._folded(part, pad))
             at = part.at(along)
             if pad.solves_between and isinstance(part, LoadSegment):
                 try:
@@ -332,12 +333,26 @@ class PadPath:
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), np.zeros_like(direction))
         return pad.split(pad.rate(linearised, at_rest.unknowns, direction, np.zeros_like(direction)))[0]
 
-    def _end(self, value: np.ndarray, reason: str, place: np.ndarray, mirrors: list[Mirror]) -> LoadPathEnds:
+    def _folded(self, part: LoadSegment | BuckledBranch, pad: LoadedPad) -> Place | None:
+        """Where the pad has entered itself at the end of a segment, if that is no contact."""
+        if self.load.goes_on or np.isfinite(part.place).all() or not (isinstance(part, LoadSegment) and part.nodes):
+            return None
+        return self.contact.find_fold(pad.split(part.at(part.limit).unknowns)[0])
+
+    def _end(
+        self,
+        value: np.ndarray,
+        reason: str,
+        place: np.ndarray,
+        mirrors: list[Mirror],
+        folded_at: Place | None = None,
+    ) -> LoadPathEnds:
         """The end of a segment that ends too early, for the load that ``mirrors`` turned into the segment's."""
         buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirror.image(value), mirror.image(place)
-        return end_of_path(self.mesh, self.load, value, reason, place, buckled_at)
+            folded_at = folded_at and tuple(mirror.image(np.array(folded_at)).tolist())
+        return end_of_path(self.mesh, self.load, value, reason, place, buckled_at, folded_at)
 
     @property
     def key_parts(self) -> list[Any]:

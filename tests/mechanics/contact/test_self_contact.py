@@ -142,6 +142,22 @@ def test_faces_fold_on_each_other_at_a_common_edge(block, cells):
     assert contact.what == "itself"
 
 
+@pytest.mark.parametrize(("past", "said"), [(-0.001, "nothing"), (0.001, "a fold"), (0.05, "a contact")])
+def test_a_groove_folds_along_its_edge(block, past, said):
+    """What is beside the edge of a groove is pushed past the other side's; a strip of 0.03 mm may be."""
+    mesh = block((4.0, 1.0, 1.0), (4, 2, 1))
+    x, y, z = mesh.points.T
+    at = np.array([0, 0.99, 1, 1.01, 2])
+    x = np.interp(x, np.arange(5), at)
+    mesh = lifted(replace(mesh, points=np.stack([x, y, z * (1 + 0.5 * np.abs(x - 1))], axis=1)))
+    pushed = np.where(z == 1, np.interp(x, at, [0, 1 + past, 1, 1 - past, 2]) - x, 0.0)
+    displacement = np.stack([pushed * (1 - np.abs(2 * y - 1)), 0 * x, 0 * x], axis=1)
+    contact, fold = ContactTest(mesh).find(displacement), ContactTest(mesh).find_fold(displacement)
+    assert (contact is not None) == (said == "a contact")
+    assert (fold is not None) == (said != "nothing")
+    assert fold is None or fold[0] == pytest.approx(1, abs=0.05)
+
+
 @pytest.mark.parametrize("chosen", [0, 5])
 def test_a_side_wall_bulges_against_the_opposite_one(chosen):
     """A face whose mid-edge nodes move by a bulges by 4/3 a in its middle, where there is no node."""

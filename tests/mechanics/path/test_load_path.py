@@ -11,8 +11,10 @@ import pytest
 
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import NeoHookean, SpreadForce, load_path
+from mitsuba_taxel.mechanics.contact.self_contact import ContactTest
 from mitsuba_taxel.mechanics.path.equilibrium import LoadedPad
 from mitsuba_taxel.mechanics.path.mesh_sizes import mesh_size_for
+from mitsuba_taxel.mechanics.path.solution import Rejected
 from mitsuba_taxel.pads import REGIONS, Pad
 
 PAD = Pad("hemispheric", rows=1, columns=1)
@@ -154,6 +156,20 @@ def test_a_force_too_large_says_where_the_path_ends(fresh):
     reached = [float(word) for word in str(caught.value).split("(")[-1].split(")")[0].split(",")]
     (last,) = states([(0, 0, math.floor(10 * reached[2] + 1) / 10)])  # just before: the good states are kept
     assert last.min_jacobian > 0
+
+
+def test_an_end_in_a_fold_says_how_to_prevent_it(fresh, monkeypatch):
+    """Which is looked for in the last state."""
+    states([(0, 0, -1.0)])
+
+    def gives_up(*_):
+        raise Rejected("said")
+
+    monkeypatch.setattr(LoadedPad, "solve_symmetric", gives_up)
+    monkeypatch.setattr(ContactTest, "find_fold", lambda test, moved: (0.4, 0.3, 1.2) if moved.any() else None)
+    end = r"\(said\): .* \(0, 0, -1\.\d*\) N\. .* folded .* near \(0.4, 0.3, 1.2\) mm: self_contact = true prevents"
+    with pytest.raises(ComputationError, match=end):
+        states([(0, 0, -30.0)])
 
 
 @pytest.mark.parametrize(
