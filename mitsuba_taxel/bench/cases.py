@@ -161,6 +161,10 @@ def _self_contacts() -> Iterator[Case]:
             for size in (MESH_SIZE, DEFAULT_MESH_SIZE):
                 name = f"{words} on {shape} cells with self_contact, mesh of {size:g} mm"
                 yield Case(name, Pad(shape), load=load, value=value, mesh_size=size)
+    for shape in CELL_SHAPES:
+        for size in (DEFAULT_MESH_SIZE, DEFAULT_MESH_SIZE / 2):
+            name = f"-30 N on one {shape} cell with self_contact, mesh of {size:g} mm"
+            yield Case(name, Pad(shape, rows=1, columns=1), load=spread, value=(0.0, 0.0, -30.0), mesh_size=size)
 
 
 def _one_step() -> Iterator[Case]:

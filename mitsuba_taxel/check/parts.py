@@ -32,17 +32,17 @@ class UndeformedPad:
 
     Attributes
     ----------
-    specification
+    specification : DeformablePad
         Its parameters.
-    pad, material
+    pad, material : Pad or PadFile, Material
         As for `load_path`.
-    load
+    load : tuple[Load, tuple[float, ...]]
         The load and its value.
-    read_cells
+    read_cells : tuple[int, ...] or None
         Numbers of the cells that are read, None for all.
-    to_world
-        (4, 4).
-    objects
+    to_world : (4, 4) ndarray
+        From the pad's frame, in mm.
+    objects : dict[str, object]
         Nested objects, by name.
     """
 

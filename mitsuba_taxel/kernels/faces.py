@@ -26,8 +26,8 @@ class FaceGrid:
 
     Parameters
     ----------
-    to_world
-        mi.ScalarTransform4f rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
+    to_world : mi.ScalarTransform4f
+        Rigid motion and uniform scale from the carrier's frame; the faces look along its +z.
     centre : (3,) ndarray
         Centre of face 1 when the grid has one face, else of the grid, in the carrier's frame.
     size : (2,) ndarray

@@ -85,7 +85,7 @@ class MemberTrees:
 
     Attributes
     ----------
-    depth
+    depth : int
         Of all trees.
     leaves : (trees, 2**depth) ndarray
         Number of the member in each leaf; 0 if empty.

@@ -104,7 +104,7 @@ class LoadSegment:
 
     Attributes
     ----------
-    limit, reason
+    limit, reason : float, str
         Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
         In mm, point of contact at the limit; NaN without contact.

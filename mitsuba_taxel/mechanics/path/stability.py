@@ -50,7 +50,7 @@ class Stability:
 
     Attributes
     ----------
-    of_all
+    of_all : bool
         Whether displacements with the symmetry of the state are checked too.
     """
 
