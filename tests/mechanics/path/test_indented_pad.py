@@ -96,14 +96,17 @@ def test_points_between_nodes_are_inside_by_less_on_smaller_elements():
         (state,) = load_path(PAD, LAW, [(0, 0, -0.3)], load=BALL, mesh_size=size)
         body = Indentation(state.mesh, BALL.indenter, LAW.youngs_modulus)
         here = body.pressing(state.displacement, state.value)
-        touched = (here.pressure[body.numbers] > 0).all(axis=1)
-        depths = -here.at.size.reshape(len(body.faces), -1)[touched]
+        pressed = here.pressure[body.numbers] > 0
         assert (-here.gap / body.area).max() < 4e-4 * 0.3
-        return depths.max(), np.sqrt(np.square(np.maximum(depths, 0)).mean())
+        for faces in (pressed.all(axis=1), pressed.any(axis=1)):  # without and with those at the border of the contact
+            depths = np.maximum(-here.at.size.reshape(len(body.faces), -1)[faces], 0)
+            yield depths.max(), np.sqrt(np.square(depths).mean())
 
-    (coarse, rough), (fine, smooth) = inside(3.0), inside(0.9)
+    ((coarse, rough), (border, bent)), ((fine, smooth), (finer_border, straighter)) = inside(3.0), inside(0.9)
     assert fine < 1.3e-3 and coarse > 1.5 * fine
     assert smooth < 8e-4 * 0.3 and rough > 3 * smooth
+    assert finer_border < 1.5e-3 and border > 3 * finer_border
+    assert straighter < 1.2e-3 * 0.3 and bent > 4 * straighter
 
 
 def test_a_force_presses_as_deep_as_it_takes(fresh):
