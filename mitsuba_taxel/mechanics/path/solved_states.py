@@ -16,6 +16,10 @@ from mitsuba_taxel.mechanics.path.solution import Rejected
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.path.pad_path import PadPath
 
+FURTHEST_BESIDE = 1.25
+"""Tangential distance from a normal force, in steps of the path, up to which its tangent is tried: of the paper's domes
+it leads one as far, and none to 1.5."""
+
 
 class SolvedStates:
     """States of one ``path`` in contact, and beside those under normal forces, kept in memory and on disk."""
@@ -43,7 +47,7 @@ class SolvedStates:
         The way there is that of the judge of the path. None if that tangent does not lead there, or leads to where the
         pad touches itself or the board: then the segment must be followed.
         """
-        small = segment.direction[:-1].any() and s <= segment.step
+        small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
         if not self._path.judge or not small or self._path.load.goes_on or self._path.load.gives_displacement:
             return None
         asked = self._beside.setdefault(segment, {})
