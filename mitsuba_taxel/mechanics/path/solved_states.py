@@ -28,6 +28,7 @@ class SolvedStates:
         self._path = path
         self._at: dict[LoadSegment, dict[float, Node]] = {}
         self._beside: dict[LoadSegment, dict[float, Interpolated | None]] = {}
+        self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
         """The state in balance at a distance ``s`` that a segment reaches: in contact, cubics are far off."""
@@ -71,7 +72,17 @@ class SolvedStates:
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
         """How the ``unknowns`` of a state beside that under a normal force change with ``s``."""
-        return _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+        asked = self._rates_beside.setdefault(segment, {})
+        if s not in asked:
+            name = cache.key("pushed rate", self._path.segments.name_of(segment), s)
+            with cache.alone(name):
+                arrays = cache.load(name)
+                if arrays is None:
+                    asked[s] = _pushed_from(self, tuple(segment.origin)).rate(pad, segment, s, unknowns)
+                    cache.store(name, {"rate": asked[s]})
+                else:
+                    asked[s] = arrays["rate"]
+        return asked[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
         """States under a normal force (3,) and small tangential ones."""

@@ -76,6 +76,21 @@ def test_they_are_the_same_whatever_else_is_asked(counted, fresh):
         np.testing.assert_array_equal(state.displacement, again.displacement)
 
 
+def test_a_rate_is_solved_for_once(fresh, monkeypatch):
+    solved, rate = [], pushed_states.PushedStates.rate
+    monkeypatch.setattr(
+        pushed_states.PushedStates, "rate", lambda self, *asked: solved.append(asked[2]) or rate(self, *asked)
+    )
+    rates = []
+    for again in range(3):
+        if again == 2:
+            fresh()
+        (state,) = load_path(PAD, LAW, [(0.5, 0.0, -1.5)], **JUDGED)
+        rates.append(state.path_rate().displacement)
+    assert solved == [0.5]
+    np.testing.assert_array_equal(rates[1:], [rates[0]] * 2)
+
+
 @pytest.mark.parametrize("reason", ["large", "far", "touching"])
 def test_others_are_followed(reason, counted, monkeypatch):
     """Forces of much more than a step, states that few iterations do not lead to, and those that touch something."""
